@@ -16,7 +16,7 @@ from harness.machine import pin_to_one_core
 
 PINNED = pin_to_one_core()  # before anything imports NumPy
 
-from harness.document import write_document  # noqa: E402
+from harness.report import write_document  # noqa: E402
 from harness.run import Plan, run_all  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -55,7 +55,7 @@ def main() -> None:
 
 def build(stages: int, emitter: str, quantities: list[str], started: float) -> dict[str, Any]:
     """Return seconds since `started` and bytes of the library of that scene."""
-    from harness.sections import read_sections
+    from harness.tools import read_sections
 
     from tensegrity_codegen.codegen.compilation.cache import Cache
     from tensegrity_codegen.pipeline.build_library import build_library

@@ -30,7 +30,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from tensegrity_codegen.system.processor import name_processor  # noqa: E402
+from tensegrity_codegen.system.provenance import name_processor  # noqa: E402
 from tests.report.driver import Tab, running_browser  # noqa: E402
 
 EXAMPLES = ROOT / "tensegrity_codegen" / "scene" / "examples"

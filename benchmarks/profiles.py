@@ -26,9 +26,9 @@ from tensegrity_codegen.runtime.integrate.scipy_methods import build_derivative
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.studies.papers.scs.figures import load_paper_tower, plan_paper_motions
+from tensegrity_codegen.studies.papers.scs.printed import drive
 from tensegrity_codegen.studies.papers.scs.reconfiguration import Reconfiguration
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
-from tensegrity_codegen.studies.papers.scs.tracking import drive
 from tensegrity_codegen.tables.request import ModelRequest
 
 FloatArray = NDArray[np.float64]

@@ -23,7 +23,7 @@ sys.path.insert(0, str(ROOT))
 
 from tensegrity_codegen.studies.stability.judge import VERDICTS  # noqa: E402
 from tensegrity_codegen.studies.stability.page import WORDS  # noqa: E402
-from tensegrity_codegen.system.processor import name_processor  # noqa: E402
+from tensegrity_codegen.system.provenance import name_processor  # noqa: E402
 from tests.common_prism import BARS, PLACES, STRINGS, span  # noqa: E402
 
 DOCUMENT = ROOT / "docs" / "stability.md"

@@ -37,7 +37,7 @@ from tensegrity_codegen.sweeps.tasks.equilibrium import FindEquilibrium
 from tensegrity_codegen.sweeps.tasks.evaluate import Evaluate
 from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
 from tensegrity_codegen.sweeps.tasks.simulate import Simulate
-from tensegrity_codegen.system.processor import name_processor
+from tensegrity_codegen.system.provenance import name_processor
 
 ROOT = Path(__file__).resolve().parent.parent
 WORKERS = (1, 10, 100, 1000)

@@ -16,9 +16,8 @@ from hypothesis import settings
 from platformdirs import user_cache_path
 
 from tensegrity_codegen.sweeps.engines.threads import limit_threads
-from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
+from tensegrity_codegen.system.cache_root import CACHE_VARIABLE, check_parents, make_private
 from tensegrity_codegen.system.errors import UnsafeCacheError
-from tensegrity_codegen.system.private_files import check_parents, make_private
 from tests.codegen.quickly import without_optimisation
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -18,7 +18,7 @@ from tests.cases import thorough
 ROOT = Path(__file__).resolve().parent.parent
 MODULES = (
     "pipeline.build_library",
-    "pipeline.built_library",
+    "pipeline.build_library",
     "pipeline.compile_source",
     "control.embedded.build_controller",
     "control.embedded.simulate_batch",

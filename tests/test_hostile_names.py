@@ -21,8 +21,7 @@ from tensegrity_codegen.cli.app import main
 from tensegrity_codegen.codegen.bundle.bundle import emit_bundle
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.wheels.wheel import build_wheel
-from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.names import DEVICES, is_name, is_scene_name
 from tensegrity_codegen.system.errors import InvalidNameError, TensegrityError

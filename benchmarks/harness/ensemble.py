@@ -10,14 +10,10 @@ from peers import casadi_c, jax_arrays, numba_loops
 from peers.casadi_expressions import unrolled
 from peers.numpy_batch import make_numpy
 
-from harness.candidate import Candidate, Unavailable, repeat_python
-from harness.compiled import CompileFailed
 from harness.ours import Build, Ours, list_emitters, make_request
-from harness.problem import Problem
-from harness.resume import Kept
-from harness.session import Session
-from harness.structures import make_problem
-from harness.tools import Tools, Way
+from harness.problem import Problem, make_problem
+from harness.session import Kept, Session
+from harness.tools import Candidate, CompileFailed, Tools, Unavailable, Way, repeat_python
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.system.errors import TensegrityError
 

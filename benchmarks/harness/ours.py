@@ -7,10 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.candidate import Candidate, Unavailable
-from harness.compiled import Built, Compilation, CompileFailed
 from harness.problem import Problem
-from harness.runner import Runner
+from harness.tools import Built, Candidate, Compilation, CompileFailed, Runner, Unavailable
 from tensegrity_codegen.codegen.compilation.flags import Compiler, find_flags
 from tensegrity_codegen.codegen.emit import EMITTERS, GeneratedSource, emit
 from tensegrity_codegen.system.errors import TensegrityError

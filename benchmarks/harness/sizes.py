@@ -1,17 +1,33 @@
 """From a small structure to a large one: every candidate at every size and quantity."""
 
+from collections.abc import Sequence
 from functools import partial
 from itertools import groupby
 
+import numpy as np
+from numpy.typing import NDArray
 from peers import casadi_c, casadi_vm, jax_arrays, mujoco_tendons, numba_loops, numpy_arrays
+from peers.casadi_expressions import own_expression
 
-from harness.agreement import count_unequal, largest_disagreement
 from harness.ours import BATCH, Build, Ours, list_emitters
-from harness.problem import QUANTITIES, Problem
-from harness.resume import Kept
-from harness.session import Session
-from harness.structures import LEVELS, SHIPPED, make_problem
+from harness.problem import LEVELS, QUANTITIES, SHIPPED, Problem, make_problem
+from harness.session import Kept, Session
 from harness.tools import Tools, Way
+
+
+def largest_disagreement(problem: Problem, values: Sequence[NDArray[np.float64]]) -> float:
+    """Return the largest difference between node forces, in units in the last place of each largest term."""
+    stacked = np.array(values)
+    unit = np.spacing(np.maximum(problem.largest_term(), np.finfo(float).tiny))
+    return float(((stacked.max(axis=0) - stacked.min(axis=0)) / unit).max())
+
+
+def count_unequal(problem: Problem, quantity: str, values: Sequence[NDArray[np.float64]]) -> int:
+    """Return how many values differ from those of CasADi's virtual machine for the package's expression."""
+    function = own_expression(problem, quantity)
+    expected = np.array(function(problem.coordinate).nonzeros())
+    return int(sum(np.count_nonzero(value != expected) for value in values))
+
 
 PEERS = (casadi_c, casadi_vm, numpy_arrays, numba_loops, jax_arrays, mujoco_tendons)
 STRUCTURES = (*SHIPPED, *(f"tower{levels}" for levels in LEVELS))

@@ -5,10 +5,8 @@ from functools import partial
 
 import casadi as ca
 import numpy as np
-from harness.candidate import Candidate, Unavailable
-from harness.compiled import CompileFailed
 from harness.problem import Problem
-from harness.tools import Tools, Way
+from harness.tools import Candidate, CompileFailed, Tools, Unavailable, Way
 
 from peers.casadi_expressions import mapped, own_expression, unrolled
 from tensegrity_codegen.codegen.compilation.flags import Compiler

@@ -4,8 +4,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from harness.candidate import Unavailable
 from harness.problem import Problem
+from harness.tools import Unavailable
 
 
 def unrolled(problem: Problem, quantity: str) -> ca.Function:

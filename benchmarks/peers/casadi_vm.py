@@ -4,9 +4,8 @@ import time
 
 import casadi as ca
 import numpy as np
-from harness.candidate import Candidate, Unavailable, repeat_python
 from harness.problem import Problem
-from harness.tools import Tools, Way
+from harness.tools import Candidate, Tools, Unavailable, Way, repeat_python
 
 from peers.casadi_expressions import mapped, unrolled
 

@@ -5,9 +5,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from harness.candidate import Candidate, Unavailable, repeat_python
 from harness.problem import Problem
-from harness.tools import Tools, Way
+from harness.tools import Candidate, Tools, Unavailable, Way, repeat_python
 
 MOST_MEMBERS = 10_000
 

@@ -1,8 +1,8 @@
 """NumPy over many states at once: a leading axis for the states in every array."""
 
 import numpy as np
-from harness.candidate import Candidate, repeat_python
 from harness.problem import Problem
+from harness.tools import Candidate, repeat_python
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]

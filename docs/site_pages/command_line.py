@@ -7,9 +7,7 @@ import typer
 
 from site_pages.markdown import escape, write_item
 from tensegrity_codegen.cli.app import app
-from tensegrity_codegen.cli.sub_commands import VerbWithSubCommands
-from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.cli.verb_group import build_command
+from tensegrity_codegen.cli.verb import Verb, VerbWithSubCommands, build_command
 
 
 def write_command_line() -> str:

@@ -12,8 +12,7 @@ from pathlib import Path
 
 from tensegrity_codegen import compile_scene, load_scene
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library
 from trial.expected import MOTOR, expect_mast, expect_tower
 from trial.recipes import BUNDLES, EXAMPLES, Recipe, Tool, find_ament_python, find_missing
 from trial.rows import Row, compare_rows, parse_rows

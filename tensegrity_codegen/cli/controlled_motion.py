@@ -1,9 +1,11 @@
 """The motion that `control` holds: planned, read from a file, or an equilibrium."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tensegrity_codegen.cli.control_options import read_least_tension
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
@@ -13,13 +15,147 @@ from tensegrity_codegen.system.errors import (
 )
 
 if TYPE_CHECKING:
+    from tensegrity_codegen.control.feedback.design.estimator import Estimator
+    from tensegrity_codegen.control.feedback.design.gains import Gains
     from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
+    from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
     from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust
+    from tensegrity_codegen.control.feedback.study.tuning import Tuning
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.records.plan_result import PlanResult
     from tensegrity_codegen.runtime.records.timed_motion import Motion
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
+
+
+@dataclass(frozen=True)
+class ControlDesign:
+    """What the options state of the controller."""
+
+    model: "CompiledModel"
+    motion: "Motion"
+    sample: float
+    tolerance: float | None
+    effort: float | None
+    response_time: float | None
+    integral_action: Sequence[str] | None
+    weights: Path | None
+    estimator: bool
+    disturbance: float | None
+    only_observable: bool
+    least_tension: str | None
+    arguments: Mapping[str, Any]
+    in_c: bool = False
+    warn: Callable[[str], None] | None = None
+
+    @property
+    def lacks_sensors(self) -> bool:
+        """Whether an estimator has nothing to measure."""
+        structure = self.model.structure
+        return self.estimator and (structure is None or not structure.sensors)
+
+    def build(self) -> dict[str, Any]:
+        """Return tuning, gains, estimator and distribution, as `study_control` takes them."""
+        from tensegrity_codegen.control.feedback.loop.tension_distribution import design_distribution
+        from tensegrity_codegen.control.feedback.study.read_files import read_weights
+        from tensegrity_codegen.control.feedback.study.tuning import choose_weights
+
+        model, motion, given = self.model, self.motion, self.arguments
+        wanted = self.integral_action
+        names = None if wanted is None else [name for name in wanted if name != "none"]
+        tuning = choose_weights(
+            model, motion, sample=self.sample, tolerance=self.tolerance, effort=self.effort,
+            response_time=self.response_time, integral_action=names, arguments=given,
+        )  # fmt: skip
+        if self.weights is not None:
+            q, r = read_weights(self.weights)
+            tuning = replace(tuning, Q=q, R=r)
+        gains = self._design_gains(tuning)
+        senses = spread = None
+        if self.estimator and not self.lacks_sensors:
+            senses = self._design_estimator(tuning, gains)
+        if self.least_tension is not None:
+            least = read_least_tension(self.least_tension)
+            spread = design_distribution(model, motion, least_tension=least, arguments=given)
+        return {"tuning": tuning, "gains": gains, "estimator": senses, "distribution": spread}
+
+    def _design_estimator(self, tuning: "Tuning", gains: "Gains") -> "Estimator":
+        """Return the estimator; disturbances that are not stated are as large as noise permits."""
+        from tensegrity_codegen.control.feedback.kalman import design_kalman
+        from tensegrity_codegen.control.feedback.study.linear_loop import design_slow_estimator
+
+        if self.disturbance is not None:
+            return design_kalman(
+                self.model, self.motion, sample=self.sample, disturbance=self.disturbance,
+                only_observable=self.only_observable, arguments=self.arguments,
+            )  # fmt: skip
+        estimator, warning = design_slow_estimator(
+            self.model, self.motion, gains, tuning.scales, only_observable=self.only_observable,
+            arguments=self.arguments,
+        )  # fmt: skip
+        if warning is not None and self.warn is not None:
+            self.warn(warning)
+        return estimator
+
+    def _design_gains(self, tuning: "Tuning") -> "Gains":
+        """Return the gains; an error of the weights names their file."""
+        from tensegrity_codegen.control.feedback.lqr import design_lqr
+
+        try:
+            gains = design_lqr(
+                self.model, self.motion, tuning.Q, tuning.R, sample=self.sample,
+                integral_action=tuning.integral_action, arguments=self.arguments,
+            )  # fmt: skip
+        except InvalidValueError as error:
+            if self.weights is not None and error.where in ("Q", "R"):
+                error.where = f"{self.weights}: {error.where}"
+            raise
+        return gains.at_knots() if self.in_c else gains  # as a controller in C stores them
+
+
+def check_build(folder: Path | None, precision: str, scene: Path, overwrite: bool) -> None:
+    """Raise OutputError for a folder that cannot be written, UnknownNameError for a precision."""
+    from tensegrity_codegen.system.output_folder import check_folder
+    from tensegrity_codegen.tables.precision import find_precision
+
+    find_precision(precision, "precision")
+    if folder is not None:
+        check_folder(folder, inputs=[scene], overwrite=overwrite)
+
+
+def write_controller(
+    output: Output,
+    study: "ControlStudy",
+    model: "CompiledModel",
+    folder: Path | None,
+    *,
+    scene: Path,
+    precision: str,
+    compiler: str | None,
+    overwrite: bool,
+) -> dict[str, Any] | None:
+    """Write the controller of a study that holds; return folder, files and sizes, JSON-ready."""
+    from tensegrity_codegen.control.embedded.build_controller import build_controller
+
+    if folder is None:
+        return None
+    if not study.holds:
+        output.warn("the controller in C is not written, for feedback does not hold")
+        return None
+    bundle = build_controller(
+        model, study.motion, study.gains, estimator=study.estimator, distribution=study.distribution,
+        out=folder, precision=precision, compiler=compiler, overwrite=overwrite, inputs=[scene],
+    )  # fmt: skip
+    made = bundle.description
+    return {
+        "folder": str(bundle.folder),
+        "files": list(bundle.files),
+        "name": made.name,
+        "precision": made.precision,
+        "gain_knots": len(study.gains.time),
+        "table_bytes": made.table_bytes,
+        "library": made.library,
+    }
 
 
 SLOWER = 2.0  # than the shortest motion: the other half of the rates is for feedback
@@ -143,8 +279,7 @@ def find_motion(
             error.where = f"{plan}: path"
             error.hint = "the plan may be of another scene, or of other values of --input: plan anew"
         raise
-    for text in motion.warnings:
-        output.warn(text)
+    output.warn(*motion.warnings)
     return motion
 
 
@@ -162,8 +297,7 @@ def _find_plan(
         found = plan(
             model, list(to), actuators=chosen, arguments=arguments, progress=lambda points, done: move(done)
         )
-    for text in found.warnings:
-        output.warn(text)
+    output.warn(*found.warnings)
     if not found.is_found:
         kind = InfeasibleError if found.status == "infeasible" else ConvergenceError
         raise kind(

@@ -53,8 +53,7 @@ def read_inputs(texts: list[str] | None, subject: "Subject", output: "Output") -
             )
         values[name] = value
     _check_rest_lengths(values, subject)
-    for warning in _find_outside(values, subject):
-        output.warn(warning)
+    output.warn(*_find_outside(values, subject))
     return values
 
 

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tensegrity_codegen.cli.option_names import name_options, name_options_in_error
-from tensegrity_codegen.cli.progress_bar import ProgressBar, name_duration
-from tensegrity_codegen.cli.streams import print_aside, print_text
+from tensegrity_codegen.cli.streams import ProgressBar, drop_output, name_duration, print_aside, print_text
+from tensegrity_codegen.cli.verb import name_options, name_options_in_error
 from tensegrity_codegen.system.errors import FormulationError, OutputError, TensegrityError
-from tensegrity_codegen.system.solver_progress import watched_passes, work_pass
+from tensegrity_codegen.system.progress import watched_passes, work_pass
 from tensegrity_codegen.system.temporary_files import announce_advice
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
     from tensegrity_codegen.structure.bodies import BodySystem
     from tensegrity_codegen.structure.structure import Structure
-    from tensegrity_codegen.system.resumption import Resumption
+    from tensegrity_codegen.system.journal import Resumption
     from tensegrity_codegen.tables.request import ModelRequest
 
 
@@ -71,13 +70,12 @@ class Output:
                 self.human.print(item, soft_wrap=isinstance(item, str), markup=False, emoji=False)
             print_text("")
 
-    def warn(self, text: str) -> None:
-        """Print a warning on stderr, once; with --json it is among the result's "warnings" too."""
-        text = name_options(text)
-        if text in self.warned:
-            return
-        self.warned.append(text)
-        self.aside.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
+    def warn(self, *texts: str) -> None:
+        """Print warnings on stderr, each once; with --json they are among the result's "warnings" too."""
+        for text in map(name_options, texts):
+            if text not in self.warned:
+                self.warned.append(text)
+                self.aside.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
 
     def note(self, text: str) -> None:
         """Print a sentence on stderr that is neither a result nor a warning."""
@@ -98,8 +96,7 @@ class Output:
         """Print what looks like a slip in a scene."""
         from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
 
-        for sentence in find_scene_warnings(subject, settles=settles):
-            self.warn(sentence)
+        self.warn(*find_scene_warnings(subject, settles=settles))
 
     def fail(self, error: TensegrityError) -> typer.Exit:
         """Print the error, as text on stderr and with --json as an object on stdout; return the exit."""
@@ -206,7 +203,15 @@ class Output:
 
 
 def _open_console(*, stderr: bool) -> "Console":
-    from tensegrity_codegen.cli.console import PatientConsole  # imports Rich
+    from rich.console import Console  # Rich is imported where something is printed
+
+    class PatientConsole(Console):
+        """A console whose reader may go away, as in `... | head`: what follows is dropped."""
+
+        def on_broken_pipe(self) -> None:
+            """Drop all further output."""
+            self.quiet = True
+            drop_output(self.file)
 
     return PatientConsole(stderr=stderr, highlight=False)
 
@@ -247,11 +252,6 @@ def plain(value: Any) -> Any:
         return float(value) if math.isfinite(value) else None
     if isinstance(value, str | int) or value is None:
         return value
-    return _plain_array(value)
-
-
-def _plain_array(value: Any) -> Any:
-    """Return an array or number of NumPy in JSON's types, anything else as it is."""
     import numpy as np  # loaded already, where there is such a value
 
     return plain(value.tolist()) if isinstance(value, np.ndarray | np.generic) else value

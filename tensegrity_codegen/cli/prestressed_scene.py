@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.cli.prestress_options import OPTION
+from tensegrity_codegen.cli.options import PRESTRESS
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
-
 
 LEAST = "least"
 NO_FORCE = 1e-10  # of the largest force: a member of the self-stress with less has none
@@ -86,7 +85,7 @@ def write_prestressed(
         raise ConvergenceError(
             "rest lengths cannot hold this prestress in balance within rounding",
             evidence={"residual": residual, "largest_force": largest},
-            where=OPTION,
+            where=PRESTRESS,
             hint="members may be very stiff for so little force: more prestress, or a smaller stiffness",
         )
     write_scene(document, out, overwrite=overwrite)
@@ -99,7 +98,7 @@ def _read_size(text: str, subject: "Subject") -> tuple[str, float]:
     if name and name != LEAST and name not in subject.member_name:
         raise UnknownNameError(
             "unknown member",
-            where=OPTION,
+            where=PRESTRESS,
             given=name,
             allowed=f"a member, or {LEAST}",
             hint=suggest(name, subject.member_name),
@@ -109,18 +108,18 @@ def _read_size(text: str, subject: "Subject") -> tuple[str, float]:
     except ValueError:
         raise InvalidValueError(
             "not a force",
-            where=OPTION,
+            where=PRESTRESS,
             given=text,
             allowed="FORCE, least=FORCE or MEMBER=FORCE, a force in N",
             hint="--prestress 100",
         ) from None
     if not math.isfinite(force):
-        raise NonFiniteError("not a finite force", where=OPTION, given=text, allowed="a number in N")
+        raise NonFiniteError("not a finite force", where=PRESTRESS, given=text, allowed="a number in N")
     is_member = name in subject.member_name
     if force == 0 or (force < 0 and not is_member):
         raise InvalidValueError(
             "a prestress without tension",
-            where=OPTION,
+            where=PRESTRESS,
             given=text,
             allowed="above 0 N" if not is_member else "a force that is not 0, negative for compression",
             hint="the unit is N",
@@ -135,7 +134,7 @@ def _find_scale(subject: "Subject", shape: FloatArray, name: str, force: float) 
         if abs(own) <= NO_FORCE * np.abs(shape).max():
             raise InvalidValueError(
                 "the member has no force in the prestress found",
-                where=OPTION,
+                where=PRESTRESS,
                 given=name,
                 allowed="a member with a force",
                 hint=f"state that of {subject.member_name[int(np.abs(shape).argmax())]}",
@@ -144,7 +143,7 @@ def _find_scale(subject: "Subject", shape: FloatArray, name: str, force: float) 
             kind = "tension" if own > 0 else "compression"
             raise InvalidValueError(
                 f"the member is in {kind} in the prestress found",
-                where=OPTION,
+                where=PRESTRESS,
                 given=f"{name}={force:g}",
                 allowed="above 0" if own > 0 else "below 0",
                 hint=f"--prestress {name}={-force:g}",
@@ -157,7 +156,10 @@ def _find_scale(subject: "Subject", shape: FloatArray, name: str, force: float) 
         size = float(cables.min() if name == LEAST else cables.max())
     if size <= NO_FORCE * np.abs(shape).max():
         raise InvalidValueError(
-            "a member has no force in the prestress found", where=OPTION, given=name, hint="--prestress 100"
+            "a member has no force in the prestress found",
+            where=PRESTRESS,
+            given=name,
+            hint="--prestress 100",
         )
     return force / size
 

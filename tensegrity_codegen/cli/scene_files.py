@@ -1,10 +1,16 @@
-"""Scenes that ship with the package, and texts that verbs write."""
+"""Scenes that ship with the package, and the files that verbs write."""
 
+from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tensegrity_codegen.system.errors import UnknownNameError, suggest
-from tensegrity_codegen.system.files import replaced
+from tensegrity_codegen.system.extras import require_plot
+from tensegrity_codegen.system.files import check_ending, check_output, replaced
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.report.pages.page import Page
 
 
 def list_examples() -> dict[str, str]:
@@ -28,3 +34,24 @@ def write_text(text: str, path: Path, *, overwrite: bool) -> None:
     """Write a text file whole or not at all; OutputError where one exists and may not be replaced."""
     with replaced(path, overwrite=overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_page(page: "Page", path: Path, *, overwrite: bool) -> None:
+    """Write a page whole or not at all; OutputError where one exists and may not be replaced."""
+    from tensegrity_codegen.report.pages.page import render_page
+
+    write_text(render_page(page), path, overwrite=overwrite)
+
+
+def check_result(
+    path: Path | None, *endings: str, inputs: Iterable[Path] = (), overwrite: bool, draws: bool = False
+) -> None:
+    """Raise before the work begins where a result that is asked for has no place.
+
+    Raises OutputError, and where it has pictures (`draws`) MissingExtraError without what draws them.
+    """
+    if path is not None:
+        check_ending(path, *endings)
+        check_output(path, inputs=inputs, overwrite=overwrite)
+        if draws:
+            require_plot()

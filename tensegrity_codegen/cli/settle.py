@@ -77,8 +77,7 @@ def _settle(
     found = find_equilibrium(model, arguments=loads.arguments, raise_on_failure=False, **options)
     with output.progress("checking for snap-through"):
         snap = loads.find_snap(model, found)
-    for text in (*found.warnings, *(_describe_snap(snap) if found.is_found else ())):
-        output.warn(text)
+    output.warn(*found.warnings, *(_describe_snap(snap) if found.is_found else ()))
     found = _move_back(found, structure, loads, offset)
     return found, equilibrium_data(model, found) | snap.as_evidence()
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from tensegrity_codegen.cli.inputs import read_inputs, warn_of_profile
-from tensegrity_codegen.cli.option_names import name_options
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.verb import name_options
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+    from tensegrity_codegen.pipeline.build_library import BuiltLibrary
     from tensegrity_codegen.runtime.integrate.options import RunOptions
     from tensegrity_codegen.runtime.profiles.profile import Profile
     from tensegrity_codegen.scene.subject import Subject

@@ -1,11 +1,18 @@
 """Commands that write the scene of one case of a sweep and run it alone."""
 
 import shlex
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.scene_files import check_result, write_page
+from tensegrity_codegen.cli.verb import quote_command
 
 if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.summary.results import SweepResults
-
 
 CONTROL = "steps"  # what tolerances of batches bound by default; one motion has another default
 # Options of an operation that its verb has too.
@@ -52,3 +59,106 @@ def _list_options(results: "SweepResults") -> list[str]:
         elif value not in (None, False, ""):
             words += [option, repr(value) if isinstance(value, float) else str(value)]
     return words
+
+
+SweepArgument = Annotated[
+    Path, typer.Argument(metavar="FILE.zarr", help="Folder that sweep wrote.", show_default=False)
+]
+NumberArgument = Annotated[int, typer.Argument(metavar="CASE", help="Number of the case, from 0 on.")]
+OutOption = Annotated[Path | None, typer.Option("--out", "-o", help="Write the scene of the case (.toml).")]
+
+
+def case(
+    file: SweepArgument,
+    number: NumberArgument,
+    out: OutOption = None,
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Show one case of a sweep, and write its scene.
+
+    The text ends with the commands that write the scene and run the case alone.
+
+    Example: tensegrity-codegen sweep case loads.zarr 17 -o case17.toml
+    """
+    output = Output(json)
+    with output.guard():
+        from tensegrity_codegen.scene.write import write_scene
+        from tensegrity_codegen.sweeps.summary.case_scene import build_case_scene, check_case
+        from tensegrity_codegen.sweeps.summary.read_results import read_results
+
+        check_result(out, ".toml", overwrite=overwrite)
+        results = read_results(file)
+        check_case(results, number)
+        keys = dict(zip(results.keys, results.key_values[number].tolist(), strict=True))
+        if out is not None:
+            write_scene(build_case_scene(file, keys), out, overwrite=overwrite)
+        status, message = results.words[int(results.status[number])], results.message(number)
+        commands = build_commands(results, number)
+        output.result(
+            {
+                "status": "ok",
+                "case": number,
+                "case_status": status,
+                "message": message,
+                "keys": keys,
+                "commands": list(commands),
+                "out": None if out is None else str(out),
+            },
+            f"{status}: {message}" if message else status,
+            *(f"{key} = {value!r}" for key, value in keys.items()),
+            *([f"wrote {out}"] if out is not None else commands),
+        )
+
+
+ResultOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--result",
+        help="Result to describe: NAME, NAME[PART,...], NAME[max]; repeatable. Default: the first four.",
+    ),
+]
+OverOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--over", help="Key to draw results over; repeat for several. Default: those that matter most."
+    ),
+]
+PageOption = Annotated[Path | None, typer.Option("--out", "-o", help="Write a page (.html).")]
+
+
+def summary(
+    file: SweepArgument,
+    result: ResultOption = None,
+    over: OverOption = None,
+    out: PageOption = None,
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Summarize a sweep: how cases ended, distributions, what results depend on, worst cases.
+
+    A quantity with dimensions needs a part for each: a label, a place from 0 on, or max, min, mean; one of
+    these three alone is over all dimensions. A sweep that is not finished has a summary too.
+
+    Example: tensegrity-codegen sweep summary loads.zarr --result 'member_tension[max]' -o loads.html
+    """
+    output = Output(json)
+    with output.guard():
+        check_result(out, ".html", overwrite=overwrite, draws=True)
+        from tensegrity_codegen.sweeps.summary.finding import describe_finding
+        from tensegrity_codegen.sweeps.summary.read_results import read_results
+        from tensegrity_codegen.sweeps.summary.summary import summarize
+        from tensegrity_codegen.sweeps.summary.tables import list_tables
+
+        found = summarize(read_results(file), result or (), over or (), build_commands)
+        if out is not None:
+            from tensegrity_codegen.sweeps.summary.summary_page import build_summary_page
+
+            write_page(build_summary_page(found, quote_command()), out, overwrite=overwrite)
+        written = [] if out is None else [f"wrote {out}"]
+        output.result(
+            {"status": "ok", **found.as_dict(), "out": None if out is None else str(out)},
+            describe_finding(found),
+            *list_tables(found),
+            *written,
+        )

@@ -1,12 +1,85 @@
 """What the command line knows of a verb."""
 
-from collections.abc import Callable
+import functools
+import inspect
+import itertools
+import re
+import shlex
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import Any
+from typing import Any, ClassVar
 
-from tensegrity_codegen.cli.option_names import VerbCommand
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from tensegrity_codegen.system.errors import TensegrityError
+
+# Names of the library's Python arguments, as the options that the running verb has for them.
+#
+# Below the command line, messages name arguments as Python has them: `rtol`, `overwrite=True`. Here these
+# become --rtol, --overwrite.
+
+
+_ARGUMENT = re.compile(r"`([a-z_]+)(?:=([^`]*))?`")
+_options: dict[str, str] = {}  # of the running verb: argument -> option
+_words: list[str] = []  # of the running verb: the whole command
+
+
+class VerbCommand(TyperCommand):
+    """A command that makes its options and its own words known while it runs."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words after the verb."""
+        _words[:] = [*str(ctx.command_path).split(), *args]
+        return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the verb."""
+        _options.clear()
+        for item in self.params:
+            long_names = [word for word in item.opts if word.startswith("--")]
+            if item.name and long_names:
+                _options[item.name] = long_names[0]
+        return super().invoke(ctx)
+
+
+def quote_command() -> str:
+    """Return the command that runs, quoted for a shell."""
+    return shlex.join(_words)
+
+
+def name_options(value: Any) -> Any:
+    """Return a text, or the texts of nested dicts and lists, with options in place of arguments.
+
+    Arguments that the running verb has no option for stay as they are.
+    """
+    if isinstance(value, str):
+        return _ARGUMENT.sub(_name_option, value) if "`" in value else value
+    if isinstance(value, Mapping):
+        return {key: name_options(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return type(value)(name_options(item) for item in value) if type(value) in (list, tuple) else value
+    return value
+
+
+def name_options_in_error(error: TensegrityError) -> None:
+    """Replace arguments by options in an error's texts; its place may be one, or one and its 'value'."""
+    name, quote, rest = error.where.partition(" '")
+    error.where = _options.get(name, name) + quote + rest
+    error.problem = name_options(error.problem)
+    error.allowed = name_options(error.allowed)
+    error.hint = name_options(error.hint)
+
+
+def _name_option(found: re.Match[str]) -> str:
+    name, value = found[1], found[2]
+    if name not in _options:
+        return found[0]
+    text = "" if value in (None, "True") else f" {value.strip(chr(34))}"
+    return _options[name] + text
+
 
 PACKAGE = "tensegrity_codegen.cli.verbs"
 # Groups of verbs in `--help`, and the least `order` of each.
@@ -78,3 +151,77 @@ def _read_verb(module: str) -> Verb:
     found = import_module(f"{PACKAGE}.{module}").VERB
     assert isinstance(found, Verb)
     return found
+
+
+class Commands(Mapping[str, Any]):
+    """The commands of all verbs by name; one is built when it is asked for."""
+
+    def __getitem__(self, word: str) -> Any:
+        verb = find_verb(word)
+        if verb is None:
+            raise KeyError(word)
+        return build_command(verb)
+
+    def __iter__(self) -> Iterator[str]:
+        return (verb.word for verb in find_verbs())
+
+    def __len__(self) -> int:
+        return len(find_verbs())
+
+
+class VerbGroup(TyperGroup):
+    """The command `tensegrity-codegen`, whose commands are the verbs."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands: Any = Commands()
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the words of all verbs."""
+        return list(self.commands)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """List the verbs with the first sentence of their help; options would take most of the time."""
+        verbs = find_verbs()
+        widest = max(len(verb.word) for verb in verbs)
+        limit = formatter.width - 6 - widest
+        for group, members in itertools.groupby(verbs, key=lambda verb: verb.group):
+            with formatter.section(group):
+                formatter.write_dl(
+                    [(verb.word.ljust(widest), _first_sentence(verb, limit)) for verb in members]
+                )
+
+
+@functools.cache
+def build_command(verb: Verb) -> Any:
+    """Return the command of a verb, with its options."""
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    alone.command(verb.word, cls=verb.command)(verb.run)
+    return typer.main.get_command(alone)
+
+
+def _first_sentence(verb: Verb, limit: int) -> str:
+    help_text = inspect.getdoc(verb.run)
+    return TyperCommand(verb.word, help=help_text, rich_markup_mode=None).get_short_help_str(limit)
+
+
+class VerbWithSubCommands(VerbCommand):
+    """A verb whose first word may be the name of a sub-command; the help of the verb lists them.
+
+    A file that has such a name is meant where its path is written: `./summary`.
+    """
+
+    sub_commands: ClassVar[dict[str, Callable[..., Any]]] = {}
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """Read the words after the verb, as those of a sub-command where its name is the first."""
+        if args and args[0] in self.sub_commands:
+            command = build_command(Verb(self.sub_commands[args[0]], 0, args[0]))
+            return command.make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
+        return super().make_context(info_name, args, parent, **extra)
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """List the sub-commands."""
+        rows = [(name, (run.__doc__ or "").partition("\n")[0]) for name, run in self.sub_commands.items()]
+        with formatter.section("Sub-commands"):
+            formatter.write_dl([(f"{ctx.command_path} {name}", text) for name, text in rows])

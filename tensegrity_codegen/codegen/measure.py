@@ -16,7 +16,7 @@ from tensegrity_codegen.codegen.compilation.compile import COMPILE_TIMEOUT, MEMO
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_program_command
 from tensegrity_codegen.codegen.emit import GeneratedSource
 from tensegrity_codegen.system.errors import CompileError
-from tensegrity_codegen.system.work_folder import work_folder
+from tensegrity_codegen.system.temporary_files import work_folder
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 
 PASSES = 5  # in which the programs take turns

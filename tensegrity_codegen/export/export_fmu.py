@@ -6,17 +6,28 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tensegrity_codegen.codegen.emit import GeneratedSource, check_request, emit
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource, write_export
-from tensegrity_codegen.export.fmu.archive import check_targets, compile_unit, write_archive
 from tensegrity_codegen.export.fmu.description import Unit, describe_build, describe_unit
-from tensegrity_codegen.export.fmu.layout import POSITION, Layout
-from tensegrity_codegen.export.fmu.method import settle_method
-from tensegrity_codegen.export.fmu.sources import Experiment, write_unit_sources
-from tensegrity_codegen.export.fmu.tangent import find_tangent
+from tensegrity_codegen.export.fmu.layout import POSITION, Layout, find_tangent
+from tensegrity_codegen.export.fmu.sources import (
+    Experiment,
+    check_targets,
+    compile_unit,
+    write_archive,
+    write_unit_sources,
+)
 from tensegrity_codegen.export.fmu.variables import list_variables
+from tensegrity_codegen.pipeline.analyses import find_needs
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
-from tensegrity_codegen.runtime.accuracy.scales import find_length
+from tensegrity_codegen.runtime.accuracy.choice import choose_method
+from tensegrity_codegen.runtime.accuracy.scales import find_length, scale_to_length
+from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
+from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.checks import (
@@ -30,6 +41,47 @@ from tensegrity_codegen.system.checks import (
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.tables.quantities import QUANTITIES, find_quantity
 from tensegrity_codegen.tables.request import ModelRequest
+
+SAMPLES = 101
+OFFERED = ("auto", "adaptive", "implicit")  # kinds of methods that choose steps of their own
+
+
+def settle_method(
+    structure: Subject,
+    request: ModelRequest,
+    method: str,
+    *,
+    rtol: float,
+    t_end: float,
+    compiler: str | None,
+    may_compile: bool,
+) -> str:
+    """Return the integrator of a unit: the one given, or for "auto" the one that `simulate` would choose.
+
+    Where the choice is between an explicit method and radau, the library is built to weigh them; without a
+    compiler the explicit one is taken. Raises UnknownNameError, and InvalidValueError for a method that
+    chooses no steps of its own.
+    """
+    kind = find_method(method).kind
+    if kind not in OFFERED:
+        raise InvalidValueError(
+            "a unit integrates with error control, in its own C code",
+            where="method",
+            given=method,
+            allowed=", ".join(
+                name for name in list_methods("finds_events") if find_method(name).kind in OFFERED
+            ),
+        )
+    names = find_needs("simulate", structure, request, method=method, rtol=rtol).integrators
+    if len(names) == 1 or not may_compile:
+        return names[0]
+    alone = find_needs("simulate", structure, request, method=method, rtol=rtol).alone(request)
+    model = build_library(structure, alone, compiler=compiler).load()
+    state = np.concatenate([model.nominal("coordinate").ravel(), model.nominal("velocity").ravel()])
+    motion = Motion(model, state, np.linspace(0.0, t_end, SAMPLES), {})
+    options = scale_to_length(model.manifest, RunOptions(method="auto", rtol=rtol))
+    return choose_method(motion, options).name
+
 
 VERSIONS = ("2.0", "3.0")
 KINDS = {"me": ("me",), "cs": ("cs",), "both": ("me", "cs")}
@@ -152,7 +204,7 @@ def _write(
     )
     generated, own_request = _generate(structure, request, chosen, integrator)
     layout = Layout(generated.manifest, structure, chosen)
-    length = 1.0 if _has_angles(layout) else find_length(generated.manifest)
+    length = 1.0 if "rad" in layout.coordinate_units() else find_length(generated.manifest)
     experiment = Experiment(fmi, KINDS[kind], integrator, float(t_end), float(rtol), length)
     tangent = find_tangent(layout, own_request)
     sources = write_unit_sources(generated.files, layout, tangent, experiment)
@@ -207,10 +259,6 @@ def _narrow(source: ExportSource) -> ModelRequest:
     if request.flags != "reference":
         request = replace(request, flags="reference")  # the unit may run on another machine
     return replace(request, batch_width=0, interfaces=(), solvers=(), keep=(), integrators=())
-
-
-def _has_angles(layout: Layout) -> bool:
-    return "rad" in layout.coordinate_units()
 
 
 def _choose_outputs(

@@ -5,9 +5,9 @@ from xml.etree.ElementTree import Comment, Element
 
 import numpy as np
 
-from tensegrity_codegen.export.elements import add, number, numbers, write_elements
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
 from tensegrity_codegen.export.mjcf_model import WORLD_SITE, ModelParts, build_parts
+from tensegrity_codegen.export.rigid_parts import add, number, numbers, write_elements
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 

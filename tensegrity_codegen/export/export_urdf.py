@@ -6,9 +6,16 @@ from xml.etree.ElementTree import Comment, Element
 
 import numpy as np
 
-from tensegrity_codegen.export.elements import add, number, numbers, write_elements
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
-from tensegrity_codegen.export.rigid_parts import WORLD, RigidPart, find_parts
+from tensegrity_codegen.export.rigid_parts import (
+    WORLD,
+    RigidPart,
+    add,
+    find_parts,
+    number,
+    numbers,
+    write_elements,
+)
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray

@@ -1,15 +1,39 @@
 """What of a structure is rigid, as parts with poses, masses and joints: rigid bars, bodies, point masses."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
 from tensegrity_codegen.structure.kinematics import compute_node_position, euler_rotation
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
+
+
+def add(above: Element, tag: str, **attributes: str) -> Element:
+    """Return a new element below `above`."""
+    return SubElement(above, tag, attributes)
+
+
+def number(value: float) -> str:
+    """Return the shortest text that reads back bit-equal; zero without a sign."""
+    return repr(float(value) + 0.0)
+
+
+def numbers(values: ArrayLike) -> str:
+    """Return several numbers with spaces between them."""
+    return " ".join(number(value) for value in np.asarray(values, dtype=np.float64).ravel())
+
+
+def write_elements(root: Element, path: Path) -> None:
+    """Write a document with line breaks, in UTF-8."""
+    indent(root)
+    ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+
 
 WORLD = "world"
 SMALL = 1e-6  # inertia of thin bars about themselves over that across; of points over their mass [m2]

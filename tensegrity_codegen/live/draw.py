@@ -1,9 +1,13 @@
 """One function that draws what there is, as a figure of matplotlib."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from tensegrity_codegen.live.settled import check_follow, settle_drawable
+from tensegrity_codegen.pipeline.analyses import find_needs
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.settle import find_settled, move_near_origin, with_statics
 from tensegrity_codegen.report.pictures.choices import (
     Labels,
     PictureChoices,
@@ -12,10 +16,110 @@ from tensegrity_codegen.report.pictures.choices import (
     read_view,
 )
 from tensegrity_codegen.report.pictures.draw import Drawable, Shot, draw_shot, find_shot
+from tensegrity_codegen.runtime.analysis.analyse import analyse
+from tensegrity_codegen.runtime.analysis.analysis import Analysis
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.records.plan_result import PlanResult
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.scene.read import name_source, read_scene
+from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.scene.subject import Subject, assemble_scene
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_instance, check_switch
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
+from tensegrity_codegen.tables.request import ModelRequest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+MOST_COORDINATES = 1000  # of structures whose modes are found; the analysis takes dense matrices
+
+
+def find_modes(
+    subject: Subject, request: ModelRequest, count: int, warn: Callable[[str], None]
+) -> tuple[Analysis | None, str]:
+    """Return the analysis with natural modes and mechanisms, or None and why there is none.
+
+    Parameters
+    ----------
+    subject : Structure or BodySystem
+        At the positions at which modes are found.
+    request : ModelRequest
+        Its request.
+    count : int
+        Number of modes; 0 for no analysis.
+    warn : callable
+        Called with a sentence where the analysis fails.
+
+    Returns
+    -------
+    analysis : Analysis or None
+        The analysis.
+    note : str
+        Why there is none, or "".
+    """
+    if count == 0:
+        return None, ""
+    size = subject.n_coordinates
+    if size > MOST_COORDINATES:
+        return None, f"No modes: more than {MOST_COORDINATES} coordinates ({size})."
+    if size == 0:
+        return None, "No modes: no node can move."
+    try:
+        near, _ = move_near_origin(subject, request)
+        statics = with_statics(near, request)
+        wanted = find_needs("analyse", near, statics).alone(statics)
+        return analyse(build_library(near, wanted).load(), n_modes=count), ""
+    except TensegrityError as error:
+        warn(f"the page has no modes: {error.problem}")
+        return None, f"No modes: {error.problem}."
+
+
+def check_follow(follow: bool, subject: Any) -> None:
+    """Raise InvalidValueError where something that does not move is to be followed."""
+    if follow and not isinstance(subject, Trajectory | PlanResult):
+        raise InvalidValueError(
+            "nothing moves that could be followed", where="follow", given=True,
+            allowed="a Trajectory or a PlanResult as the subject",
+        )  # fmt: skip
+
+
+def settle_drawable(subject: Any) -> tuple[Subject, Equilibrium]:
+    """Return a scene, structure or model at its equilibrium, and the equilibrium.
+
+    Raises InvalidValueError for anything else, ConvergenceError where there is no stable equilibrium.
+    """
+    found, request = find_request(subject)
+    return find_settled(found, request)
+
+
+def find_request(subject: Any) -> tuple[Subject, ModelRequest]:
+    """Return structure and request of a scene, structure or model; raises InvalidValueError for others."""
+    if isinstance(subject, str | Path | Mapping | Scene):
+        return assemble_scene(read_scene(subject), name_source(subject))
+    if isinstance(subject, CompiledModel) and subject.structure is not None:
+        return subject.structure, _guess_request(subject.structure, subject.manifest.rigid_bar)
+    if isinstance(subject, Structure | BodySystem):
+        return subject, _guess_request(subject, ())
+    raise InvalidValueError(
+        "only a scene, structure or model has an equilibrium to be found",
+        where="settle",
+        given=type(subject).__name__,
+        allowed="a scene, Structure, BodySystem or CompiledModel of `compile_scene`",
+        hint="an Equilibrium is drawn as it is",
+    )
+
+
+def _guess_request(subject: Subject, rigid_bar: tuple[str, ...]) -> ModelRequest:
+    """Return a request in the formulation for a structure, with these bars rigid."""
+    if isinstance(subject, BodySystem):
+        return ModelRequest((), formulation="bodies")
+    if not subject.is_rigid.any() and not rigid_bar:
+        return ModelRequest(())
+    every = len(rigid_bar) > int(subject.is_rigid.sum())
+    return ModelRequest((), formulation="rigid_bar", options={"bars": "all"} if every else {})
 
 
 def draw(

@@ -1,17 +1,22 @@
 """Live pages in notebooks."""
 
 import html
+import json
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.live.live_scene import LiveStart, build_live_scene
-from tensegrity_codegen.live.modes import find_modes
-from tensegrity_codegen.live.render_live import render_live
-from tensegrity_codegen.live.settled import check_follow, find_request
+from markupsafe import Markup
+
+from tensegrity_codegen.codegen.print.render import template_folder
+from tensegrity_codegen.live.channels import pack_text
+from tensegrity_codegen.live.draw import check_follow, find_modes, find_request
+from tensegrity_codegen.live.live_scene import LiveScene, LiveStart, build_live_scene
 from tensegrity_codegen.live.three_module import find_three
 from tensegrity_codegen.pipeline.settle import find_settled
+from tensegrity_codegen.report.pages.page import html_template
 from tensegrity_codegen.report.pictures.choices import Labels, read_labels, read_view
 from tensegrity_codegen.report.pictures.draw import Drawable, find_shot
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
@@ -21,6 +26,67 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_path, check_switch, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.files import replaced
+
+FIRST, WORKER = "boot", "worker"  # scripts that are no modules
+HINT = "Point at a member or node; click to keep it here."
+PULL_HINT = "Drag a node to pull it; click a member to keep its numbers here."
+
+
+def live_folder() -> Path:
+    """Return the folder of the page's scripts and styles."""
+    return template_folder() / "live"
+
+
+def render_live(scene: LiveScene, three: str, licence: str) -> str:
+    """Return the page as HTML.
+
+    Parameters
+    ----------
+    scene : LiveScene
+        What is shown.
+    three, licence : str
+        The module of three.js and its licences, of `find_three`.
+
+    Returns
+    -------
+    str
+        The file.
+    """
+    folder = live_folder()
+    texts = {path.stem: path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.js"))}
+    channels = [{"name": name, "data": channel.data} for name, channel in scene.channels.items()]
+    data = {**scene.data, "channels": {name: item.describe() for name, item in scene.channels.items()}}
+    is_running = "engine" in scene.data
+    return html_template("live", "page.html.j2").render(
+        title=scene.title,
+        headline=scene.headline,
+        facts=scene.facts,
+        warnings=scene.warnings,
+        style=_raw((folder / "style.css").read_text(encoding="utf-8")),
+        scene=_raw(_as_json(data)),
+        channels=channels,
+        modules=[
+            {"name": name, "text": _raw(text)} for name, text in texts.items() if name not in (FIRST, WORKER)
+        ],
+        worker=_raw(texts[WORKER]) if is_running else "",
+        hint=PULL_HINT if is_running else HINT,
+        boot=_raw(texts[FIRST]),
+        three=pack_text(three),
+        licence=licence,
+    )
+
+
+def _as_json(data: Mapping[str, Any]) -> str:
+    """Return JSON that ends no script element."""
+    return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _raw(text: str) -> Markup:
+    """Return text that stands in the page as it is; it must not end the element that it stands in."""
+    if "</s" in text.lower():
+        raise ValueError("text of a script or style that would end its element")
+    return Markup(text)
+
 
 HEIGHTS = (200, 4000)  # pixels
 

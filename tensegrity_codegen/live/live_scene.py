@@ -1,6 +1,7 @@
 """What a live page shows: a structure, and a motion, modes and reactions where they are known."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,21 +9,109 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.live.channels import Channel, pack, pack_rounded
-from tensegrity_codegen.live.uses import compute_uses
-from tensegrity_codegen.live.views import choose_view
-from tensegrity_codegen.report.loads import compute_loads
-from tensegrity_codegen.report.pictures.checks import check_array, check_tension, check_trajectory
-from tensegrity_codegen.report.pictures.choices import Direction
+from tensegrity_codegen.report.loads import compute_loads, compute_reactions
+from tensegrity_codegen.report.pictures.choices import (
+    NAMED_VIEWS,
+    Direction,
+    check_array,
+    check_tension,
+    check_trajectory,
+)
 from tensegrity_codegen.report.pictures.draw import outline_motion, pad_tension
-from tensegrity_codegen.report.pictures.rest_tension import find_rest_tension
-from tensegrity_codegen.report.reactions import compute_reactions
+from tensegrity_codegen.report.pictures.shown import find_rest_tension
+from tensegrity_codegen.report.pictures.view import check_planar_direction
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS
+from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS, check_members
 from tensegrity_codegen.structure.outline import find_joints, outline_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
+
+MOST = 1000.0  # of a use that is infinite, such as a tension where none is allowed
+
+
+def compute_uses(
+    subject: Structure | BodySystem, structure: Structure, position: FloatArray, tension: FloatArray
+) -> FloatArray | None:
+    """Return the largest part of a limit that each member uses; above 1 the limit is exceeded.
+
+    Parameters
+    ----------
+    subject : Structure or BodySystem
+        What has the limits.
+    structure : Structure
+        Its outline, whose first members are those of the subject.
+    position : ndarray, shape (n_t, n_nodes, 3) [m]
+        Positions.
+    tension : ndarray, shape (n_t, n_members) [N]
+        Tensions; NaN where unknown.
+
+    Returns
+    -------
+    ndarray, shape (n_t, n_members), or None
+        Uses, NaN for members without a limit or with an unknown tension; None where no member has a limit.
+    """
+    limits = subject.limits.for_members(subject.n_members)
+    if not any(np.any(getattr(limits, name) != none) for name, none in MEMBER_LIMITS.items()):
+        return None
+    ends = structure.connectivity[: subject.n_members]
+    place = position[:, ends]
+    length = np.linalg.norm(place[:, :, 0] - place[:, :, 1], axis=2)
+    use = check_members(subject, tension[:, : subject.n_members], length).use
+    result = np.full(tension.shape, np.nan)
+    result[:, : subject.n_members] = np.fmax.reduce([use[name] for name in MEMBER_CHECKS])
+    limited: FloatArray = np.minimum(result, MOST)
+    return limited
+
+
+SPACE = (1.0, -1.6, 0.62)
+GROUND_GAP = 0.06  # of the size, between supported nodes and the grid
+
+
+def choose_view(
+    axes: Sequence[int], *, is_supported: bool, direction: Direction | None = None
+) -> dict[str, Any]:
+    """Return direction to the observer, upward axis, the two axes of the grid, and its distance below.
+
+    Named views (top, iso ...) and those of planar scenes are parallel projections (is_flat), as in pictures.
+
+    axes: modelled axes; is_supported: whether supports are drawn below nodes; direction: chosen by a reader.
+    Raises InvalidValueError for a planar scene that is seen from elsewhere than along its normal.
+    """
+    found = tuple(axes)
+    if len(found) >= 3:
+        gap = GROUND_GAP if is_supported else 0.0
+        eye = SPACE if direction is None else _find_eye(direction)
+        is_flat = direction is not None and direction.name in NAMED_VIEWS
+        return _describe(eye, 2, (0, 1), is_planar=False, gap=gap) | {"is_flat": is_flat}
+    if direction is not None:
+        check_planar_direction(found, direction)
+    if found == (0, 1):
+        return _describe((0.0, 0.0, 1.0), 1, (0, 1), is_planar=True)
+    if 1 in found:
+        return _describe((1.0, 0.0, 0.0), 2, (1, 2), is_planar=True)
+    return _describe((0.0, -1.0, 0.0), 2, (0, 2), is_planar=True)
+
+
+def _find_eye(direction: Direction) -> tuple[float, float, float]:
+    """Return the direction to the observer; one along the upward axis leans back a little."""
+    azimuth, elevation = math.radians(direction.azimuth), math.radians(direction.elevation)
+    flat = max(math.cos(elevation), 1e-4)
+    return flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)
+
+
+def _describe(
+    view: tuple[float, float, float], up: int, ground: tuple[int, int], *, is_planar: bool, gap: float = 0.0
+) -> dict[str, Any]:
+    upward = [float(axis == up) for axis in range(3)]
+    return {
+        "view": view, "up": upward, "ground": ground, "ground_gap": gap,
+        "is_planar": is_planar, "is_flat": is_planar, "space": SPACE,
+    }  # fmt: skip
+
 
 MOST_NAMES = 160  # of nodes or of members that a page writes at once
 

@@ -24,11 +24,10 @@ from tensegrity_codegen.codegen.compilation.flags import (
 )
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_compilers
 from tensegrity_codegen.codegen.print.render import template_folder
-from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.errors import TensegrityError, UnknownNameError, suggest
-from tensegrity_codegen.system.work_folder import work_folder
+from tensegrity_codegen.system.temporary_files import work_folder
 from tensegrity_codegen.tables.request import ModelRequest
 
 

@@ -5,8 +5,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tensegrity_codegen.report.analysis_finding import describe_analysis_finding, describe_modes
-from tensegrity_codegen.report.analysis_tables import describe_counts
+from tensegrity_codegen.report.analysis_tables import (
+    describe_analysis_finding,
+    describe_counts,
+    describe_modes,
+)
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import (
     Block,
@@ -19,9 +22,9 @@ from tensegrity_codegen.report.pages.page import (
     Section,
     diagram_figure,
 )
+from tensegrity_codegen.report.pages.page_film import draw_motion, draw_tensions
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_picture
-from tensegrity_codegen.report.pictures.motion_picture import draw_motion, draw_tensions
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
@@ -58,8 +61,12 @@ def build_analysis_page(
     structure: what is drawn, its members first those of `member_name` (then edges of bodies); command: the
     command line that makes the page.
     """
+    rows = tuple((text_cell(name), text_cell(value)) for name, value in describe_counts(found))
+    table = Table("What was found", (Column("what", numeric=False), Column("value", numeric=False)), rows)
+    blocks: list[Block] = [Paragraph(_sentence(found.message))]
+    blocks += [Remark("differs", _sentence(text)) for text in found.warnings]
     sections = (
-        _verdict(found),
+        Section("verdict", "all", "Verdict", "plain", STATUS[found.status], (*blocks, table)),
         _singular_values(found),
         _prestress(found, structure),
         *_proof(found, structure, member_name),
@@ -79,14 +86,6 @@ def build_analysis_page(
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/analyse.md."),
         summary_heads=("part", "what", "result"),
     )
-
-
-def _verdict(found: Analysis) -> Section:
-    rows = tuple((text_cell(name), text_cell(value)) for name, value in describe_counts(found))
-    table = Table("What was found", (Column("what", numeric=False), Column("value", numeric=False)), rows)
-    blocks: list[Block] = [Paragraph(_sentence(found.message))]
-    blocks += [Remark("differs", _sentence(text)) for text in found.warnings]
-    return Section("verdict", "all", "Verdict", "plain", STATUS[found.status], (*blocks, table))
 
 
 def _again(command: str) -> Iterator[Section]:
@@ -125,7 +124,11 @@ def _prestress(found: Analysis, structure: Structure) -> Section:
     else:
         text, tension = "no prestress exists; the present tensions are shown", found.member_tension
     unit = "member tension / largest force" if tension is own.tension else "member tension [N]"
-    picture = draw_tensions(structure, found.node_position, _with_edges(tension, structure), unit)
+    # Tensions of all that is drawn; those of the edges of bodies are unknown
+    more = structure.n_members - len(tension)
+    picture = draw_tensions(
+        structure, found.node_position, np.pad(tension, (0, more), constant_values=np.nan), unit
+    )
     figure = Figure(
         draw_picture(picture, "prestress"),
         _sentence(text),
@@ -255,12 +258,6 @@ def _cell(value: float, spec: str) -> Cell:
     if math.isinf(value):
         return text_cell("∞")
     return number_cell(float(value), spec)
-
-
-def _with_edges(tension: FloatArray, structure: Structure) -> FloatArray:
-    """Return tensions of all that is drawn; those of the edges of bodies are unknown."""
-    more = structure.n_members - len(tension)
-    return np.pad(tension, (0, more), constant_values=np.nan)
 
 
 def _sentence(text: str) -> str:

@@ -152,7 +152,15 @@ def members_table(structure: Structure, member_length: FloatArray, member_tensio
         **{"tension\n[N]": "right"}, state="left",
     )  # fmt: skip
     strain = 100 * (member_length - structure.rest_length) / structure.rest_length
-    states = _states(structure, member_tension)
+    # In a word what each member does; a tension-only one without tension is slack
+    states = []
+    for value, tension_only in zip(member_tension, structure.tension_only, strict=True):
+        if value > 0:
+            states.append("taut")
+        elif tension_only:
+            states.append("slack")
+        else:
+            states.append("compressed" if value < 0 else "unloaded")
     for e, name in enumerate(structure.member_name):
         nodes = "–".join(structure.node_name[n] for n in structure.connectivity[e])
         add_row(
@@ -202,16 +210,3 @@ def add_row(table: Table, *cells: str) -> None:
 
 def _shape(shape: tuple[int, ...]) -> str:
     return " x ".join(str(size) for size in shape) or "1"
-
-
-def _states(structure: Structure, tension: FloatArray) -> list[str]:
-    """Return in a word what each member does; a tension-only one without tension is slack."""
-    words = []
-    for value, tension_only in zip(tension, structure.tension_only, strict=True):
-        if value > 0:
-            words.append("taut")
-        elif tension_only:
-            words.append("slack")
-        else:
-            words.append("compressed" if value < 0 else "unloaded")
-    return words

@@ -13,15 +13,14 @@ from tensegrity_codegen.codegen.compilation.fingerprint import hash_package, has
 from tensegrity_codegen.codegen.compilation.flags import describe_toolchain, find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.print.render import template_folder
-from tensegrity_codegen.report.pages.page import Section
-from tensegrity_codegen.report.pages.page_json import read_section, section_as_json
+from tensegrity_codegen.report.pages.page import Section, read_section, section_as_json
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.errors import DuplicateNameError, TensegrityError
 from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.output_folder import check_folder, write_folder
-from tensegrity_codegen.system.processor import name_processor
 from tensegrity_codegen.system.progress import ProgressFunction
+from tensegrity_codegen.system.provenance import name_processor
 from tensegrity_codegen.system.version import VERSION
 from tensegrity_codegen.tables.request import ModelRequest
 

@@ -19,7 +19,7 @@ from tensegrity_codegen.sweeps.keys import KeyPath, parse_path
 from tensegrity_codegen.sweeps.plan import SweepPlan
 from tensegrity_codegen.sweeps.tasks.operation import Operation
 from tensegrity_codegen.system.errors import TensegrityError
-from tensegrity_codegen.system.processor import name_processor
+from tensegrity_codegen.system.provenance import name_processor
 from tensegrity_codegen.system.version import VERSION
 from tensegrity_codegen.tables.quantities import ARGUMENTS, QUANTITIES
 from tensegrity_codegen.tables.quantities.arguments import INPUT_UNITS

@@ -1,11 +1,15 @@
-"""Where the cache of compiled libraries is."""
+"""The folder of the cache, and folders and files that only this user can have written."""
 
 import os
+import stat
 import tempfile
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 from platformdirs import user_cache_path
+
+from tensegrity_codegen.system.errors import UnsafeCacheError
 
 CACHE_VARIABLE = "TENSEGRITY_CODEGEN_CACHE"
 
@@ -51,3 +55,101 @@ def _may_be_written(folder: Path) -> bool:
     while not os.path.lexists(place) and place != place.parent:
         place = place.parent
     return os.access(place, os.W_OK | os.X_OK)
+
+
+# Folders and files that only this user can have written: made so, and checked before they are used.
+#
+# A library that is loaded runs with all rights of this user, so its folder has to be as private as a
+# program's: owned by this user, writable by nobody else, no symbolic links. Where the system knows no user
+# ids (Windows) only links are refused; a user's folders are protected by their access lists there.
+
+
+OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
+HAS_OWNERS = hasattr(os, "geteuid")
+
+
+def check_private(path: Path, root: Path) -> None:
+    """Raise UnsafeCacheError unless `path` is absent, or a folder or file of this user alone.
+
+    root: the cache that it belongs to, for the message.
+    """
+    with suppress(FileNotFoundError, NotADirectoryError):
+        problem = _find_problem(os.lstat(path))
+        if problem:
+            raise _refuse(path, root, problem)
+
+
+def check_entry(folder: Path, root: Path) -> None:
+    """Raise UnsafeCacheError unless a folder and everything in it are of this user alone."""
+    check_private(folder, root)
+    with suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as items:
+        for item in items:
+            problem = _find_problem(item.stat(follow_symlinks=False))
+            if problem:
+                raise _refuse(Path(item.path), root, problem)
+
+
+def check_parents(root: Path) -> None:
+    """Raise UnsafeCacheError if any user may rename or replace one of the folders that lead to `root`."""
+    if not HAS_OWNERS:
+        return
+    for folder in Path(os.path.realpath(root.parent)).joinpath("x").parents:
+        with suppress(FileNotFoundError, NotADirectoryError, PermissionError):
+            mode = folder.stat().st_mode
+            if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+                raise _refuse(folder, root, f"every user may replace what is in this folder ({_octal(mode)})")
+
+
+def make_private(folder: Path, root: Path) -> None:
+    """Make a folder below or at `root`, with its parents, for this user alone; raises OSError.
+
+    A folder that is there already is checked as by check_private.
+    """
+    missing = []
+    place = folder
+    while not os.path.lexists(place) and place != place.parent:
+        missing.append(place)
+        place = place.parent
+    for place in reversed(missing):
+        with suppress(FileExistsError):  # another process was faster
+            place.mkdir(mode=0o700)
+    check_private(folder, root)
+    if not folder.is_dir():
+        raise NotADirectoryError(20, "a file is in the way of a folder", str(folder))
+
+
+def write_private(path: Path, content: bytes) -> None:
+    """Write a new file for this user alone, whatever the umask; raises OSError."""
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    with os.fdopen(os.open(path, flags, 0o600), "wb") as file:
+        file.write(content)
+
+
+def _find_problem(found: os.stat_result) -> str:
+    """Return why a file or folder is not safe, "" if it is."""
+    if stat.S_ISLNK(found.st_mode):
+        return "a symbolic link"
+    if not (stat.S_ISDIR(found.st_mode) or stat.S_ISREG(found.st_mode)):
+        return "neither a file nor a folder"
+    if not HAS_OWNERS:
+        return ""
+    if found.st_uid != os.geteuid():
+        return f"it belongs to user {found.st_uid}, and this is user {os.geteuid()}"
+    if found.st_mode & OTHERS_MAY_WRITE:
+        return f"other users may write to it ({_octal(found.st_mode)})"
+    return ""
+
+
+def _octal(mode: int) -> str:
+    return f"mode {stat.S_IMODE(mode):04o}"
+
+
+def _refuse(path: Path, root: Path, problem: str) -> UnsafeCacheError:
+    return UnsafeCacheError(
+        "the cache of compiled libraries is not used: another user may have put a library into it",
+        where=str(path),
+        given=problem,
+        allowed="folders and files of this user, writable by no other user, no symbolic links",
+        hint=f"set {CACHE_VARIABLE} to a folder of your own (chmod 700), "
+        f"or remove {root} if it is yours, and run again",
+    )

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tensegrity_codegen.system.errors import OutputError
 from tensegrity_codegen.system.files import check_not_input, explain_unwritable
-from tensegrity_codegen.system.work_folder import work_folder
+from tensegrity_codegen.system.temporary_files import work_folder
 
 LIST_FILE = "SHA256SUMS"
 NEW, OLD = "new", "old"
@@ -107,18 +107,14 @@ def write_folder(
         if target.is_dir():
             _exchange(target, contents, hashes if listed else {})
         else:
-            _make(target, contents)
+            # Write a new folder beside its place and move it there
+            with _parents(target), work_folder(target.parent, sweep=True) as work:
+                _write_all(work / NEW, contents)
+                (work / NEW).rename(target)
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise explain_unwritable(folder, reason, "folder") from error
     return target
-
-
-def _make(target: Path, contents: Mapping[str, bytes]) -> None:
-    """Write a new folder beside its place and move it there."""
-    with _parents(target), work_folder(target.parent, sweep=True) as work:
-        _write_all(work / NEW, contents)
-        (work / NEW).rename(target)
 
 
 def _exchange(target: Path, contents: Mapping[str, bytes], hashes: Mapping[str, set[str]]) -> None:

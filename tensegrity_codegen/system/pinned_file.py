@@ -13,14 +13,15 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from tensegrity_codegen.system.cache_root import find_cache_root, warn_of_fallback
-from tensegrity_codegen.system.errors import MissingSourceError, UnsafeCacheError
-from tensegrity_codegen.system.private_files import (
+from tensegrity_codegen.system.cache_root import (
     check_parents,
     check_private,
+    find_cache_root,
     make_private,
+    warn_of_fallback,
     write_private,
 )
+from tensegrity_codegen.system.errors import MissingSourceError, UnsafeCacheError
 
 TIMEOUT = 300.0  # s
 

@@ -1,6 +1,9 @@
 """The progress of a part of a longer piece of work."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Protocol
 
 ProgressFunction = Callable[[float], None]
 
@@ -10,3 +13,64 @@ def part_of(progress: ProgressFunction | None, start: float, share: float) -> Pr
     if progress is None:
         return None
     return lambda fraction: progress(start + share * fraction)
+
+
+# Passes of long work, reported while they run to what shows progress, if there is anything.
+#
+# Code that generates, compiles or integrates does not know who called it. It reports here; the command line
+# watches. Without a watcher a report costs one look at a context variable.
+
+
+GENERATING, COMPILING, SETTLING = "generating C", "compiling", "finding the equilibrium"
+
+
+class PassWatcher(Protocol):
+    """What is called as passes begin and end; passes may be nested. title: of what runs, as it is shown."""
+
+    title: str
+
+    def begin(self, title: str) -> Callable[[float], None]:
+        """Note that a pass begins; return what is called with the fraction of it that is done, 0 to 1."""
+
+    def end(self) -> None:
+        """Note that the innermost pass has ended."""
+
+
+_watcher: ContextVar[PassWatcher | None] = ContextVar("pass watcher", default=None)
+_depth: ContextVar[int] = ContextVar("passes within passes", default=0)
+
+
+@contextmanager
+def watched_passes(watcher: PassWatcher) -> Iterator[None]:
+    """Report passes to `watcher` within the block."""
+    token = _watcher.set(watcher)
+    try:
+        yield
+    finally:
+        _watcher.reset(token)
+
+
+def describe_pass(text: str) -> None:
+    """Report what is being done, with its count, in work of which no part is known to be done."""
+    watcher = _watcher.get()
+    if watcher is not None:
+        watcher.title = text
+
+
+@contextmanager
+def work_pass(title: str) -> Iterator[Callable[[float], None]]:
+    """Report that a pass runs within the block; yield what is called with the fraction of it that is done."""
+    watcher = _watcher.get()
+    if watcher is None:
+        yield lambda fraction: None
+        return
+    before, depth = watcher.title, _depth.get()
+    token = _depth.set(depth + 1)
+    move = watcher.begin(title)
+    try:
+        yield move
+    finally:
+        watcher.end()
+        _depth.reset(token)
+        if depth:  # what a pass within another says is over with it
+            watcher.title = before

@@ -3,11 +3,23 @@
 import os
 import platform
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 
-from tensegrity_codegen.system.processor import name_processor
 from tensegrity_codegen.system.version import VERSION
+
+
+def name_processor() -> str:
+    """Return the processor's model as the system states it, or its architecture."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return platform.processor() or platform.machine()
+    for line in text.splitlines():
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return platform.machine()
 
 
 def describe_provenance() -> tuple[str, str]:

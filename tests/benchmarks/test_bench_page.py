@@ -8,14 +8,13 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from harness.comparison import compare_rows, comparison_cells, describe_finding
-from harness.floor import Floor
-from harness.page import table_of
-from harness.pictures import style_candidates
+from harness.acceptance import Floor
+from harness.page import style_candidates, table_of
 from harness.report import Report, write_report
 from harness.session import Row
+from harness.tables import compare_rows, comparison_cells, describe_finding
 
-from tensegrity_codegen.report.pages.method_style import find_style
+from tensegrity_codegen.report.pages.diagram import find_style
 from tests.report.page_checks import check_in_browser, in_browser
 from tests.report.page_html import check_static
 

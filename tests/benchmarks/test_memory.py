@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from harness.memory import run_watched
+from harness.run import run_watched
 
 MB = 2**20
 

@@ -7,13 +7,11 @@ from types import ModuleType
 import casadi as ca
 import numpy as np
 import pytest
-from harness.candidate import Unavailable
 from harness.ensemble import list_ensemble_ways
 from harness.ours import Build, Ours, list_emitters
-from harness.problem import Problem
+from harness.problem import LEVELS, Problem, make_problem, make_tower
 from harness.session import Session, relative_error
-from harness.structures import LEVELS, make_problem, make_tower
-from harness.tools import Tools, find_tools
+from harness.tools import Tools, Unavailable, find_tools
 from peers import casadi_c, casadi_vm, jax_arrays, mujoco_tendons, numba_loops, numpy_arrays
 from peers.casadi_expressions import own_expression, unrolled
 

@@ -5,12 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from harness.candidate import Candidate
-from harness.resume import Kept
-from harness.session import Session
+from harness.session import Kept, Session
+from harness.tools import Candidate
 
-from tensegrity_codegen.system.journal import Journal
-from tensegrity_codegen.system.resumption import Resumption
+from tensegrity_codegen.system.journal import Journal, Resumption
 
 
 def make(name: str, ns: float, value: float) -> Candidate:

@@ -3,13 +3,19 @@
 import numpy as np
 import pytest
 from harness import ensemble
-from harness.acceptance import Evidence, Line, judge
-from harness.candidate import Timing
-from harness.floor import Floor, from_throughput
-from harness.growth import fit_exponent
+from harness.acceptance import Evidence, Floor, Line, from_throughput, judge
 from harness.session import Row, Session, relative_error
-from harness.summary import summary_sections
-from harness.tables import acceptance_cells, csv_text, gather_untimed, growth_cells, markdown_table, number
+from harness.tables import (
+    acceptance_cells,
+    csv_text,
+    fit_exponent,
+    gather_untimed,
+    growth_cells,
+    markdown_table,
+    number,
+    summary_sections,
+)
+from harness.tools import Timing
 
 
 @pytest.mark.parametrize("power", [0.0, 1.0, 1.5])

@@ -135,7 +135,7 @@ def test_without_a_compiler_the_error_says_so(
     def find(_: object) -> None:
         raise CompilerMissingError("no C compiler was found", hint="pip install ziglang")
 
-    monkeypatch.setattr("tensegrity_codegen.export.fmu.archive.find_compiler", find)
+    monkeypatch.setattr("tensegrity_codegen.export.fmu.sources.find_compiler", find)
     ended = run("export", "fmu", two_nodes, "-o", "a.fmu", "--json")
     assert (ended.code, ended.data["error"]) == (2, "CompilerMissingError")
     assert run("export", "fmu", two_nodes, "-o", "a.fmu", "--sources-only").code == 0

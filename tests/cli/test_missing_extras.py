@@ -65,7 +65,7 @@ from pathlib import Path
 from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.studies.stability.cases import generate_cases
 from tensegrity_codegen.studies.stability.judge import judge_peer
-from tensegrity_codegen.studies.stability.peers import run_peer
+from tensegrity_codegen.studies.stability.methods import run_peer
 case = next(iter(generate_cases(load_nodes(Path({str(two_nodes)!r})), 0.1)))
 ending = run_peer(case, "MuJoCo RK4", 30.0)
 print(json.dumps([judge_peer(case, ending, None).verdict, ending.message]))

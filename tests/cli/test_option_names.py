@@ -7,7 +7,7 @@ import typer
 
 import tensegrity_codegen
 from tensegrity_codegen.cli.app import app
-from tensegrity_codegen.cli.option_names import name_options
+from tensegrity_codegen.cli.verb import name_options
 from tests.cli.conftest import Run
 
 PACKAGE = Path(tensegrity_codegen.__file__).parent

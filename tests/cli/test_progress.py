@@ -10,7 +10,7 @@ from contextlib import redirect_stderr
 import pytest
 
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.progress_bar import ProgressBar
+from tensegrity_codegen.cli.streams import ProgressBar
 from tests.cases import thorough
 from tests.cli.conftest import Run
 from tests.cli.terminal import CONTROL, TerminalRun
@@ -20,7 +20,7 @@ from tests.codegen.compilers import POSIX, wait_until
 QUARTERS = """
 import sys
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.progress_bar import ProgressBar
+from tensegrity_codegen.cli.streams import ProgressBar
 ProgressBar.DELAY, ProgressBar.INTERVAL, ProgressBar.REFRESH = 0.0, 0.01, 0.01
 output = Output("--json" in sys.argv)
 with output.guard():

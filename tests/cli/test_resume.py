@@ -14,7 +14,7 @@ import pytest
 from tensegrity_codegen.report.pages.page import Section
 from tensegrity_codegen.studies import study
 from tensegrity_codegen.studies.papers.sk import chapter
-from tensegrity_codegen.studies.stability import run_cases
+from tensegrity_codegen.studies.stability import report
 from tensegrity_codegen.system import forked
 from tests.cli.conftest import Run
 from tests.cli.test_processes import environment
@@ -46,10 +46,10 @@ main()
 STABILITY = """
 import os, time
 from pathlib import Path
-from tensegrity_codegen.studies.stability import run_cases
+from tensegrity_codegen.studies.stability import report
 from tensegrity_codegen.cli.supervised import main
 
-generate, run = run_cases.generate_cases, run_cases._run
+generate, run = report.generate_cases, report._run
 chosen = []
 
 def few(structure, t_end):
@@ -62,7 +62,7 @@ def work(models, limits, case):
         time.sleep(600.0)
     return run(models, limits, case)
 
-run_cases.generate_cases, run_cases._run = few, work
+report.generate_cases, report._run = few, work
 main()
 """
 
@@ -178,8 +178,8 @@ def test_killed_processes_leave_whole_results_and_no_process(folder: Path, two_n
 def test_results_of_another_scene_or_code_are_not_used(
     run: Run, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    generate = run_cases.generate_cases
-    monkeypatch.setattr(run_cases, "generate_cases", lambda *given: list(generate(*given))[:1])
+    generate = report.generate_cases
+    monkeypatch.setattr(report, "generate_cases", lambda *given: list(generate(*given))[:1])
     words = ("stability", two_nodes, "--t-end", "0.1", "--no-peers", "--limit", "60", "--overwrite", "--json")
     assert run(*words).data["resumed"] == []
     assert [item["taken"] for item in run(*words).data["resumed"]] == [1]

@@ -49,7 +49,7 @@ IN_C = "sum(range(10**13))"  # one call into C, which holds Python's lock for ho
 LEAVING = """
 from pathlib import Path
 from tensegrity_codegen.system.files import replaced
-from tensegrity_codegen.system.work_folder import work_folder
+from tensegrity_codegen.system.temporary_files import work_folder
 with work_folder(Path(sys.argv[2])) as folder, replaced(Path(sys.argv[2]) / "a.txt", overwrite=False) as path:
     path.touch()
     (folder / "file").touch()

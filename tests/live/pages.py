@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.live.live_page import render_live
 from tensegrity_codegen.live.live_scene import LiveScene
-from tensegrity_codegen.live.render_live import render_live
 from tensegrity_codegen.live.three_module import find_three
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory

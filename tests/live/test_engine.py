@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.cli import live_page
-from tensegrity_codegen.cli.live_page import request_play
+from tensegrity_codegen.cli import picture
+from tensegrity_codegen.cli.picture import request_play
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.live.engine import add_engine, choose_method
 from tensegrity_codegen.live.live_scene import build_live_scene
@@ -84,7 +84,7 @@ def test_pages_offer_the_methods_of_the_library(name: str, methods: list[str]) -
 def test_many_members_have_the_implicit_method_on_request_only(
     most: int, integrators: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(live_page, "MOST_OFFERED", most)
+    monkeypatch.setattr(picture, "MOST_OFFERED", most)
     subject, request = load_scene(EXAMPLES / "prism.toml")
     assert request_play(subject, request).integrators == integrators
     assert request_play(subject, request, "radau").integrators == ("rk54", "radau")

@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensegrity_codegen.live.live_scene import build_live_scene
-from tensegrity_codegen.live.uses import compute_uses
-from tensegrity_codegen.live.views import choose_view
+from tensegrity_codegen.live.live_scene import build_live_scene, choose_view, compute_uses
+from tensegrity_codegen.report.loads import compute_reactions
 from tensegrity_codegen.report.pictures.choices import read_view
-from tensegrity_codegen.report.reactions import compute_reactions
 from tensegrity_codegen.structure.member_limits import check_members
 from tests.live.pages import load, sway
 from tests.live.test_channels import unpack

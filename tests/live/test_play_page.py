@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.app import main
-from tensegrity_codegen.cli.live_page import request_play
+from tensegrity_codegen.cli.picture import request_play
 from tensegrity_codegen.live.engine import add_engine
 from tensegrity_codegen.live.live_scene import build_live_scene
 from tensegrity_codegen.pipeline.build_library import build_library

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.live.render_live import live_folder
+from tensegrity_codegen.live.live_page import live_folder
 
 SCRIPTS = sorted(live_folder().glob("*.js"))
 MODULES = [path for path in SCRIPTS if path.stem != "boot"]

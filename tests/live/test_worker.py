@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import Profile, load_scene, simulate
-from tensegrity_codegen.cli.live_page import request_play
+from tensegrity_codegen.cli.picture import request_play
 from tensegrity_codegen.live.engine import add_engine
+from tensegrity_codegen.live.live_page import live_folder
 from tensegrity_codegen.live.live_scene import build_live_scene
-from tensegrity_codegen.live.render_live import live_folder
 from tensegrity_codegen.pipeline.build_library import build_library
 from tests.codegen.compilers import require_compiler
 from tests.live.pages import EXAMPLES

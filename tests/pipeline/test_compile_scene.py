@@ -13,8 +13,7 @@ from tensegrity_codegen import find_equilibrium, linearize
 from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.codegen.compilation.cache_entry import CacheEntry
-from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library
 from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.simulate.simulate import simulate

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensegrity_codegen.report.analysis_finding import describe_analysis_finding
+from tensegrity_codegen.report.analysis_tables import describe_analysis_finding
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.structure.member_limits import Exceeded

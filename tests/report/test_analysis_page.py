@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.report.analysis_page import build_analysis_page
-from tensegrity_codegen.report.pages.page import Figure, Page
+from tensegrity_codegen.report.pages.page import Figure, Page, render_page
 from tensegrity_codegen.report.pages.page_table import Table
-from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tests.reference import ReferenceModel
 from tests.report.page_checks import check_in_browser, in_browser

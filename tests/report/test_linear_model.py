@@ -3,7 +3,7 @@
 import numpy as np
 from rich.console import Console
 
-from tensegrity_codegen.report.linear_model import modes_table, say_finding, say_spectrum
+from tensegrity_codegen.report.result_tables import modes_table, say_finding, say_spectrum
 from tensegrity_codegen.runtime.linear.spectrum import find_spectrum
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from tensegrity_codegen.runtime.accuracy.integrate import join_runs
 from tensegrity_codegen.runtime.statics.methods import follow_residual
-from tensegrity_codegen.system.solver_progress import watched_passes, work_pass
+from tensegrity_codegen.system.progress import watched_passes, work_pass
 
 
 @pytest.mark.parametrize("n_runs", [1, 2, 3, 8])

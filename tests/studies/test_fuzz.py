@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case, move_node, settle_bars, with_rigid_bars
 from tensegrity_codegen.studies.stability.judge import Limits, Outcome
-from tensegrity_codegen.studies.stability.own import CaseModels, list_methods
-from tensegrity_codegen.studies.stability.run_cases import run_case
+from tensegrity_codegen.studies.stability.methods import CaseModels, list_methods
+from tensegrity_codegen.studies.stability.report import run_case
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 
 # benchmarks/fuzz.py runs the same examples. Compiling takes longer than running: a few structures are

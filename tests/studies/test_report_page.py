@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.report.pages.page import Figure, Page
+from tensegrity_codegen.report.pages.page import Figure, Page, render_page
 from tensegrity_codegen.report.pages.page_table import Table
-from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.studies.work_precision.finding import (
     compare_scene,
     describe_finding,
@@ -18,7 +17,7 @@ from tensegrity_codegen.studies.work_precision.finding import (
     find_fastest_peer,
 )
 from tensegrity_codegen.studies.work_precision.measure import MotionProblem, Reference, Row
-from tensegrity_codegen.studies.work_precision.page import build_page
+from tensegrity_codegen.studies.work_precision.report import build_page
 from tensegrity_codegen.studies.work_precision.scene_report import SceneReport
 from tests.report.page_checks import check_in_browser, in_browser
 from tests.report.page_html import check_static

@@ -15,7 +15,7 @@ import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.stability import peers, run_cases
+from tensegrity_codegen.studies.stability import methods, report
 from tensegrity_codegen.studies.stability.cases import (
     Case,
     as_springs,
@@ -25,9 +25,8 @@ from tensegrity_codegen.studies.stability.cases import (
 )
 from tensegrity_codegen.studies.stability.extended import certify_extended
 from tensegrity_codegen.studies.stability.judge import Limits, certify_case, is_agreed, judge, judge_peer
-from tensegrity_codegen.studies.stability.own import CaseModels, Ending, run_own, values_of
-from tensegrity_codegen.studies.stability.report import StabilityReport, write_stability
-from tensegrity_codegen.studies.stability.run_cases import run_case
+from tensegrity_codegen.studies.stability.methods import CaseModels, Ending, run_own, values_of
+from tensegrity_codegen.studies.stability.report import StabilityReport, run_case, write_stability
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 from tensegrity_codegen.system.forked import can_fork
 from tests.common_prism import common_prism
@@ -149,7 +148,7 @@ def test_essential_cases_are_run_first(tmp_path: Path, monkeypatch: pytest.Monke
         order.extend(cases)
         yield from ()
 
-    monkeypatch.setattr(run_cases, "run_pieces", record)
+    monkeypatch.setattr(report, "run_pieces", record)
     write_stability(
         [prism()], tmp_path, t_end=0.1, limits=Limits(peers=False), compiler=None, flags="reference"
     )
@@ -256,14 +255,14 @@ def test_a_peer_that_hangs_crashes_or_raises_is_an_ending(monkeypatch: pytest.Mo
         (crash, 60.0, "crashed"),
         (fail, 60.0, "error"),
     ):
-        monkeypatch.setattr(peers, "_run", function)
-        assert peers.run_peer(case(), "any", patience).status == status
+        monkeypatch.setattr(methods, "_run", function)
+        assert methods.run_peer(case(), "any", patience).status == status
 
 
 def test_scipy_survives_the_scene_as_it_is() -> None:
     structure = load_nodes(EXAMPLES / "two_nodes.toml")
     first = next(iter(generate_cases(structure, 0.1)))
-    ended = peers.run_peer(first, "SciPy DOP853", 60.0)
+    ended = methods.run_peer(first, "SciPy DOP853", 60.0)
     assert ended.status == "ok", ended.message
 
 
@@ -317,7 +316,7 @@ def write_few(
 ) -> StabilityReport:
     """Write the page of three cases of the smallest scene."""
     structure = load_nodes(EXAMPLES / "two_nodes.toml")
-    monkeypatch.setattr(run_cases, "generate_cases", lambda *words: list(generate_cases(*words))[:3])
+    monkeypatch.setattr(report, "generate_cases", lambda *words: list(generate_cases(*words))[:3])
     given = Limits(run=5.0, reference=5.0, peers=False, **limits)
     return write_stability(
         [structure], folder, t_end=0.1, limits=given, compiler=None, flags="reference", overwrite=overwrite
@@ -352,7 +351,7 @@ def test_finished_cases_are_taken_from_the_journal(tmp_path: Path, monkeypatch: 
             file.write(f"{item.group}: {item.name}\n")
         return run_case(models, item, limits)
 
-    monkeypatch.setattr(run_cases, "_run", count)
+    monkeypatch.setattr(report, "_run", count)
     second = write_few(tmp_path, monkeypatch, overwrite=True)
     again = (tmp_path / "ran").read_text().splitlines()
     assert sorted(again) == sorted(json.loads(line)["name"] for line in lines[1:])

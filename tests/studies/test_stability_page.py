@@ -7,9 +7,8 @@ from unittest.mock import patch
 
 import pytest
 
-from tensegrity_codegen.report.pages.page import Figure, Page
+from tensegrity_codegen.report.pages.page import Figure, Page, render_page
 from tensegrity_codegen.report.pages.page_table import Table
-from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.studies.stability import page
 from tensegrity_codegen.studies.stability.judge import VERDICTS, Limits, Outcome
 from tensegrity_codegen.studies.stability.page import (

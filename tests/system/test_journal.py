@@ -15,8 +15,7 @@ from tensegrity_codegen.studies import study
 from tensegrity_codegen.studies.study import hash_study
 from tensegrity_codegen.system import journal
 from tensegrity_codegen.system.errors import OutputError
-from tensegrity_codegen.system.journal import Journal, read_record
-from tensegrity_codegen.system.resumption import Resumption
+from tensegrity_codegen.system.journal import Journal, Resumption, read_record
 from tests.runtime.build import prism
 
 

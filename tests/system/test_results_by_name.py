@@ -8,7 +8,7 @@ from tensegrity_codegen.pipeline.analyses import want_analyses
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.errors import UnknownNameError
-from tensegrity_codegen.system.results_by_name import ByName, find_row
+from tensegrity_codegen.system.summaries import ByName, find_row
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import make_structure, spring
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.system.work_folder import sweep_folders, work_folder
+from tensegrity_codegen.system.temporary_files import sweep_folders, work_folder
 from tests.codegen.compilers import POSIX
 
 HOLDING = """
 import sys, time
 from pathlib import Path
-from tensegrity_codegen.system.work_folder import work_folder
+from tensegrity_codegen.system.temporary_files import work_folder
 with work_folder(Path(sys.argv[1])) as folder:
     (folder / "file").touch()
     print(folder, flush=True)

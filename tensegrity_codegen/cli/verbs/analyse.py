@@ -7,14 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
-from tensegrity_codegen.cli.option_names import quote_command
-from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
+from tensegrity_codegen.cli.options import (
+    CompilerOption,
+    JsonOption,
+    OverwriteOption,
+    PrestressOption,
+    SceneArgument,
+    SceneOutOption,
+    check_prestress,
+)
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.prestress_options import PrestressOption, SceneOutOption, check_prestress
-from tensegrity_codegen.cli.scene_files import write_text
-from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.system.extras import require_plot
-from tensegrity_codegen.system.files import check_ending, check_output
+from tensegrity_codegen.cli.scene_files import check_result, write_page
+from tensegrity_codegen.cli.verb import Verb, quote_command
 
 if TYPE_CHECKING:
     import numpy as np
@@ -83,11 +87,15 @@ def analyse(
     output = Output(json)
     with output.guard(scene):
         check_prestress(prestress, scene_out)
-        _check_files(out, page, scene_out, scene, overwrite)
+        check_result(out, ".npz", inputs=[scene], overwrite=overwrite)
+        check_result(scene_out, ".toml", inputs=[scene], overwrite=overwrite)
+        check_result(page, ".html", inputs=[scene], overwrite=overwrite, draws=True)
         subject, found, start, request = _analyse(
             output, scene, settle, input, compiler, rank_tolerance=rank_tolerance, n_modes=n_modes
         )
-        _warn(output, found, settle)
+        output.warn(*found.warnings)
+        if not settle and not found.is_balanced and not found.is_good:
+            output.warn("this is the configuration in the scene; --settle analyses the equilibrium instead")
         tense = None
         if prestress is not None and scene_out is not None:
             from tensegrity_codegen.cli.prestressed_scene import write_prestressed
@@ -102,41 +110,16 @@ def analyse(
 
             write_analysis(found, out, subject.member_name, subject.node_name, overwrite=overwrite)
         if page is not None:
+            from tensegrity_codegen.report.analysis_page import build_analysis_page
+            from tensegrity_codegen.structure.outline import outline_bodies
+
             with output.progress("drawing"):
-                _write_page(found, subject, page, overwrite)
+                drawn = outline_bodies(subject)
+                shown = build_analysis_page(found, drawn, subject.member_name, quote_command())
+                write_page(shown, page, overwrite=overwrite)
         _report(output, subject, found, {"out": out, "page": page}, scene_out, tense)
         if not found.is_good or (scene_out is not None and tense is None):
             raise typer.Exit(3)
-
-
-def _check_files(
-    out: Path | None, page: Path | None, scene_out: Path | None, scene: Path, overwrite: bool
-) -> None:
-    """Raise OutputError where a result has no place, MissingExtraError where pictures cannot be drawn."""
-    for path, ending in ((out, ".npz"), (page, ".html"), (scene_out, ".toml")):
-        if path is not None:
-            check_ending(path, ending)
-            check_output(path, inputs=[scene], overwrite=overwrite)
-    if page is not None:
-        require_plot()
-
-
-def _warn(output: Output, found: "Analysis", settle: bool) -> None:
-    for text in found.warnings:
-        output.warn(text)
-    if not settle and not found.is_balanced and not found.is_good:
-        output.warn("this is the configuration in the scene; --settle analyses the equilibrium instead")
-
-
-def _write_page(found: "Analysis", subject: "Subject", path: Path, overwrite: bool) -> None:
-    """Write the page, whole or not at all."""
-    from tensegrity_codegen.report.analysis_page import build_analysis_page
-    from tensegrity_codegen.report.pages.render_page import render_page
-    from tensegrity_codegen.structure.outline import outline_bodies
-
-    page = build_analysis_page(found, outline_bodies(subject), subject.member_name, quote_command())
-    text = render_page(page)
-    write_text(text, path, overwrite=overwrite)
 
 
 def _analyse(
@@ -163,8 +146,7 @@ def _analyse(
     start = None
     if settle:
         settled = find_equilibrium(model, arguments=arguments, tolerance=SETTLED)
-        for text in settled.warnings:
-            output.warn(text)
+        output.warn(*settled.warnings)
         start = settled.coordinate
     with output.progress("analysing"):
         found = run(model, coordinate=start, arguments=arguments, **options)

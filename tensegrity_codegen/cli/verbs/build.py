@@ -1,22 +1,13 @@
 """`tensegrity-codegen build`: from a scene to a compiled library."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from tensegrity_codegen.cli.build_options import (
-    AnyFlagsOption,
-    EmitterOption,
-    FolderOption,
-    InterfaceOption,
-    MeasureOption,
-    PresetOption,
-    QuantityOption,
-    TargetOption,
-    TuneForOption,
-    TuneOption,
-    WheelOption,
-)
+import typer
+
 from tensegrity_codegen.cli.options import (
     BatchWidthOption,
     CompilerOption,
@@ -25,19 +16,126 @@ from tensegrity_codegen.cli.options import (
     OverwriteOption,
     PrecisionOption,
     SceneArgument,
+    read_folder,
 )
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.output_folder import check_folder
-from tensegrity_codegen.tables.targets import find_target
+from tensegrity_codegen.tables.targets import TARGETS, find_target
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.memory_use import MemoryUse
-    from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+    from tensegrity_codegen.pipeline.build_library import BuiltLibrary
     from tensegrity_codegen.pipeline.tuning import TunedLibrary
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
+
+FolderOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        "-o",
+        parser=read_folder,
+        metavar="<path>",
+        help="Folder for header, C source, example and library.",
+    ),
+]
+QuantityOption = Annotated[
+    list[str] | None,
+    typer.Option("--quantity", "-q", help="Quantity to compute instead of the scene's; may be repeated."),
+]
+MeasureOption = Annotated[
+    bool,
+    typer.Option(
+        "--measure", help="Also compile the omitted functions, to measure how many bytes were saved."
+    ),
+]
+EmitterOption = Annotated[
+    str | None,
+    typer.Option("--emitter", help="Emitter, instead of the scene's: auto, unrolled, lanes, table."),
+]
+InterfaceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--interface",
+        help="Also callable this way, besides the scene's: casadi, for casadi.external with first "
+        "derivatives; casadi_hessian, with second derivatives too; acados, for its integrators (alone).",
+    ),
+]
+TargetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--target", help=f"Machine to compile for, by zig, instead of this one: {', '.join(TARGETS)}."
+    ),
+]
+WheelOption = Annotated[
+    bool,
+    typer.Option("--wheel", help="Add a Python package of the library to --out; it needs NumPy alone."),
+]
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--preset",
+        help="Settings for a purpose, instead of the scene's: casadi, acados, f32, mcu (docs/embedding.md).",
+    ),
+]
+TuneOption = Annotated[
+    bool, typer.Option("--tune", help="Measure emitters and compilers; use and remember the fastest.")
+]
+TuneForOption = Annotated[
+    str | None,
+    typer.Option("--tune-for", help="Like --tune, but by the time of this quantity (--tune: sum of all)."),
+]
+AnyFlagsOption = Annotated[
+    bool, typer.Option("--any-flags", help="Let --tune compare reference and native flags.")
+]
+
+
+def use_preset(request: "ModelRequest", name: str | None) -> "ModelRequest":
+    """Return the request with the settings of a preset in place of the scene's."""
+    from tensegrity_codegen.tables.presets import find_preset
+
+    return request if name is None else replace(request, **find_preset(name, "--preset").settings)
+
+
+def narrow_request(
+    request: "ModelRequest",
+    quantity: list[str] | None,
+    precision: str | None,
+    emitter: str | None,
+    batch_width: int | None,
+    flags: str | None,
+) -> "ModelRequest":
+    """Return the request with the choices of the command line in place of the scene's."""
+    from tensegrity_codegen.codegen.compilation.flags import find_flags
+    from tensegrity_codegen.tables.precision import find_precision
+    from tensegrity_codegen.tables.request import check_batch_width
+
+    if quantity:
+        # Without the acceleration there is nothing to integrate.
+        integrators = request.integrators if "acceleration" in quantity else ()
+        minimised = {"potential_energy", "tangent_stiffness"} <= set(quantity)
+        solvers = request.solvers if minimised else ()
+        request = request.wanting(*quantity, integrators=integrators, solvers=solvers)
+    if precision is not None:
+        request = replace(request, precision=find_precision(precision, "--precision").name)
+    if emitter is not None:
+        request = replace(request, emitter=emitter)
+    if batch_width is not None:
+        check_batch_width(batch_width, "--batch-width")
+        request = replace(request, batch_width=batch_width)
+    if flags is not None:
+        request = replace(request, flags=find_flags(flags, "--flags").name)
+    return request
+
+
+def add_interfaces(request: "ModelRequest", interfaces: Sequence[str]) -> "ModelRequest":
+    """Return the request with the interfaces of the command line besides the scene's."""
+    from tensegrity_codegen.tables.request import check_interfaces
+
+    check_interfaces(interfaces, "--interface")
+    return replace(request, interfaces=tuple(dict.fromkeys((*request.interfaces, *interfaces))))
 
 
 def build(
@@ -66,7 +164,6 @@ def build(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.cli.build_request import add_interfaces, narrow_request, use_preset
         from tensegrity_codegen.codegen.memory_use import measure_memory
         from tensegrity_codegen.pipeline.build_library import build_library
 

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.build_controller import check_build, write_controller
-from tensegrity_codegen.cli.control_design import ControlDesign
 from tensegrity_codegen.cli.control_options import (
     BuildOption,
     BuiltPrecisionOption,
@@ -37,24 +35,23 @@ from tensegrity_codegen.cli.control_options import (
     read_least_tension,
 )
 from tensegrity_codegen.cli.controlled_motion import (
+    ControlDesign,
+    check_build,
     check_motion_gusts,
     check_motion_times,
     compile_control,
     find_motion,
+    write_controller,
 )
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
-from tensegrity_codegen.cli.option_names import quote_command
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import write_text
-from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.cli.scene_files import check_result, write_page
+from tensegrity_codegen.cli.verb import Verb, quote_command
 from tensegrity_codegen.cli.verbs.plan import ActuateOption
-from tensegrity_codegen.system.extras import require_plot
-from tensegrity_codegen.system.files import check_ending, check_output
 
 if TYPE_CHECKING:
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
-    from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.scene.subject import Subject
 
 
@@ -109,7 +106,13 @@ def control(
     """
     output = Output(json)
     with output.guard(scene):
-        _check_files(scene, plan, weights, out, page, overwrite)
+        from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
+        from tensegrity_codegen.control.feedback.study.study import study_control
+        from tensegrity_codegen.runtime.model.array_file import write_arrays
+
+        inputs = [scene, *(file for file in (plan, weights) if file is not None)]
+        check_result(out, ".npz", inputs=inputs, overwrite=overwrite)
+        check_result(page, ".html", inputs=inputs, overwrite=overwrite, draws=True)
         check_build(build, precision, scene, overwrite)
         read_least_tension(least_tension)
         is_held = not to and plan is None
@@ -130,18 +133,24 @@ def control(
             output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")
         with output.progress("designing feedback"):
             parts = design.build()
+        # many draws at once in C, or one after the other in Python
+        batch = partial(simulate_control_batch, compiler=compiler) if in_c else None
         with output.progress("simulating") as progress:
-            study = _study(
+            study = study_control(
                 model, motion, errors=errors, t_end=t_end, last=last, draws=draws, seed=seed,
-                arguments=arguments, progress=progress, batch=_find_batch(in_c, compiler), **parts,
+                arguments=arguments, progress=progress, batch=batch, **parts,
             )  # fmt: skip
-        for text in study.warnings:
-            output.warn(text)
+        output.warn(*study.warnings)
         if out is not None:
-            _write(study, out, overwrite)
+            write_arrays(out, study.arrays(), overwrite=overwrite)
         if page is not None:
+            from tensegrity_codegen.control.pages.control_page import build_control_page
+            from tensegrity_codegen.structure.outline import outline_bodies
+
             with output.progress("drawing"):
-                _write_page(study, model, subject, page, overwrite)
+                drawn = outline_bodies(subject)
+                shown = build_control_page(study, model, drawn, quote_command())
+                write_page(shown, page, overwrite=overwrite)
         written: dict[str, Any] = {"out": None if out is None else str(out)}
         written["page"] = None if page is None else str(page)
         written["build"] = write_controller(
@@ -151,51 +160,6 @@ def control(
         _report(output, subject, study, written)
         if not study.holds:
             raise typer.Exit(3)
-
-
-def _check_files(
-    scene: Path, plan: Path | None, weights: Path | None, out: Path | None, page: Path | None, overwrite: bool
-) -> None:
-    inputs = [scene, *(file for file in (plan, weights) if file is not None)]
-    for file, ending in ((out, ".npz"), (page, ".html")):
-        if file is not None:
-            check_ending(file, ending)
-            check_output(file, inputs=inputs, overwrite=overwrite)
-    if page is not None:
-        require_plot()
-
-
-def _find_batch(in_c: bool, compiler: str | None) -> Any:
-    """Return what simulates many draws at once, None where Python simulates one after the other."""
-    if not in_c:
-        return None
-    from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
-
-    return partial(simulate_control_batch, compiler=compiler)
-
-
-def _study(model: "CompiledModel", motion: Any, **options: Any) -> "ControlStudy":
-    from tensegrity_codegen.control.feedback.study.study import study_control
-
-    return study_control(model, motion, **options)
-
-
-def _write(study: "ControlStudy", path: Path, overwrite: bool) -> None:
-    from tensegrity_codegen.runtime.model.array_file import write_arrays
-
-    write_arrays(path, study.arrays(), overwrite=overwrite)
-
-
-def _write_page(
-    study: "ControlStudy", model: "CompiledModel", subject: "Subject", path: Path, overwrite: bool
-) -> None:
-    """Write the page, whole or not at all."""
-    from tensegrity_codegen.control.pages.control_page import build_control_page
-    from tensegrity_codegen.report.pages.render_page import render_page
-    from tensegrity_codegen.structure.outline import outline_bodies
-
-    text = render_page(build_control_page(study, model, outline_bodies(subject), quote_command()))
-    write_text(text, path, overwrite=overwrite)
 
 
 def _report(output: Output, subject: "Subject", study: "ControlStudy", more: Mapping[str, Any]) -> None:

@@ -5,10 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.option_names import VerbCommand
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.cli.verb import Verb, VerbCommand
 
 FormatArgument = Annotated[
     str, typer.Argument(metavar="FORMAT", help="One of the formats below.", show_default=False)

@@ -6,10 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.option_names import VerbCommand
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, parse_vector
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.cli.verb import Verb, VerbCommand
 from tensegrity_codegen.system.files import check_ending, check_output
 
 RatioOption = Annotated[

@@ -11,8 +11,8 @@ import typer
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.scene_files import check_result
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.system.files import check_ending, check_output
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.linear.linearize import LinearModel
@@ -54,9 +54,7 @@ def linearize(
     with output.guard(scene):
         from tensegrity_codegen.runtime.linear.write_linear import LINEAR_ENDINGS
 
-        if out is not None:
-            check_ending(out, *LINEAR_ENDINGS)
-            check_output(out, inputs=[scene], overwrite=overwrite)
+        check_result(out, *LINEAR_ENDINGS, inputs=[scene], overwrite=overwrite)
         linear, kinks = _linearize(scene, settle, compiler, output, input)
         if out is not None:
             linear.write(out, overwrite=overwrite)
@@ -81,8 +79,8 @@ def _linearize(
     model = build_library(structure, wanted, compiler=compiler).load()
     # What is left of the forces turns neutral motions into slow ones.
     found = find_equilibrium(model, arguments=values, tolerance=SETTLED) if settle else None
-    for text in found.warnings if found is not None else ():
-        output.warn(text)
+    if found is not None:
+        output.warn(*found.warnings)
     start = None if found is None else found.coordinate
     velocity = None if start is None else 0.0 * start
     with output.progress("linearizing"):
@@ -109,10 +107,9 @@ def _read(
 
 def _report(output: Output, linear: "LinearModel", kinks: Mapping[str, bool], out: Path | None) -> None:
     """Print what the linear model is, and where it was written."""
-    from tensegrity_codegen.report.linear_model import modes_table, say_finding, say_spectrum
+    from tensegrity_codegen.report.result_tables import modes_table, say_finding, say_spectrum
 
-    for text in _find_motion(linear):
-        output.warn(text)
+    output.warn(*_find_motion(linear))
     data = {
         "status": "ok",
         "n_states": len(linear.state),

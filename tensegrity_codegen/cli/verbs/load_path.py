@@ -108,7 +108,7 @@ def load_path(
         _check_options(step, out, scene, overwrite)
         _check_most(most)
         _check_floor(floor, most)
-        from tensegrity_codegen.report.load_paths import events_table, tabulate_path, write_path
+        from tensegrity_codegen.report.result_tables import events_table, tabulate_path, write_path
 
         subject, request = output.load(scene, settles=True)
         values = read_inputs(input, subject, output)

@@ -1,6 +1,6 @@
 """`tensegrity-codegen plan`: rest lengths that move a structure to a target through stable equilibria."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,18 +8,65 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
-from tensegrity_codegen.cli.option_names import name_options, quote_command
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import write_text
-from tensegrity_codegen.cli.timed_plan import MotionOption, check_motion_file, describe_motion, time_plan
-from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.system.extras import require_plot
-from tensegrity_codegen.system.files import check_ending, check_output
+from tensegrity_codegen.cli.scene_files import check_result, write_page
+from tensegrity_codegen.cli.verb import Verb, name_options, quote_command
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.records.plan_result import PlanResult
+    from tensegrity_codegen.runtime.records.timed_motion import Motion
     from tensegrity_codegen.scene.subject import Subject
+
+MOTION_ENDINGS = (".npz", ".csv")
+
+MotionOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--motion",
+        help="Put the plan in time by a quintic, with inverse dynamics, and write it: .npz, or .csv for "
+        "`simulate --profile FILE --profile-kind cubic`.",
+    ),
+]
+
+
+def time_plan(
+    output: Output,
+    model: Any,
+    found: "PlanResult",
+    path: Path | None,
+    *,
+    duration: float | None,
+    arguments: Mapping[str, Any],
+    overwrite: bool,
+) -> "Motion | None":
+    """Return the motion of a plan that was found, after it is written; None where there is none."""
+    from tensegrity_codegen.control.feedback.time_motion import time_motion
+
+    if path is None or not found.is_found or found.n_steps == 0:
+        return None
+    has_masses = model.has("acceleration")
+    if not has_masses:
+        output.warn("without masses the inputs of the motion are those of its equilibria")
+    kind = "dynamic" if has_masses else "static"
+    with output.progress("putting the plan in time"):
+        motion = time_motion(model, found, duration, feedforward=kind, arguments=arguments)
+    output.warn(*motion.warnings)
+    motion.write(path, overwrite=overwrite)
+    return motion
+
+
+def describe_motion(motion: "Motion | None", path: Path | None) -> dict[str, Any] | None:
+    """Return the facts of a motion as one JSON-ready object."""
+    if motion is None:
+        return None
+    return {
+        "out": str(path),
+        "duration": motion.duration,
+        "shortest_duration": motion.shortest_duration,
+        "peak_rate": dict(zip(motion.actuators, motion.peak_rate.tolist(), strict=True)),
+        "largest_residual": float(motion.residual.max(initial=0.0)),
+    }
 
 
 ToOption = Annotated[
@@ -94,9 +141,13 @@ def plan(
     """
     output = Output(json)
     with output.guard(scene):
+        from tensegrity_codegen.control.planning.record_plan import ENDINGS, write_plan
+
         files = list(out or [])
-        _check_files(files, page, scene, overwrite)
-        check_motion_file(motion, scene, overwrite)
+        for file in files:
+            check_result(file, *ENDINGS, inputs=[scene], overwrite=overwrite)
+        check_result(page, ".html", inputs=[scene], overwrite=overwrite, draws=True)
+        check_result(motion, *MOTION_ENDINGS, inputs=[scene], overwrite=overwrite)
         analysis = "plan" if motion is None else "time_motion"
         subject, model, chosen = _compile(output, scene, to, actuate, compiler, analysis)
         arguments = read_inputs(input, subject, output)
@@ -107,10 +158,18 @@ def plan(
         timed = time_plan(
             output, model, found, motion, duration=duration, arguments=arguments, overwrite=overwrite
         )
-        _write(found, files, overwrite)
+        for file in files:
+            write_plan(found, file, overwrite=overwrite)
         if page is not None:
+            from tensegrity_codegen.control.pages.plan_page import build_plan_page
+            from tensegrity_codegen.structure.outline import outline_bodies
+
             with output.progress("drawing"):
-                _write_page(found, subject, page, overwrite)
+                named = replace(found, message=name_options(found.message))
+                drawn = outline_bodies(subject)
+                write_page(
+                    build_plan_page(named, drawn, subject.limits, quote_command()), page, overwrite=overwrite
+                )
         profiles = [*files, *([motion] if motion is not None and timed is not None else [])]
         if actuate and any(file.suffix.lower() == ".csv" for file in profiles):
             output.warn(
@@ -125,18 +184,6 @@ def plan(
         _report(output, subject, found, written | {"motion": describe_motion(timed, motion)})
         if not found.is_found:
             raise typer.Exit(3)
-
-
-def _check_files(files: Sequence[Path], page: Path | None, scene: Path, overwrite: bool) -> None:
-    from tensegrity_codegen.control.planning.record_plan import ENDINGS
-
-    for file in files:
-        check_ending(file, *ENDINGS)
-        check_output(file, inputs=[scene], overwrite=overwrite)
-    if page is not None:
-        check_ending(page, ".html")
-        check_output(page, inputs=[scene], overwrite=overwrite)
-        require_plot()
 
 
 def _compile(
@@ -180,27 +227,8 @@ def _plan(
         found = run(
             model, list(to), actuators=chosen, progress=lambda points, progress: move(progress), **options
         )
-    for text in found.warnings:
-        output.warn(text)
+    output.warn(*found.warnings)
     return found
-
-
-def _write(found: "PlanResult", files: Sequence[Path], overwrite: bool) -> None:
-    from tensegrity_codegen.control.planning.record_plan import write_plan
-
-    for file in files:
-        write_plan(found, file, overwrite=overwrite)
-
-
-def _write_page(found: "PlanResult", subject: "Subject", path: Path, overwrite: bool) -> None:
-    """Write the page, whole or not at all."""
-    from tensegrity_codegen.control.pages.plan_page import build_plan_page
-    from tensegrity_codegen.report.pages.render_page import render_page
-    from tensegrity_codegen.structure.outline import outline_bodies
-
-    found = replace(found, message=name_options(found.message))
-    text = render_page(build_plan_page(found, outline_bodies(subject), subject.limits, quote_command()))
-    write_text(text, path, overwrite=overwrite)
 
 
 def _report(output: Output, subject: "Subject", found: "PlanResult", more: dict[str, Any]) -> None:

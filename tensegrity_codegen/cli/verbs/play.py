@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.cli.live_page import ThreeOption, play_live
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.picture import ThreeOption, play_live
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.files import check_ending, check_output
 

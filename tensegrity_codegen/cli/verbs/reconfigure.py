@@ -8,9 +8,9 @@ import typer
 
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.scene_files import check_result
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.errors import InvalidValueError
-from tensegrity_codegen.system.files import check_ending, check_output
 
 MOST_SAMPLES = 100_000
 
@@ -62,9 +62,9 @@ def reconfigure(
     """
     output = Output(json)
     with output.guard(scene):
+        from tensegrity_codegen.studies.papers.scs.printed import track as follow
         from tensegrity_codegen.studies.papers.scs.reconfiguration import plan_reconfiguration
         from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, SymmetricTower
-        from tensegrity_codegen.studies.papers.scs.tracking import track as follow
 
         first = read_numbers(start, "--from", "al,de,Z")
         last = read_numbers(end, "--to", "al" if zero_torque else "al,de")
@@ -72,9 +72,7 @@ def reconfigure(
             raise InvalidValueError(
                 "out of range", where="--samples", given=samples, allowed=f"2 to {MOST_SAMPLES}"
             )
-        if out is not None:
-            check_ending(out, ".npz")
-            check_output(out, inputs=[scene], overwrite=overwrite)
+        check_result(out, ".npz", inputs=[scene], overwrite=overwrite)
         tower = SymmetricTower(output.load(scene)[0])
         target = (
             math.radians(last[0]) if zero_torque else SymmetricPose.from_degrees(last[0], last[1], first[2])

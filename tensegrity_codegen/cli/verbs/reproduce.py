@@ -33,7 +33,7 @@ def reproduce(
     """
     output = Output(json)
     with output.guard():
-        from tensegrity_codegen.report.pages.page_outcome import outcome_table
+        from tensegrity_codegen.report.result_tables import outcome_table
         from tensegrity_codegen.studies.papers.reproduce import reproduce as run
 
         check_folder(out, ["reproduce.html", "reproduce.json"], inputs=(), overwrite=overwrite)

@@ -15,9 +15,9 @@ from tensegrity_codegen.cli.options import (
     parse_loads,
 )
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.scene_files import check_result
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.errors import check_choice
-from tensegrity_codegen.system.files import check_ending, check_output
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
@@ -77,11 +77,12 @@ def sensitivity(
     """
     output = Output(json)
     with output.guard(scene):
-        if out is not None:
-            check_ending(out, ".npz")
-            check_output(out, inputs=[scene], overwrite=overwrite)
+        check_result(out, ".npz", inputs=[scene], overwrite=overwrite)
         subject, request = output.load(scene, settles=True)
-        _check_names(subject, node or [], member or [])
+        for name in node or []:  # before the work begins
+            check_choice(name, subject.node_name, "node", "--node")
+        for name in member or []:
+            check_choice(name, subject.member_name, "member", "--member")
         arguments: dict[str, Any] = {**read_inputs(input, subject, output)}
         added = parse_loads(load or [], subject)
         if added.any():
@@ -91,14 +92,6 @@ def sensitivity(
         if out is not None:
             write_sensitivity(found, out, overwrite)
         _report(output, found, node or [], member or [], most, out)
-
-
-def _check_names(subject: "Subject", nodes: list[str], members: list[str]) -> None:
-    """Raise UnknownNameError before the work begins."""
-    for name in nodes:
-        check_choice(name, subject.node_name, "node", "--node")
-    for name in members:
-        check_choice(name, subject.member_name, "member", "--member")
 
 
 def _find(
@@ -123,8 +116,7 @@ def _find(
     near, _ = move_near_origin(subject, request)
     model = build_library(near, wanted, compiler=compiler).load()
     start = find_equilibrium(model, arguments=arguments, tolerance=SETTLED)
-    for text in start.warnings:
-        output.warn(text)
+    output.warn(*start.warnings)
     with output.progress("differentiating"):
         found = equilibrium_sensitivity(model, start, arguments, columns=columns)
     if found.one_sided:
@@ -139,7 +131,7 @@ def _report(
     output: Output, found: "Sensitivity", nodes: list[str], members: list[str], most: int, out: Path | None
 ) -> None:
     """Print what each column does most, and the lists that were asked for."""
-    from tensegrity_codegen.report.sensitivities import columns_table, list_columns, ranks_table
+    from tensegrity_codegen.report.result_tables import columns_table, list_columns, ranks_table
 
     by_node = {name: {axis: found.rank_for_node(name, axis, most) for axis in "xyz"} for name in nodes}
     by_member = {name: found.rank_for_tension(name, most) for name in members}
@@ -155,7 +147,14 @@ def _report(
     for name, rows in by_node.items():
         tables += [ranks_table(f"{name} along {axis}", "m/m", row) for axis, row in rows.items() if row]
     tables += [ranks_table(f"tension of {name}", "N/m", row) for name, row in by_member.items()]
-    output.result(data, _find_largest(data["columns"]), *tables, *_describe(found))
+    lines = ["rigid bars alone hold every node"]
+    if math.isfinite(found.smallest_eigenvalue):
+        lines = [f"smallest eigenvalue of the stiffness {found.smallest_eigenvalue:.6g} N/m"]
+    if found.gauge:
+        lines.append(f"free to {', '.join(found.gauge)}: motions are relative to the mean of the nodes")
+    if found.slack:
+        lines.append(f"slack, and without effect: {', '.join(found.slack)}")
+    output.result(data, _find_largest(data["columns"]), *tables, *lines)
 
 
 def _find_largest(columns: dict[str, dict[str, Any]]) -> str:
@@ -175,17 +174,6 @@ def _find_largest(columns: dict[str, dict[str, Any]]) -> str:
         return text
     most, name, member = max(changes)
     return f"{text}; {name} changes the tension of {member} most, by {most / 1e3:.3g} N for each mm"
-
-
-def _describe(found: "Sensitivity") -> list[str]:
-    lines = ["rigid bars alone hold every node"]
-    if math.isfinite(found.smallest_eigenvalue):
-        lines = [f"smallest eigenvalue of the stiffness {found.smallest_eigenvalue:.6g} N/m"]
-    if found.gauge:
-        lines.append(f"free to {', '.join(found.gauge)}: motions are relative to the mean of the nodes")
-    if found.slack:
-        lines.append(f"slack, and without effect: {', '.join(found.slack)}")
-    return lines
 
 
 def write_sensitivity(found: "Sensitivity", path: Path, overwrite: bool) -> None:

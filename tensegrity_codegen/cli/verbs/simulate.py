@@ -15,23 +15,6 @@ from tensegrity_codegen.cli.options import (
     SceneArgument,
 )
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.run_options import (
-    AtolOption,
-    BatchOption,
-    ControlOption,
-    KeepOption,
-    MaxStepsOption,
-    MethodOption,
-    ProfileKindOption,
-    ProfileOption,
-    RtolOption,
-    SamplesOption,
-    SettleOption,
-    StepOption,
-    TEndOption,
-    ThreadsOption,
-    UntilOption,
-)
 from tensegrity_codegen.cli.simulate_batch import (
     build_for_batch,
     build_run_table,
@@ -40,16 +23,109 @@ from tensegrity_codegen.cli.simulate_batch import (
     read_schedule,
     simulate_starts,
 )
-from tensegrity_codegen.cli.until import read_until, watching
 from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.runtime.integrate.methods import METHODS
+from tensegrity_codegen.system.errors import UnknownNameError, suggest
 from tensegrity_codegen.system.files import check_output
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+    from tensegrity_codegen.pipeline.build_library import BuiltLibrary
     from tensegrity_codegen.runtime.integrate.event_log import EventLog
     from tensegrity_codegen.runtime.integrate.options import RunOptions
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
+
+TEndOption = Annotated[float, typer.Option("--t-end", help="Simulated time [s].", show_default=False)]
+SamplesOption = Annotated[int, typer.Option("--samples", help="Number of equally spaced samples.")]
+RtolOption = Annotated[
+    float, typer.Option("--rtol", help="Relative tolerance of methods with error control.")
+]
+AtolOption = Annotated[
+    float | None,
+    typer.Option(
+        "--atol",
+        help="Absolute tolerance, m and m/s; if not given 1e-9 of the structure's length and speed.",
+        show_default=False,
+    ),
+]
+MethodOption = Annotated[
+    str,
+    typer.Option(
+        "--method",
+        help=f"One of {', '.join(METHODS)}; auto says what it chooses, radau is for stiff bars.",
+    ),
+]
+StepOption = Annotated[float | None, typer.Option("--step", help="Step of fixed-step methods [s].")]
+MaxStepsOption = Annotated[
+    int | None,
+    typer.Option(
+        "--max-steps", help="Most steps of one run of a method in C; default a million, more with --keep."
+    ),
+]
+KeepOption = Annotated[
+    str, typer.Option("--keep", help="energy: keep it constant, for long undamped motions.")
+]
+ControlOption = Annotated[
+    str | None,
+    typer.Option(
+        "--control",
+        help="What the tolerance limits: samples (total error; default) or steps (default with --keep).",
+    ),
+]
+ProfileOption = Annotated[
+    Path | None,
+    typer.Option("--profile", help="Inputs over time (.csv): the column time, and one for each input."),
+]
+ProfileKindOption = Annotated[
+    str, typer.Option("--profile-kind", help="Between the rows of --profile: linear or cubic.")
+]
+SettleOption = Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")]
+UntilOption = Annotated[
+    str | None,
+    typer.Option("--until", help="End early: contact of two bars, or a condition: 'top.z < 0.1'."),
+]
+BatchOption = Annotated[
+    Path | None, typer.Option("--batch", help="File of many starts (.npz), simulated side by side.")
+]
+ThreadsOption = Annotated[int, typer.Option("--threads", help="Number of threads for a batch.")]
+
+
+UNTIL = ("contact",)
+
+
+def read_until(text: str | None) -> tuple[bool, str | None]:
+    """Return whether a contact is meant, and the condition if one is.
+
+    Raises UnknownNameError for a word that is neither, InvalidValueError for what is no expression.
+    """
+    from tensegrity_codegen.runtime.simulate.condition import find_quantities
+    from tensegrity_codegen.tables.quantities import QUANTITIES
+
+    if text is None or text in UNTIL:
+        return text is not None, None
+    if text.isidentifier() and text not in QUANTITIES and text != "time":
+        raise UnknownNameError(
+            "unknown event",
+            where="--until",
+            given=text,
+            allowed=f"{', '.join(UNTIL)}, or a condition such as 'top.z < 0.1'",
+            hint=suggest(text, UNTIL),
+        )
+    find_quantities(text)
+    return False, text
+
+
+def watching(structure: "Subject", request: "ModelRequest", kind: str, condition: str = "") -> "ModelRequest":
+    """Return the request with integrators that watch a kind of event, and the quantities of a condition."""
+    from tensegrity_codegen.codegen.integrators.events import choose_events
+    from tensegrity_codegen.runtime.simulate.condition import find_quantities
+
+    events = request.events
+    if events is None:
+        events = choose_events(request, structure)
+    quantities = find_quantities(condition) if condition else ()
+    kinds = tuple(dict.fromkeys((*events, kind)))
+    return replace(request, quantities=(*request.quantities, *quantities), events=kinds)
 
 
 OutOption = Annotated[
@@ -228,8 +304,7 @@ def _build(
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
     found = find_equilibrium(built.load(), arguments=settled_with)
-    for text in found.warnings:
-        output.warn(text)
+    output.warn(*found.warnings)
     return built, {"coordinate": found.coordinate, **given}
 
 

@@ -8,7 +8,7 @@
 
 <root> is the folder named by the environment variable TENSEGRITY_CODEGEN_CACHE, else the user's cache folder.
 All of it belongs to this user, may be written by nobody else and holds no links: otherwise it is refused
-(private_files.py), since a library that is loaded runs with all rights of this user.
+(system/cache_root.py), since a library that is loaded runs with all rights of this user.
 An entry is written beside its place and renamed into it, never changed afterwards, so that a library which
 another process has loaded stays as it is. A damaged entry counts as absent and is removed. Above the limit
 (2 GiB by default) the least recently used entries go.
@@ -31,17 +31,15 @@ from tensegrity_codegen.codegen.compilation.cache_entry import (
 )
 from tensegrity_codegen.system.cache_root import (
     CACHE_VARIABLE,
-    find_cache_root,
-    warn_of_fallback,
-)
-from tensegrity_codegen.system.errors import OutputError
-from tensegrity_codegen.system.private_files import (
     check_entry,
     check_parents,
     check_private,
+    find_cache_root,
     make_private,
+    warn_of_fallback,
 )
-from tensegrity_codegen.system.work_folder import sweep_folders, work_folder
+from tensegrity_codegen.system.errors import OutputError
+from tensegrity_codegen.system.temporary_files import sweep_folders, work_folder
 
 SIZE_LIMIT = 2 * 2**30  # byte
 COUNT_AFTER = 0.01  # of the limit: bytes that one process adds before it counts all entries again

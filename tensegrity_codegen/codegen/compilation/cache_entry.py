@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tensegrity_codegen.system.cache_root import write_private
 from tensegrity_codegen.system.errors import LibraryError
-from tensegrity_codegen.system.private_files import write_private
 from tensegrity_codegen.tables.targets import library_suffixes
 
 ENTRY_FILE = "entry.json"

@@ -16,15 +16,14 @@ from pathlib import Path
 from tensegrity_codegen.codegen.compilation.child import ChildOutcome, run_several
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_command
 from tensegrity_codegen.codegen.compilation.object_file import read_code_size, read_stack_use
-from tensegrity_codegen.system.cache_root import find_cache_root
+from tensegrity_codegen.system.cache_root import check_parents, find_cache_root, make_private
 from tensegrity_codegen.system.errors import (
     CompileError,
     InvalidNameError,
     InvalidValueError,
     UnsafeCacheError,
 )
-from tensegrity_codegen.system.private_files import check_parents, make_private
-from tensegrity_codegen.system.work_folder import work_folder
+from tensegrity_codegen.system.temporary_files import work_folder
 from tensegrity_codegen.tables.targets import Target, find_system, library_file_name
 
 COMPILE_TIMEOUT = 300.0  # s

@@ -15,7 +15,7 @@ from tensegrity_codegen.codegen.compilation.compile import compile_library, comp
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler
 from tensegrity_codegen.system.errors import CompileError, CompilerMissingError
 from tensegrity_codegen.system.extras import name_install
-from tensegrity_codegen.system.work_folder import work_folder
+from tensegrity_codegen.system.temporary_files import work_folder
 from tensegrity_codegen.tables.targets import Target
 
 PROGRAMS = ("cc", "gcc", "clang")

@@ -1,12 +1,23 @@
 """What stands on a page of results: chapters of sections, each with text, remarks, tables and figures."""
 
-from collections.abc import Iterator, Mapping
+import dataclasses
+import functools
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import jinja2
+import numpy as np
+from markupsafe import Markup, escape
+from pydantic import TypeAdapter, ValidationError
+
+from tensegrity_codegen.codegen.print.render import template_folder
+from tensegrity_codegen.report.number_text import lower_indices
 from tensegrity_codegen.report.pages.diagram import Diagram, draw_diagram
-from tensegrity_codegen.report.pages.page_table import Table
-from tensegrity_codegen.report.pages.picture import Picture, draw_picture
+from tensegrity_codegen.report.pages.page_table import HINT_WIDTHS, Table
+from tensegrity_codegen.report.pages.picture import THEME, Picture, draw_picture
 
 Verdict = Literal["agrees", "differs", "wrong", "unstated", "new", "plain"]
 VERDICTS: Mapping[str, str] = {
@@ -218,3 +229,79 @@ def _block_dict(block: Block) -> dict[str, Any]:
             return {"kind": block.kind, "verdict": block.verdict, "text": block.text, **entries}
         case Paragraph() | Command():
             return {"kind": block.kind, "text": block.text}
+
+
+KINDS: dict[str, type[Any]] = {
+    "section": Section,
+    "paragraph": Paragraph,
+    "command": Command,
+    "remark": Remark,
+    "table": Table,
+    "figure": Figure,
+}
+
+
+def section_as_json(section: Section) -> dict[str, Any]:
+    """Return all of a section in JSON's types, pictures included."""
+    text = json.dumps(dataclasses.asdict(section), allow_nan=False, default=_plain)
+    result: dict[str, Any] = json.loads(text)
+    return result
+
+
+def read_section(data: Any) -> Section | None:
+    """Return the section that section_as_json wrote, None if `data` is no such thing."""
+    try:
+        blocks = tuple(_adapter(item["kind"]).validate_python(item) for item in data["blocks"])
+        section: Section = _adapter("section").validate_python({**data, "blocks": ()})
+    except (ValidationError, ValueError, KeyError, TypeError):
+        return None
+    return dataclasses.replace(section, blocks=blocks)
+
+
+@functools.cache
+def _adapter(kind: str) -> TypeAdapter[Any]:
+    return TypeAdapter(KINDS[kind])
+
+
+def _plain(value: Any) -> Any:
+    """Return NumPy's numbers and arrays in JSON's types."""
+    return np.asarray(value).tolist()
+
+
+@functools.cache
+def html_template(folder: str, name: str, **filters: Callable[[str], object]) -> jinja2.Template:
+    """Return the template `name` in `folder`, a folder of templates/, which may use the given filters.
+
+    A name that it uses and nobody gave is an error; values are escaped unless they are Markup.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(template_folder() / folder),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters.update(filters)
+    return environment.get_template(name)
+
+
+# A digit and a space that stand before a unit.
+UNIT = re.compile(r"([\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|N|mm|m|s|kg|deg|µs|ms|Hz|J|MPa)(?:\W|$))")
+
+# A power of ten as in 1e-6 m, which a browser would break at its sign.
+SHORT = re.compile("[\\d.]+e[-+]\\d+(?:\N{NO-BREAK SPACE}\\w+)?")
+
+
+def render_page(page: Page) -> str:
+    """Return the page as HTML; all its words are escaped, only SVG pictures are taken as they are."""
+    words = {"theme": THEME, "hint_widths": HINT_WIDTHS}
+    return html_template("pages", "page.html.j2", rich=_enrich).render(page=page, **words)
+
+
+def _enrich(text: str) -> Markup:
+    """Return escaped text with lowered indices, and with numbers and units on one line."""
+    tied = UNIT.sub("\\1\N{NO-BREAK SPACE}", str(escape(text)))
+    tied = SHORT.sub('<span class="whole">\\g<0></span>', tied)
+    tied = tied.replace(" × 10", "\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10")
+    return Markup(lower_indices(tied, "<sub>", "</sub>"))

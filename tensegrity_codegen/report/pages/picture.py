@@ -7,12 +7,77 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tensegrity_codegen.report.number_text import lower_indices
-from tensegrity_codegen.report.pages.theme import use_variables
-from tensegrity_codegen.report.pictures.palette import PAPER
+from tensegrity_codegen.report.pictures.palette import BAR, GRID, INK, MUTED, PAPER, SEQUENCE
 from tensegrity_codegen.system.extras import import_extra
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+# The colours of a page in light and in dark: each colour of the palette under a name of its own.
+#
+# Pictures are drawn in the light colours; in a page these become CSS variables, so that a picture follows
+# the reader's choice of light or dark with everything else.
+
+
+@dataclass(frozen=True)
+class ThemeColor:
+    """A colour: its CSS name, and its value on a light and on a dark page."""
+
+    name: str
+    light: str
+    dark: str
+
+
+# The lines of diagrams on dark, in the hues of SEQUENCE.
+_SEQUENCE_DARK = ("#56b0ea", "#f28e45", "#34c99c", "#9560ff", "#b0603a", "#dfe5ea")
+
+THEME = (
+    ThemeColor("ink", INK, "#e6eaee"),
+    ThemeColor("muted", MUTED, "#a3adb8"),
+    ThemeColor("grid", GRID, "#38424d"),
+    ThemeColor("paper", PAPER, "#14181d"),
+    ThemeColor("bar", BAR, "#a9bfd6"),
+    *(
+        ThemeColor(f"line-{index}", light, dark)
+        for index, (light, dark) in enumerate(zip(SEQUENCE, _SEQUENCE_DARK, strict=True))
+    ),
+    # Of words and boxes.
+    ThemeColor("card", "#f5f7f9", "#1c2228"),
+    ThemeColor("good", "#00694c", "#4fd3aa"),
+    ThemeColor("bad", "#a84300", "#ff9d5c"),
+    ThemeColor("new", "#00578a", "#7cc4f5"),
+)
+
+_STYLE = re.compile(r'style="[^"]*"')
+_HEX = re.compile(r"#[0-9a-f]{6}\b")
+# Of colours turned to their opposite: white becomes almost the paper of a dark page.
+_INVERTED = 0.92
+
+
+def use_variables(svg: str) -> str:
+    """Return SVG text whose colours follow the page: variables of the theme, or a pair for light and dark."""
+    for color in THEME:
+        svg = svg.replace(color.light, f"var(--{color.name})")
+    return _STYLE.sub(lambda style: _HEX.sub(_pair, style[0]), svg)
+
+
+def find_dark_color(color: str) -> str:
+    """Return a colour #rrggbb of a scale as it is shown on dark: of the same hue, dark made light.
+
+    Notes
+    -----
+    The same as `filter: invert(0.92) hue-rotate(180deg)` of CSS, by which the page shows rasters on dark.
+    """
+    channels = [int(color[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    turned = [_INVERTED + (1.0 - 2.0 * _INVERTED) * value for value in channels]
+    grey = 0.213 * turned[0] + 0.715 * turned[1] + 0.072 * turned[2]
+    # Half a turn of the hue at the same grey: the matrix of hue-rotate for 180 degrees.
+    rotated = [2.0 * grey - value for value in turned]
+    return "#" + "".join(f"{round(255 * min(max(value, 0.0), 1.0)):02x}" for value in rotated)
+
+
+def _pair(found: re.Match[str]) -> str:
+    return f"light-dark({found[0]}, {find_dark_color(found[0])})"
 
 
 # Bytes of SVG above which a picture becomes a PNG.

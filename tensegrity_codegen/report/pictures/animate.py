@@ -1,29 +1,124 @@
 """Films of a simulated motion: GIF through Pillow, MP4 through the program ffmpeg."""
 
-from collections.abc import Callable, Iterator
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.report.pictures.canvas import check_suffix, new_figure
-from tensegrity_codegen.report.pictures.checks import check_trajectory
-from tensegrity_codegen.report.pictures.choices import PictureChoices
-from tensegrity_codegen.report.pictures.film import GIF_FASTEST, find_ffmpeg, write_gif, write_mp4
-from tensegrity_codegen.report.pictures.heading import add_clock, add_heading
-from tensegrity_codegen.report.pictures.legend import add_color_bar, add_key, describe_size
-from tensegrity_codegen.report.pictures.panel import Panel, Setting, fit_size, set_up
+from tensegrity_codegen.report.pictures.canvas import add_clock, add_heading, check_suffix, new_figure
+from tensegrity_codegen.report.pictures.choices import PictureChoices, check_trajectory
+from tensegrity_codegen.report.pictures.panel import (
+    Panel,
+    Setting,
+    add_color_bar,
+    add_key,
+    describe_size,
+    fit_size,
+    set_up,
+)
 from tensegrity_codegen.report.pictures.shown import show_motion
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError, MissingExtraError, OutputError
 from tensegrity_codegen.system.extras import import_extra
 from tensegrity_codegen.system.files import replaced
 
 Image = NDArray[np.uint8]
+
+# A GIF counts in hundredths of a second, and players slow down what is held for less than two.
+GIF_FASTEST = 50.0
+# Palette entries from here on are paper.
+NEARLY_WHITE = 246
+
+
+def find_ffmpeg(target: Path) -> str:
+    """Return the path of the program ffmpeg; MissingExtraError, which proposes a GIF, if there is none."""
+    program = shutil.which("ffmpeg")
+    if program is None:
+        raise MissingExtraError(
+            "films of kind '.mp4' need the program 'ffmpeg', which is not on PATH",
+            where=str(target),
+            hint=f"write {target.with_suffix('.gif').name!r} instead, or install ffmpeg",
+        )
+    return program
+
+
+def write_gif(path: Path, images: Iterator[Image], counts: Sequence[int], fps: float) -> None:
+    """Write pictures (height, width, 3), held for `counts` frames of 1/fps s each, as an endless GIF.
+
+    All share the palette of the first picture, which holds the whole scale of tensions, so nothing flickers.
+    """
+    from PIL import Image as Pillow
+
+    first = Pillow.fromarray(next(images))
+    palette = first.quantize(colors=256, method=Pillow.Quantize.MEDIANCUT, dither=Pillow.Dither.NONE)
+
+    # Averaging must not tint the paper.
+    colors = np.array(palette.getpalette()).reshape(-1, 3)
+    colors[colors.min(axis=1) >= NEARLY_WHITE] = 255
+    palette.putpalette(colors.ravel().tolist())
+
+    def reduce(image: Any) -> Any:
+        return image.quantize(palette=palette, dither=Pillow.Dither.NONE)
+
+    # Rounding the ends, not the lengths, keeps the film in time.
+    ends = np.rint(np.concatenate([[0], np.cumsum(counts)]) * 100.0 / fps).astype(int)
+    with path.open("wb") as file:
+        reduce(first).save(
+            file,
+            format="GIF",
+            save_all=True,
+            append_images=(reduce(Pillow.fromarray(image)) for image in images),
+            duration=(10 * np.diff(ends)).tolist(),
+            loop=0,
+            optimize=False,
+        )
+
+
+def write_mp4(ffmpeg: str, path: Path, images: Iterator[Image], counts: Sequence[int], fps: float) -> None:
+    """Write pictures (height, width, 3) of even size, held for `counts` frames each, as H.264 in MP4.
+
+    Raises OutputError with what ffmpeg wrote if it fails.
+    """
+    first = next(images)
+    height, width = first.shape[:2]
+    command = [
+        ffmpeg, "-hide_banner", "-loglevel", "error", "-y",
+        "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:.6f}", "-i", "-",
+        "-an", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18", "-movflags", "+faststart",
+        "-f", "mp4", str(path.absolute()),
+    ]  # fmt: skip
+    with tempfile.TemporaryFile() as log:
+        code = _feed(command, chain([first], images), counts, log)
+        if code != 0:
+            log.seek(0)
+            said = log.read().decode(errors="replace").strip()[-1000:]
+            raise OutputError(
+                f"ffmpeg failed with code {code}: {said}", where=path.suffix, hint="write a .gif instead"
+            )
+
+
+def _feed(command: Sequence[str], images: Iterable[Image], counts: Sequence[int], log: IO[bytes]) -> int:
+    """Run `command` on the frames, its messages into `log`, and return its exit code."""
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log)
+    # A program that fails closes its end of the pipe; its exit code says so.
+    with suppress(BrokenPipeError), process:
+        for image, count in zip(images, counts, strict=True):
+            frame = image.tobytes()
+            for _ in range(count):
+                process.stdin.write(frame)  # type: ignore[union-attr]
+    return process.wait()
+
+
 Progress = Callable[[float], None]
 
 FILM_SUFFIXES = (".gif", ".mp4")
@@ -60,7 +155,13 @@ def write_animation(
     target = Path(path)
     suffix = check_suffix(target, FILM_SUFFIXES)
     _check_speed(fps, slow_down, FASTEST[suffix])
-    _check_size(choices, suffix)
+    # The coder of this kind of film wants even numbers
+    if suffix == ".mp4" and choices.size is not None and any(side % 2 for side in choices.size):
+        raise InvalidValueError(
+            "films of kind '.mp4' have an even width and height", where="size",
+            given="x".join(map(str, choices.size)), allowed="even numbers of pixels",
+            hint="x".join(str(side + side % 2) for side in choices.size) + ", or a .gif",
+        )  # fmt: skip
     check_trajectory(structure, trajectory)
     frames = find_frames(trajectory.time, fps, slow_down)
     ffmpeg = find_ffmpeg(target) if suffix == ".mp4" else None
@@ -71,7 +172,9 @@ def write_animation(
     with replaced(target, overwrite=overwrite) as temporary:
         # An unwritable folder shows now, not after the drawing.
         temporary.touch(exist_ok=False)
-        shots, counts = _hold(frames)
+        # The samples to draw, and for how many frames each is held
+        starts = np.flatnonzero(np.diff(frames, prepend=-1))
+        shots, counts = frames[starts], np.diff(starts, append=len(frames)).tolist()
         images = _paint_samples(_Stage(setting, trajectory), shots, progress)
         if ffmpeg is None:
             write_gif(temporary, images, counts, fps)
@@ -109,12 +212,6 @@ def find_frames(time: FloatArray, fps: float, slow_down: float) -> IntArray:
     return chosen
 
 
-def _hold(frames: IntArray) -> tuple[IntArray, list[int]]:
-    """Return the samples to draw, and for how many frames each is held."""
-    starts = np.flatnonzero(np.diff(frames, prepend=-1))
-    return frames[starts], np.diff(starts, append=len(frames)).tolist()
-
-
 def _check_speed(fps: float, slow_down: float, fastest: float) -> None:
     if not 0 < fps <= fastest:
         raise InvalidValueError(
@@ -124,16 +221,6 @@ def _check_speed(fps: float, slow_down: float, fastest: float) -> None:
         raise InvalidValueError(
             "slow_down is out of range", where="slow_down", given=slow_down, allowed="a finite number > 0",
             hint="10 shows a simulated second in ten",
-        )  # fmt: skip
-
-
-def _check_size(choices: PictureChoices, suffix: str) -> None:
-    """Raise InvalidValueError for an odd size of a kind of film whose coder wants even numbers."""
-    if suffix == ".mp4" and choices.size is not None and any(side % 2 for side in choices.size):
-        raise InvalidValueError(
-            "films of kind '.mp4' have an even width and height", where="size",
-            given="x".join(map(str, choices.size)), allowed="even numbers of pixels",
-            hint="x".join(str(side + side % 2) for side in choices.size) + ", or a .gif",
         )  # fmt: skip
 
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.report.loads import compute_reactions
 from tensegrity_codegen.report.pictures.palette import LOAD, REACTION
 from tensegrity_codegen.report.pictures.view import View
-from tensegrity_codegen.report.reactions import compute_reactions
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 

@@ -152,9 +152,15 @@ class StructureDrawing:
         nearness = self.view.magnification(depth) ** WIDTH_DEPTH
         segments, widths, colors = self._strokes(place[pair], nearness[pair].mean(axis=1), color)
         self._lines.set_segments(list(segments[order].reshape(-1, 2, 2)))
+        # The styles of rim, outline and fill in turn; a slack cable has a dashed fill only
+        dashed = self.slack[order]
+        solid: Any = "solid"
+        styles: list[Any] = []
+        for is_dashed in dashed:
+            styles += [solid, DASHES, DASHES] if is_dashed else [solid, solid, solid]
         self._lines.set(
             linewidths=widths[order].ravel(),
-            linestyles=_line_styles(self.slack[order]),
+            linestyles=styles,
             colors=colors[order].reshape(-1, 4),
         )
         self._faces.set_verts(list(place[self._parts.faces]))
@@ -196,15 +202,6 @@ class StructureDrawing:
         fill[self._parts.edge] = _rgba(BODY)
         fill[self.slack] = _rgba(SLACK)
         return fill
-
-
-def _line_styles(dashed: BoolArray) -> list[Any]:
-    """Return the styles of rim, outline and fill in turn; a slack cable has a dashed fill only."""
-    solid: Any = "solid"
-    styles: list[Any] = []
-    for is_dashed in dashed:
-        styles += [solid, DASHES, DASHES] if is_dashed else [solid, solid, solid]
-    return styles
 
 
 def _group_anchors(structure: Structure, view: View) -> list[tuple[BoolArray, str, bool]]:

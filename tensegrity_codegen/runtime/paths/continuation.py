@@ -29,7 +29,7 @@ from tensegrity_codegen.system.checks import (
     is_number,
 )
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
-from tensegrity_codegen.system.solver_progress import describe_pass
+from tensegrity_codegen.system.progress import describe_pass
 
 # Newton iterations up to which the next step is longer, above which it is shorter.
 FEW_ITERATIONS, MANY_ITERATIONS = 3, 6

@@ -10,8 +10,8 @@ from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.results_by_name import ByName
 from tensegrity_codegen.system.summaries import (
+    ByName,
     Fact,
     Summarised,
     count_names,

@@ -29,7 +29,7 @@ from tensegrity_codegen.system.errors import (
     UnstableError,
     check_choice,
 )
-from tensegrity_codegen.system.solver_progress import SETTLING, work_pass
+from tensegrity_codegen.system.progress import SETTLING, work_pass
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.precision import PRECISIONS
 

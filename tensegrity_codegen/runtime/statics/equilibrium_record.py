@@ -14,8 +14,8 @@ from tensegrity_codegen.structure.member_limits import MemberChecks, check_membe
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
-from tensegrity_codegen.system.results_by_name import ByName
 from tensegrity_codegen.system.summaries import (
+    ByName,
     Fact,
     Summarised,
     describe_count,

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Literal, get_args
 
-from tensegrity_codegen.system.solver_progress import SETTLING, describe_pass
+from tensegrity_codegen.system.progress import SETTLING, describe_pass
 
 Method = Literal["auto", "newton", "relaxation"]
 METHODS: tuple[str, ...] = get_args(Method)

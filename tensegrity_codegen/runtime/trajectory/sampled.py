@@ -13,8 +13,14 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MemberFlaws, check_motion, summarise_tensions
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.results_by_name import ByName, find_row
-from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
+from tensegrity_codegen.system.summaries import (
+    ByName,
+    Fact,
+    Summarised,
+    count_names,
+    describe_range,
+    find_row,
+)
 
 STATE = ("coordinate", "velocity")
 # What result files hold of every sample, besides its time.

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.report.number_text import format_number
-from tensegrity_codegen.report.pages.page import CAUSES, Chapter, Page, Section
-from tensegrity_codegen.report.pages.render_page import render_page
+from tensegrity_codegen.report.pages.page import CAUSES, Chapter, Page, Section, render_page
 from tensegrity_codegen.studies.papers.errata import ERRATA, ERRATA_TITLE
 from tensegrity_codegen.studies.papers.lin.chapter import build_lin_chapter
 from tensegrity_codegen.studies.papers.scs.chapter import build_scs_chapter
@@ -19,11 +18,10 @@ from tensegrity_codegen.studies.papers.sk.chapter import build_sk_chapter
 from tensegrity_codegen.studies.study import hash_run, make_folder
 from tensegrity_codegen.system.errors import UnknownNameError, suggest
 from tensegrity_codegen.system.extras import require_plot
-from tensegrity_codegen.system.journal import Journal
+from tensegrity_codegen.system.journal import Journal, Resumption
 from tensegrity_codegen.system.output_folder import write_folder
 from tensegrity_codegen.system.progress import ProgressFunction, part_of
 from tensegrity_codegen.system.provenance import describe_provenance
-from tensegrity_codegen.system.resumption import Resumption
 
 PAGE_NAME, DATA_NAME = "reproduce.html", "reproduce.json"
 JOURNAL_NAME = Path("journal", "reproduce.jsonl")

@@ -22,7 +22,7 @@ from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.judge import Truth, is_agreed
-from tensegrity_codegen.studies.stability.own import SAMPLES
+from tensegrity_codegen.studies.stability.methods import SAMPLES
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.laws.law import compute_spring_constant

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
-from tensegrity_codegen.studies.stability.own import Ending, tolerance_of
+from tensegrity_codegen.studies.stability.methods import Ending, tolerance_of
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.journal import read_record
@@ -46,16 +46,14 @@ def tension_tolerance(
     np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
     rigid = (mass[i] + mass[j]) * (2.0 * pace * dv / length + (pace / length) ** 2 * dl)
     rigid += springs[:, ~own].sum(axis=1)[:, None]
-    rigid += np.sqrt(mu * _reduced(structure, mass)) * dv.max(axis=0)
-    found: FloatArray = np.where(own, rigid, springs)
-    return found
-
-
-def _reduced(structure: Structure, mass: FloatArray) -> FloatArray:
-    """Return the masses (n_members,) with which members vibrate, 1 / (1 / m_i + 1 / m_j)."""
+    # The masses (n_members,) with which members vibrate, 1 / (1 / m_i + 1 / m_j)
     held = structure.node_anchored[:, list(structure.axes)].all(axis=1)
     inverse = np.where(held, 0.0, 1.0 / np.maximum(mass, 1e-300))[structure.connectivity].sum(axis=1)
-    return np.asarray(np.where(inverse > 0.0, 1.0 / np.maximum(inverse, 1e-300), 0.0))
+    rigid += np.sqrt(
+        mu * np.asarray(np.where(inverse > 0.0, 1.0 / np.maximum(inverse, 1e-300), 0.0))
+    ) * dv.max(axis=0)
+    found: FloatArray = np.where(own, rigid, springs)
+    return found
 
 
 def _of_nodes(structure: Structure, values: FloatArray, others: FloatArray | float = 0.0) -> FloatArray:

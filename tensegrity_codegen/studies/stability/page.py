@@ -5,8 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from tensegrity_codegen.report.number_text import format_number
-from tensegrity_codegen.report.pages.diagram import Diagram
-from tensegrity_codegen.report.pages.method_style import choose_styles, method_series
+from tensegrity_codegen.report.pages.diagram import Diagram, choose_styles, method_series
 from tensegrity_codegen.report.pages.page import (
     Block,
     Chapter,

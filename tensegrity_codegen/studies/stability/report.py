@@ -1,23 +1,230 @@
-"""The outcomes as one page and one data file."""
+"""All cases of a study: run side by side, resumed from a journal; outcomes as one page and one data file."""
 
 import dataclasses
 import json
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.report.pages.render_page import render_page
+import numpy as np
+
+from tensegrity_codegen.report.pages.page import render_page
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.stability.judge import NOT_RUN, RULES, Limits, Outcome
+from tensegrity_codegen.studies.stability.cases import Case, generate_cases, is_essential
+from tensegrity_codegen.studies.stability.extended import certify_extended
+from tensegrity_codegen.studies.stability.judge import (
+    NOT_RUN,
+    RULES,
+    Judgement,
+    Limits,
+    Outcome,
+    Truth,
+    certify_case,
+    judge,
+    judge_peer,
+    read_outcomes,
+)
+from tensegrity_codegen.studies.stability.methods import (
+    EXPLICIT,
+    FIXED,
+    FOR_STIFF_BARS,
+    CaseModels,
+    Ending,
+    import_peers,
+    list_methods,
+    list_peers,
+    run_own,
+    run_peer,
+)
 from tensegrity_codegen.studies.stability.page import build_page
-from tensegrity_codegen.studies.stability.run_cases import run_cases
 from tensegrity_codegen.studies.study import hash_study, prepare_study
-from tensegrity_codegen.system.journal import Journal
+from tensegrity_codegen.studies.work_precision.measure import set_problem
+from tensegrity_codegen.system.errors import TensegrityError
+from tensegrity_codegen.system.forked import count_workers, run_pieces
+from tensegrity_codegen.system.journal import Journal, Resumption
 from tensegrity_codegen.system.output_folder import write_folder
 from tensegrity_codegen.system.progress import part_of
-from tensegrity_codegen.system.resumption import Resumption
+
+REFERENCES = (*EXPLICIT, FOR_STIFF_BARS)  # the quickest first; auto is one of them
+
+
+def list_contenders(case: Case, limits: Limits) -> tuple[tuple[str, bool], ...]:
+    """Return name of every contender of a case, and whether it is one of our methods."""
+    own = list_methods(case.structure) if case.step is None else (FIXED,)
+    peers = list_peers(case) if limits.peers else ()
+    return (*((name, True) for name in own), *((name, False) for name in peers))
+
+
+def run_case(
+    models: CaseModels, case: Case, limits: Limits, methods: Sequence[str] | None = None
+) -> list[Outcome]:
+    """Return the outcomes of one case; methods: of ours, all that apply if not given."""
+    everyone = list_contenders(case, limits)
+    methods = methods or [name for name, is_own in everyone if is_own]
+    own = {method: _end(models, case, method, case.rtol, limits.run) for method in methods}
+    peers = [name for name, is_own in everyone if not is_own]
+    others = {name: run_peer(case, name, limits.run, models) for name in peers}
+    truth = None
+    if any(ending.status == "ok" for ending in (*own.values(), *others.values())):
+        truth = _certify(models, case, own, limits)
+    found = [_outcome(case, name, True, ending, judge(case, ending, truth)) for name, ending in own.items()]
+    return found + [
+        _outcome(case, name, False, ending, judge_peer(case, ending, truth))
+        for name, ending in others.items()
+    ]
+
+
+def _certify(models: CaseModels, case: Case, own: dict[str, Ending], limits: Limits) -> Truth | None:
+    """Return the reference of a case: by two methods, in extended precision, or of positions alone."""
+    failed = [name for name, ending in own.items() if ending.status != "ok"]
+    names = [name for name in REFERENCES if name in list_methods(case.structure) and name not in failed]
+    free = dataclasses.replace(case, step=None)
+    runs = [cache(partial(_reference, models, free, name, limits)) for name in names]
+    first = [run for name, run in zip(names, runs, strict=True) if name in EXPLICIT]
+    truth = certify_case(case, first) or certify_extended(case, limits.reference) or certify_case(case, runs)
+    if truth is not None:
+        return truth
+    stiff = case.structure.is_bar.any() and not case.is_rigid and limits.compiles
+    more = [partial(_corrected, models, free, limits)] if stiff and len(names) < 2 else []
+    return certify_case(case, (*runs, *more), positions_only=True)
+
+
+def _reference(models: CaseModels, case: Case, method: str, limits: Limits, rtol: float) -> Ending:
+    return _end(models, case, method, rtol, limits.reference)
+
+
+def _corrected(models: CaseModels, case: Case, limits: Limits, rtol: float) -> Ending:
+    """Return the run with bars that follow their tension to first order: exact in the limit of stiff ones."""
+    try:
+        return run_own(models.corrected(case), case, "rk853", rtol, limits.reference)
+    except TensegrityError as error:
+        return _refusal(error)
+
+
+def _end(models: CaseModels, case: Case, method: str, rtol: float, limit: float) -> Ending:
+    try:
+        return run_own(models.of(case, method), case, method, rtol, limit)
+    except TensegrityError as error:
+        return _refusal(error)
+
+
+def _refusal(error: TensegrityError) -> Ending:
+    return Ending("error", error.problem, np.zeros((0, 0)), 0.0)
+
+
+def _outcome(case: Case, contender: str, is_own: bool, ending: Ending, found: Judgement) -> Outcome:
+    kept = None if found.error is None or not np.isfinite(found.error) else found.error
+    return Outcome(
+        case.group,
+        case.name,
+        contender,
+        is_own,
+        found.verdict,
+        kept,
+        ending.status,
+        ending.message,
+        ending.seconds,
+        found.rule,
+        found.tension_error,
+    )
+
+
+Progress = Callable[[float], None]
+
+
+def run_cases(
+    structure: Structure,
+    t_end: float,
+    limits: Limits,
+    *,
+    compiler: str | None,
+    flags: str,
+    journal: Journal,
+    deadline: float,
+    progress: Progress | None,
+) -> tuple[Outcome, ...]:
+    """Return the outcomes of all cases of a structure, at rest or not, with springs or rigid bars.
+
+    Essential cases are run before all others.
+
+    Parameters
+    ----------
+    structure : Structure
+        What the cases are made from.
+    t_end : float
+        End of each motion [s].
+    limits : Limits
+        Times that runs may take, and whether peers take part.
+    compiler, flags
+        Of the generated C, see build_library.
+    journal : Journal
+        Cases found here are not run again; each case that is done is kept here at once.
+    deadline : float
+        Time of time.monotonic() [s] at which running cases are ended. They and those that were not begun
+        have the verdict "not run", and are not kept.
+    progress : callable or None
+        Called about twice a second with the fraction of cases that are done, or of the time until the
+        deadline that has passed, whichever is larger.
+    """
+    start = set_problem(structure, t_end, 2).structure
+    models = CaseModels(start, compiler=compiler, flags=flags)
+    cases = list(generate_cases(start, t_end))
+    done = {n: kept for n, case in enumerate(cases) if (kept := _find(journal, case, limits)) is not None}
+    journal.announce(structure.name, "cases", len(done), len(cases))
+    if limits.peers:
+        import_peers()
+    why = dict.fromkeys(range(len(cases)), f"the time budget of {limits.total:g} s had passed before")
+    order = sorted(set(why) - set(done), key=lambda n: (not is_essential(cases[n]), n))
+
+    began = time.monotonic()
+
+    def look() -> None:
+        if progress is not None:  # the budget ends the work however many cases are open
+            spent = (time.monotonic() - began) / max(deadline - began, 1e-9)
+            progress(min(max(len(done) / len(cases), spent), 1.0))
+
+    look()
+    work = partial(_run, models, limits)
+    pieces = run_pieces(
+        work, [cases[n] for n in order], deadline=deadline, workers=count_workers(), look=look
+    )
+    with closing(pieces):
+        for piece in pieces:
+            number = order[piece.index]
+            if piece.result is None:
+                why[number] = f"could not be run: {piece.problem}"
+                continue
+            done[number] = piece.result
+            journal.store(_name(cases[number]), [row.as_dict() for row in piece.result])
+    return tuple(
+        row
+        for n, case in enumerate(cases)
+        for row in (done[n] if n in done else _not_run(case, limits, why[n]))
+    )
+
+
+def _run(models: CaseModels, limits: Limits, case: Case) -> list[Outcome]:
+    return run_case(models, case, limits)
+
+
+def _name(case: Case) -> str:
+    return f"{case.group}: {case.name}"
+
+
+def _find(journal: Journal, case: Case, limits: Limits) -> list[Outcome] | None:
+    return read_outcomes(journal.find(_name(case)), dict(list_contenders(case, limits)))
+
+
+def _not_run(case: Case, limits: Limits, why: str) -> Sequence[Outcome]:
+    return [
+        Outcome.not_run(case.group, case.name, name, is_own, why)
+        for name, is_own in list_contenders(case, limits)
+    ]
+
 
 PAGE_NAME, DATA_NAME = "stability.html", "stability.json"
 JOURNAL_NAME = "journal"

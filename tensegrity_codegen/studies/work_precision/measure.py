@@ -42,7 +42,14 @@ def set_problem(structure: Structure, t_end: float, samples: int) -> MotionProbl
     """Return the motion of a structure over t_end [s]; given speeds if it would not move by itself."""
     kicked = bool(_is_at_rest(structure))
     if kicked:
-        structure = structure.with_changes(node_velocity=_kick(structure))
+        # (n_nodes, 3) velocities [m/s], always the same, that stretch no bar at first
+        rng = np.random.default_rng(0)
+        free = ~structure.node_anchored & np.isin(np.arange(3), structure.axes)
+        length = float(structure.member_length().mean())
+        velocity = np.where(free, rng.standard_normal(free.shape), 0.0) * KICK * length
+        structure = structure.with_changes(
+            node_velocity=without_stretch(structure, velocity, np.flatnonzero(structure.is_bar))
+        )
     return MotionProblem(structure, np.linspace(0.0, t_end, samples), kicked)
 
 
@@ -64,15 +71,6 @@ def _is_at_rest(structure: Structure) -> bool:
     free = ~structure.node_anchored & np.isin(np.arange(3), structure.axes)
     scale = max(float(np.abs(tension).max()), 1e-300)
     return bool(np.abs(force[free]).max(initial=0.0) <= STILL * scale)
-
-
-def _kick(structure: Structure) -> FloatArray:
-    """Return (n_nodes, 3) velocities [m/s], always the same, that stretch no bar at first."""
-    rng = np.random.default_rng(0)
-    free = ~structure.node_anchored & np.isin(np.arange(3), structure.axes)
-    length = float(structure.member_length().mean())
-    velocity = np.where(free, rng.standard_normal(free.shape), 0.0) * KICK * length
-    return without_stretch(structure, velocity, np.flatnonzero(structure.is_bar))
 
 
 def without_stretch(structure: Structure, velocity: FloatArray, members: NDArray[np.int64]) -> FloatArray:

@@ -1,18 +1,37 @@
-"""Scenes measured and written down: one page, one table of values, one data file."""
+"""A report: what to use, pictures of error against time, all rows; as a page, a table and a data file."""
 
 import csv
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.report.pages.render_page import render_page
+import numpy as np
+
+from tensegrity_codegen.report.number_text import format_number
+from tensegrity_codegen.report.pages.diagram import Diagram, choose_styles, method_series
+from tensegrity_codegen.report.pages.page import (
+    Block,
+    Chapter,
+    Figure,
+    Page,
+    Paragraph,
+    Section,
+    diagram_figure,
+    render_page,
+)
+from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.study import prepare_study
-from tensegrity_codegen.studies.work_precision.measure import Row, set_problem
-from tensegrity_codegen.studies.work_precision.page import build_page, say_recommendation
+from tensegrity_codegen.studies.work_precision.finding import (
+    compare_scene,
+    describe_finding,
+    describe_rows,
+    find_fastest_peer,
+)
+from tensegrity_codegen.studies.work_precision.measure import Row, find_front, set_problem
 from tensegrity_codegen.studies.work_precision.scene_report import (
     Options,
     SceneReport,
@@ -21,9 +40,230 @@ from tensegrity_codegen.studies.work_precision.scene_report import (
 )
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.extras import require_plot
+from tensegrity_codegen.system.journal import Resumption
 from tensegrity_codegen.system.output_folder import write_folder
 from tensegrity_codegen.system.progress import part_of
-from tensegrity_codegen.system.resumption import Resumption
+from tensegrity_codegen.system.provenance import describe_provenance
+
+MOST_BEST = 8  # runs of a long table that are always visible
+SHOWN = 1e1  # errors above are not drawn [m]
+LEAD = (
+    "Time is CPU time of the whole motion on one core, without building the library; error is the largest "
+    "difference of a node coordinate to a reference that two methods certify."
+)
+PEERS = (
+    "Median of five runs or more a setting. MuJoCo and SUNDIALS step in compiled code, called through their "
+    "Python packages; CVODES and IDAS of SUNDIALS, through CasADi, evaluate our accelerations and their "
+    "Jacobian in C for this machine, above 400 members the Jacobian by CasADi's virtual machine; SciPy calls "
+    "our compiled accelerations from Python. After three tolerances or steps a setting of another program is "
+    "tightened no further where another setting of it takes half the time for no larger error."
+)
+
+
+def build_page(reports: Sequence[SceneReport]) -> Page:
+    """Return the page of some scenes."""
+    names = ", ".join(report.problem.structure.name for report in reports)
+    return Page(
+        title=describe_finding([compare_scene(report) for report in reports]),
+        subject=f"Error against run time of {names}",
+        lead=f"{describe_rows(reports)} {LEAD}",
+        chapters=tuple(_chapter(report, f"scene{number}") for number, report in enumerate(reports)),
+        facts=(*describe_provenance(), PEERS),
+        summary_heads=("part", "what", "result"),
+    )
+
+
+def say_recommendation(wanted: float, row: Row | None, t_end: float) -> str:
+    """Return one plain sentence: what to use for an error of `wanted` [m]."""
+    if row is None:
+        return f"for {wanted:.0e} m: no method reaches it"
+    name = "step" if row.kind == "step" else "rtol"
+    setting = row.setting * t_end if row.kind == "step" else row.setting
+    return (
+        f"for {wanted:.0e} m: {row.formulation}, {row.method}, {name} {setting:.2g}: "
+        f"{1e3 * row.seconds / t_end:.3g} ms a simulated second"
+    )
+
+
+def _chapter(report: SceneReport, anchor: str) -> Chapter:
+    structure = report.problem.structure
+    kicked = (
+        " The scene is at rest: its nodes start with speeds that stretch no bar."
+        if report.problem.is_kicked
+        else ""
+    )
+    return Chapter(
+        anchor=anchor,
+        name=structure.name,
+        title=f"{structure.n_members} members, {report.problem.t_end:g} s",
+        citation=f"{structure.n_nodes} nodes, {structure.n_coordinates} free coordinates.{kicked}",
+        sections=(
+            _advice(report, anchor),
+            _pictures(report, anchor),
+            _all_rows(report, anchor),
+            _who(report, anchor),
+        ),
+    )
+
+
+def _advice(report: SceneReport, anchor: str) -> Section:
+    t_end = report.problem.t_end
+    chosen = [row for row in report.recommendations.values() if row is not None]
+    best = say_recommendation(1e-6, report.recommendations[1e-6], t_end)
+    table = Table(
+        "The fastest of our methods for an error, and the fastest other program",
+        (
+            Column("error wanted", "m"),
+            Column("formulation", numeric=False),
+            Column("method", numeric=False),
+            Column("setting"),
+            Column("error", "m"),
+            Column("CPU time", "ms/s"),
+            Column("fastest other program", numeric=False),
+            Column("its CPU time", "ms/s"),
+            Column("its time over ours"),
+        ),
+        tuple(_advice_row(wanted, row, report) for wanted, row in report.recommendations.items()),
+        note="The setting is the relative tolerance, or the step over the whole time. ms/s: milliseconds a "
+        "simulated second.",
+    )
+    result = best if chosen else "no method reaches any of these errors"
+    runs = dict.fromkeys(report.describe_simulation(row) for row in chosen)
+    same = [Paragraph(f"The verb simulate repeats these runs: {'; '.join(runs)}.")] if chosen else []
+    return Section(f"{anchor}-advice", "advice", "What to use", "plain", result, (table, *same))
+
+
+def _advice_row(wanted: float, row: Row | None, report: SceneReport) -> tuple[Cell, ...]:
+    t_end = report.problem.t_end
+    peer = find_fastest_peer(report.rows, wanted)
+    own_time = None if row is None else 1e3 * row.seconds / t_end
+    peer_time = None if peer is None else 1e3 * peer.seconds / t_end
+    ratio = peer_time / own_time if own_time and peer_time else None
+    return (
+        number_cell(wanted, ".0e"),
+        text_cell(row.formulation if row else "none"),
+        text_cell(row.method if row else ""),
+        number_cell(row.setting if row else None, ".1e"),
+        number_cell(row.error if row else None, ".1e"),
+        number_cell(own_time, ".3g"),
+        text_cell(peer.contender if peer else "none"),
+        number_cell(peer_time, ".3g"),
+        number_cell(ratio, ".3g"),
+    )
+
+
+def _pictures(report: SceneReport, anchor: str) -> Section:
+    own = [row for row in report.rows if row.group == "own"]
+    peers = [row for row in report.rows if row.group == "peer"]
+    formulations = list(dict.fromkeys(row.formulation for row in own if row.is_good))
+    best = {name: find_front([row for row in own if row.formulation == name]) for name in formulations}
+    figures = [_figure(best, report, f"{anchor}-own", "our formulations, each by the best of its methods")]
+    if peers:
+        best_peers = {name: find_front(rows) for name, rows in _by(peers, "program").items()}
+        groups = {"ours, the fastest of all": find_front(own), **best_peers}
+        what = "our fastest runs and other programs, each by the fastest of its methods and settings"
+        figures.append(_figure(groups, report, f"{anchor}-peers", what))
+    for number, name in enumerate(formulations):
+        rows = _by([row for row in own if row.formulation == name], "method")
+        figures.append(_figure(rows, report, f"{anchor}-methods{number}", f"{name} by every method"))
+    return Section(
+        f"{anchor}-pictures", "pictures", "Error against CPU time", "plain",
+        f"{len(report.front)} of {len(report.rows)} runs are beaten by no other in both error and time",
+        tuple(figures),
+    )  # fmt: skip
+
+
+def _by(rows: Sequence[Row], what: str) -> dict[str, list[Row]]:
+    """Return rows by an attribute of theirs."""
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(getattr(row, what), []).append(row)
+    return groups
+
+
+def _figure(groups: Mapping[str, Sequence[Row]], report: SceneReport, name: str, what: str) -> Figure:
+    """Return errors over times of groups of rows that came to their end, the titles being the groups'."""
+    floor = max(report.reference.uncertainty, 1e-17)
+    shown = {
+        title: [row for row in rows if row.is_good and row.error < SHOWN] for title, rows in groups.items()
+    }
+    styles = choose_styles(shown)
+    series = [
+        method_series(
+            title, [row.seconds for row in rows], [max(row.error, floor) for row in rows], styles[title]
+        )
+        for title, rows in shown.items()
+        if rows
+    ]
+    diagram = Diagram(
+        "CPU time [s]", "largest error of a coordinate [m]", series, log_x=True, log_y=True,
+        horizontal=((floor, ""),), legend_columns=2,
+    )  # fmt: skip
+    caption = f"{report.problem.structure.name}: {what}; down and left is better"
+    dotted = f"Dotted: to what the reference is certified, {format_number(floor, '.1e')} m."
+    return diagram_figure(
+        name, diagram, f"{caption}. {dotted}", f"Error against CPU time, logarithmic: {what}."
+    )
+
+
+def _all_rows(report: SceneReport, anchor: str) -> Section:
+    columns = (
+        Column("method or program", numeric=False),
+        Column("setting"),
+        Column("error", "m"),
+        Column("CPU time", "ms"),
+        Column("steps"),
+        Column("evaluations"),
+        Column("energy drift", "J"),
+        Column("length error", "m"),
+        Column("status", numeric=False),
+    )
+    rows = tuple(
+        (
+            text_cell(row.contender),
+            number_cell(row.setting, ".1e"),
+            number_cell(row.error if np.isfinite(row.error) else None, ".1e"),
+            number_cell(1e3 * row.seconds, ".3g"),
+            number_cell(row.n_steps, "d") if row.n_steps else text_cell("–"),
+            number_cell(row.n_evaluations, "d") if row.n_evaluations else text_cell("–"),
+            number_cell(row.energy_drift, ".1e"),
+            number_cell(row.length_error, ".1e"),
+            text_cell(row.status.replace("_", " ")),
+        )
+        for row in report.rows
+    )
+    best = sorted(report.front, key=lambda row: row.error)
+    table = Table(
+        "Every run", columns, rows, note="A dash: not known, or this motion does not keep it.",
+        head=tuple(report.rows.index(row) for row in best[:MOST_BEST]),
+        head_note=f"{min(len(best), MOST_BEST)} of the {len(best)} that no other beats in error and time",
+    )  # fmt: skip
+    bad = sum(not row.is_good for row in report.rows)
+    return Section(
+        f"{anchor}-rows", "rows", "Everything measured", "plain",
+        f"{len(rows)} runs, {bad} of which did not reach the end", (table,),
+    )  # fmt: skip
+
+
+def _who(report: SceneReport, anchor: str) -> Section:
+    reference = report.reference
+    text = (
+        f"The reference is {reference.first}; {reference.second} agrees with it to "
+        f"{format_number(reference.uncertainty, '.1e')} m at all samples."
+    )
+    blocks: list[Block] = [Paragraph(text)]
+    if report.absent:
+        rows = tuple((text_cell(name), text_cell(why)) for name, why in report.absent.items())
+        columns = (
+            Column("method or program", numeric=False),
+            Column("why it is not measured", numeric=False),
+        )
+        blocks.append(Table("Methods and programs without runs", columns, rows, folded="Not measured"))
+    return Section(
+        f"{anchor}-who", "reference", "The reference, and what is not measured", "plain",
+        f"certified to {format_number(reference.uncertainty, '.1e')} m", tuple(blocks),
+    )  # fmt: skip
+
 
 PAGE_NAME, TABLE_NAME, DATA_NAME = "report.html", "report.csv", "report.json"
 MOST_SAMPLES = 100_000

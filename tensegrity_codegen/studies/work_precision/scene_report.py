@@ -23,9 +23,8 @@ from tensegrity_codegen.studies.work_precision.measure import (
 )
 from tensegrity_codegen.studies.work_precision.own import describe_simulation, own_contenders
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
-from tensegrity_codegen.system.journal import Journal
+from tensegrity_codegen.system.journal import Journal, Resumption
 from tensegrity_codegen.system.progress import part_of
-from tensegrity_codegen.system.resumption import Resumption
 
 Progress = Callable[[float], None]
 WANTED = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)

@@ -9,7 +9,7 @@ from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, Ca
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_text
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+from tensegrity_codegen.pipeline.build_library import BuiltLibrary
 from tensegrity_codegen.pipeline.compile_source import compile_source
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject

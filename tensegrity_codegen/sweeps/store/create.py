@@ -20,7 +20,7 @@ from tensegrity_codegen.sweeps.store.folder import (
 from tensegrity_codegen.sweeps.store.store import open_group, writing_empty_chunks
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 from tensegrity_codegen.system.files import explain_unwritable
-from tensegrity_codegen.system.work_folder import work_folder
+from tensegrity_codegen.system.temporary_files import work_folder
 
 
 def create_store(path: str | Path, contents: StoreContents) -> None:

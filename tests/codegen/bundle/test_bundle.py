@@ -17,8 +17,7 @@ from tensegrity_codegen.codegen.bundle.bundle import LICENCE, emit_bundle
 from tensegrity_codegen.codegen.casadi_interface import derivatives
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tests.codegen.quickly import without_optimisation
 from tests.codegen.subjects import bare

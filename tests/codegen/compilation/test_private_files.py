@@ -152,7 +152,7 @@ def test_a_pipe_is_refused_instead_of_waited_for(cache: Cache) -> None:
 
 
 def test_without_user_ids_links_are_still_refused(cache: Cache, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tensegrity_codegen.system.private_files.HAS_OWNERS", False)
+    monkeypatch.setattr("tensegrity_codegen.system.cache_root.HAS_OWNERS", False)
     cache.root.chmod(0o777)
     assert cache.find(KEY) is not None
     cache.root.rename(cache.root.with_name("moved"))

@@ -25,8 +25,7 @@ from tensegrity_codegen.codegen.wheels.wheel import (
     name_distribution,
     wheel_file_name,
 )
-from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library
 from tensegrity_codegen.system.errors import FormulationError, InvalidNameError
 from tensegrity_codegen.tables.manifest import SOLVER_STATUS, STATUS
 from tensegrity_codegen.tables.request import ModelRequest

@@ -23,9 +23,8 @@ from tensegrity_codegen.control.pages.control_page import (
     describe_control_finding,
     find_least_bound,
 )
-from tensegrity_codegen.report.pages.page import Figure, Page
+from tensegrity_codegen.report.pages.page import Figure, Page, render_page
 from tensegrity_codegen.report.pages.page_table import Table
-from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.outline import outline_bodies
 from tests.control.feedback.pinned_prism import build_prism, move_prism

@@ -11,9 +11,8 @@ import pytest
 from tensegrity_codegen.control.pages.plan_page import build_plan_page
 from tensegrity_codegen.control.pages.plans import describe_plan_finding
 from tensegrity_codegen.control.planning.plan import plan
-from tensegrity_codegen.report.pages.page import Figure, Page
+from tensegrity_codegen.report.pages.page import Figure, Page, render_page
 from tensegrity_codegen.report.pages.page_table import Table
-from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.runtime.records.plan_result import Binding, Block, Contradiction, PlanResult
 from tensegrity_codegen.structure.limits import Limits
 from tests.control.planning.structures import CLASSES, actuate, assemble, build_prism, compile_plan, limit

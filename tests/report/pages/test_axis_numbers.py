@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.report.number_text import format_short
-from tensegrity_codegen.report.pages.axis_numbers import format_tick
+from tensegrity_codegen.report.pages.diagram import format_tick
 
 pytest.importorskip("matplotlib")
 

@@ -9,12 +9,10 @@ import pytest
 
 from tensegrity_codegen.report.number_text import format_number, lower_indices, raise_digits
 from tensegrity_codegen.report.pages.diagram import Diagram, Series, draw_diagram
-from tensegrity_codegen.report.pages.page import VERDICTS, Page
-from tensegrity_codegen.report.pages.page_outcome import outcome_table
+from tensegrity_codegen.report.pages.page import VERDICTS, Page, render_page
 from tensegrity_codegen.report.pages.page_table import Column, Table, compare_cell, number_cell, text_cell
-from tensegrity_codegen.report.pages.picture import draw_picture
-from tensegrity_codegen.report.pages.render_page import render_page
-from tensegrity_codegen.report.pages.theme import THEME
+from tensegrity_codegen.report.pages.picture import THEME, draw_picture
+from tensegrity_codegen.report.result_tables import outcome_table
 from tests.report.browser import find_browser, open_page
 from tests.report.sample_page import DIAGRAM, HOSTILE, make_page
 

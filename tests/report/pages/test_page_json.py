@@ -5,8 +5,14 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.report.pages.page import Figure, Paragraph, Remark, Section
-from tensegrity_codegen.report.pages.page_json import read_section, section_as_json
+from tensegrity_codegen.report.pages.page import (
+    Figure,
+    Paragraph,
+    Remark,
+    Section,
+    read_section,
+    section_as_json,
+)
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import Picture
 

@@ -8,20 +8,26 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tensegrity_codegen.live.render_live import live_folder
-from tensegrity_codegen.report.pages.diagram import Diagram, draw_diagram
-from tensegrity_codegen.report.pages.method_style import (
+from tensegrity_codegen.live.live_page import live_folder
+from tensegrity_codegen.report.pages.diagram import (
     METHOD_STYLES,
+    Diagram,
     choose_styles,
+    draw_diagram,
     find_style,
     method_series,
 )
-from tensegrity_codegen.report.pages.page import Chapter, Page, Section
-from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
-from tensegrity_codegen.report.pages.picture import draw_picture
-from tensegrity_codegen.report.pages.render_page import render_page
-from tensegrity_codegen.report.pages.table_width import HINT_WIDTHS, ColumnText, choose_layout
-from tensegrity_codegen.report.pages.theme import THEME, find_dark_color, use_variables
+from tensegrity_codegen.report.pages.page import Chapter, Page, Section, render_page
+from tensegrity_codegen.report.pages.page_table import (
+    HINT_WIDTHS,
+    Column,
+    ColumnText,
+    Table,
+    choose_layout,
+    number_cell,
+    text_cell,
+)
+from tensegrity_codegen.report.pages.picture import THEME, draw_picture, find_dark_color, use_variables
 from tensegrity_codegen.runtime.integrate.methods import METHODS
 from tensegrity_codegen.system.provenance import describe_provenance
 from tests.report.driver import running_browser

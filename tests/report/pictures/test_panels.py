@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.report.pictures.canvas import new_figure
-from tensegrity_codegen.report.pictures.panels import draw_drift, draw_energies, draw_tensions, group_members
+from tensegrity_codegen.report.pictures.plots import draw_drift, draw_energies, draw_tensions, group_members
 from tests.report.samples import make_trajectory
 from tests.runtime.build import prism
 

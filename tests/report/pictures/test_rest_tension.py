@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.report.pictures.rest_tension import find_rest_tension
+from tensegrity_codegen.report.pictures.shown import find_rest_tension
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
 from tests.runtime.build import bar, make_structure, spring

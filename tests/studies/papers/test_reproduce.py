@@ -13,10 +13,18 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from tensegrity_codegen.report.pages.page import Cause, Chapter, Page, Remark, Section, Verdict
-from tensegrity_codegen.report.pages.page_json import read_section, section_as_json
+from tensegrity_codegen.report.pages.page import (
+    Cause,
+    Chapter,
+    Page,
+    Remark,
+    Section,
+    Verdict,
+    read_section,
+    render_page,
+    section_as_json,
+)
 from tensegrity_codegen.report.pages.page_table import Table
-from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.studies.papers import reproduce as module
 from tensegrity_codegen.studies.papers.errata import ERRATA
 from tensegrity_codegen.studies.papers.lin.chapter import (

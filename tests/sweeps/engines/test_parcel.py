@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.compilation.cache import Cache
-from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.sweeps.engines import parcel as parcels
 from tensegrity_codegen.sweeps.engines.parcel import load_parcel, make_parcel

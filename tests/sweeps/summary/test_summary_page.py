@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.sweep_commands import build_commands
-from tensegrity_codegen.report.pages.page import Command, Figure, Page, Paragraph
+from tensegrity_codegen.report.pages.page import Command, Figure, Page, Paragraph, render_page
 from tensegrity_codegen.report.pages.page_table import Table
-from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tensegrity_codegen.sweeps.summary.summary_page import build_summary_page

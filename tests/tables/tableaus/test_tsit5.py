@@ -6,7 +6,7 @@ The quadrature conditions, and those of tall trees, are in test_tableaus.py.
 import numpy as np
 import pytest
 
-from tensegrity_codegen.cli.run_options import MethodOption
+from tensegrity_codegen.cli.verbs.simulate import MethodOption
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
 from tensegrity_codegen.runtime.integrate.batch_integration import integrate_batch

@@ -13,8 +13,7 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.results_by_name import ByName
-from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
+from tensegrity_codegen.system.summaries import ByName, Fact, Summarised, count_names, describe_range
 
 FOUND = ("converged", "rounding_limited")
 WORDS = ("status", "message", "method", "displaced_node", "changed_node")

@@ -17,7 +17,6 @@ from tensegrity_codegen.studies.papers.lin.tables import (
     read_tables,
     settle,
 )
-from tensegrity_codegen.system.arrays import FloatArray
 
 # The order that Appendix A and section 2 suggest: L_1..L_3 side springs (A.1-A.3), L_4..L_6 top springs.
 STATED = ("A1B2", "A2B3", "A3B1", "B1B2", "B2B3", "B3B1")
@@ -79,7 +78,12 @@ def check_generalised_forces() -> dict[str, Any]:
             for k, top in enumerate(TOPS)
         )
         for row, angle in enumerate((azimuth, azimuth + RADIUS_ANGLE)):
-            difference[row, axis] = np.abs(_printed_forces(angle, elevation, length, force) - right).max()
+            # (8)-(13), alpha before beta, (6,), from forces (3, 3), one row a top
+            x, y, z = force.T
+            turning = length * np.cos(elevation) * (-x * np.sin(angle) + y * np.cos(angle))
+            across = x * np.cos(angle) + y * np.sin(angle)
+            lifting = length * (z * np.cos(elevation) - across * np.sin(elevation))
+            difference[row, axis] = np.abs(np.concatenate([turning, lifting]) - right).max()
     return {"printed": difference[0], "with_radius_angle": difference[1]}
 
 
@@ -99,17 +103,6 @@ def check_unloaded_row() -> dict[str, Any]:
         "nearest_side": nearest["side"],
         "distance": nearest["distance"],
     }
-
-
-def _printed_forces(
-    azimuth: FloatArray, elevation: FloatArray, length: float, force: FloatArray
-) -> FloatArray:
-    """Return (8)-(13), alpha before beta, (6,), from forces (3, 3), one row a top."""
-    x, y, z = force.T
-    turning = length * np.cos(elevation) * (-x * np.sin(azimuth) + y * np.cos(azimuth))
-    across = x * np.cos(azimuth) + y * np.sin(azimuth)
-    lifting = length * (z * np.cos(elevation) - across * np.sin(elevation))
-    return np.concatenate([turning, lifting])
 
 
 def _bar_length(model: CompiledModel) -> float:

@@ -12,9 +12,13 @@ from tensegrity_codegen.report.pages.page_table import Column, Table, number_cel
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.palette import INK, MUTED, SEQUENCE
-from tensegrity_codegen.studies.papers.scs.figures import compare_tracking, compute_paper_maps
+from tensegrity_codegen.studies.papers.scs.figures import (
+    RegionMap,
+    compare_tracking,
+    compute_paper_maps,
+    find_prestressable,
+)
 from tensegrity_codegen.studies.papers.scs.printed import PAPER_POSES
-from tensegrity_codegen.studies.papers.scs.regions import RegionMap, find_prestressable
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
 
 if TYPE_CHECKING:
@@ -81,7 +85,13 @@ def _map_figure(name: str, found: RegionMap) -> Figure:
     figure = new_figure(4.9, 4.5)
     axes = figure.add_subplot()
     patches = _fill_regions(axes, found)
-    _mark_poses(axes, name)
+    for key in POSES[name]:
+        pose = PAPER_POSES[key]
+        axes.plot(pose.alpha_deg, pose.delta_deg, "o", color=INK, markersize=4.5, zorder=5)
+        axes.annotate(
+            pose.equation, (pose.alpha_deg, pose.delta_deg), xytext=(5, 4), textcoords="offset points",
+            fontsize=TEXT_SIZE, color=INK, zorder=6,
+        )  # fmt: skip
     dress_axes(axes, "azimuth α [°]", "declination δ [°]")
     axes.set(xlim=(found.alpha_deg[0], found.alpha_deg[-1]), ylim=(0, 90))
     axes.set_xticks(range(0, 121, 20))
@@ -127,16 +137,6 @@ def _fill_regions(axes: "Axes", found: RegionMap) -> "list[Patch]":
         colors=[INK], linestyles="dashed", linewidths=1.0,
     )  # fmt: skip
     return patches
-
-
-def _mark_poses(axes: "Axes", name: str) -> None:
-    for key in POSES[name]:
-        pose = PAPER_POSES[key]
-        axes.plot(pose.alpha_deg, pose.delta_deg, "o", color=INK, markersize=4.5, zorder=5)
-        axes.annotate(
-            pose.equation, (pose.alpha_deg, pose.delta_deg), xytext=(5, 4), textcoords="offset points",
-            fontsize=TEXT_SIZE, color=INK, zorder=6,
-        )  # fmt: skip
 
 
 def _prestress_table(tower: SymmetricTower) -> Table:

@@ -153,7 +153,15 @@ def plan_reconfiguration(
     plan = Reconfiguration(tower, path, start, path.end, duration, load, zero_torque)
     for pose, where in ((start, "start"), (path.end, "end")):
         tower.check_taut(tower.equilibrium(pose, load, where), where)
-    _check_way(plan)
+    # Refuse the first time at which the motion leaves its bounds, is singular or slackens a tendon
+    times = np.linspace(0.0, plan.duration, CHECKS)
+    _refuse_first(times, _geometry_rules(plan, times))
+    tension = np.array([plan.control(float(t)).tension for t in times])
+    rules = {
+        name: Rule(tension[:, k], lambda t, k=k: float(plan.control(t).tension[k]))  # type: ignore[misc]
+        for k, name in enumerate(GROUPS)
+    }
+    _refuse_first(times, rules)
     return plan
 
 
@@ -182,18 +190,6 @@ def _find_path(
             allowed=f"Z = {start.height:g} m (SCS 21)",
         )
     return QuinticPath(start, end, duration)
-
-
-def _check_way(plan: Reconfiguration) -> None:
-    """Raise for the first time at which the motion leaves its bounds, is singular or slackens a tendon."""
-    times = np.linspace(0.0, plan.duration, CHECKS)
-    _refuse_first(times, _geometry_rules(plan, times))
-    tension = np.array([plan.control(float(t)).tension for t in times])
-    rules = {
-        name: Rule(tension[:, k], lambda t, k=k: float(plan.control(t).tension[k]))  # type: ignore[misc]
-        for k, name in enumerate(GROUPS)
-    }
-    _refuse_first(times, rules)
 
 
 def _geometry_rules(plan: Reconfiguration, times: FloatArray) -> dict[str, Rule]:

@@ -16,9 +16,8 @@ from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.palette import INK, SEQUENCE
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.papers.sk.inverse_time import inverse_section
-from tensegrity_codegen.studies.papers.sk.motion import drift_section, trajectory_section
+from tensegrity_codegen.studies.papers.sk.motion import drift_section, sample_structure, trajectory_section
 from tensegrity_codegen.studies.papers.sk.offset import offset_section
-from tensegrity_codegen.studies.papers.sk.sample import sample_structure
 from tensegrity_codegen.studies.study import build_sections
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.distances.pair_graph import AxisGraph
@@ -121,6 +120,10 @@ def storage_section(nodes: Sequence[int]) -> Section:
     """Return the section that counts stored numbers for structures of these numbers of nodes."""
     data = compare_stored_numbers(nodes)
     dense, least = int(data["node_position_dense"][-1]), int(data["sorted_scalars"][-1])
+    series = [
+        Series(name, data["n_nodes"], data[way], color=color, marker="osD^v"[color])
+        for color, (way, (name, _)) in enumerate(WAYS.items())
+    ]
     return Section(
         "sk-fig-4",
         "Fig. 4",
@@ -136,7 +139,7 @@ def storage_section(nodes: Sequence[int]) -> Section:
             ),
             diagram_figure(
                 "sk-fig-4-counts",
-                _counts_diagram(data),
+                Diagram("number of nodes", "stored numbers", series, log_y=True, legend_columns=2),
                 "Stored numbers a time point. The paper's axis ends above 1,500.",
                 "Stored numbers against the number of nodes: dense node positions grow with the square, "
                 "sparse and sorted ones linearly.",
@@ -177,14 +180,6 @@ def _pattern_figure(order: str, pattern: NDArray[np.int8]) -> Figure:
         f"Pattern of D in the order {order}: in each row one entry +1 and one entry −1.",
         {"order": order, "rows": pattern.tolist()},
     )
-
-
-def _counts_diagram(data: dict[str, Any]) -> Diagram:
-    series = [
-        Series(name, data["n_nodes"], data[way], color=color, marker="osD^v"[color])
-        for color, (way, (name, _)) in enumerate(WAYS.items())
-    ]
-    return Diagram("number of nodes", "stored numbers", series, log_y=True, legend_columns=2)
 
 
 def _counts_table(data: dict[str, Any]) -> Table:

@@ -13,13 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.codegen.prune import PrunedFunction, prune
 from tensegrity_codegen.report.number_text import format_number
-from tensegrity_codegen.report.pages.diagram import Diagram, Series
-from tensegrity_codegen.report.pages.method_style import find_style
+from tensegrity_codegen.report.pages.diagram import Diagram, Series, find_style
 from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, diagram_figure
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.papers.sk.sample import compile_in, sample_prism
+from tensegrity_codegen.studies.papers.sk.motion import compile_in, sample_prism
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError
@@ -80,19 +79,15 @@ def evaluate_in(
             elif operation == ca.OP_CONST:
                 memory[written[0]] = number(code.instruction_constant(k))
             else:
-                memory[written[0]] = _operation(operation)(*[memory[place] for place in read])
+                if operation not in OPERATIONS:
+                    raise FormulationError(
+                        "an operation of the expression has no meaning in other precisions yet",
+                        where="precision",
+                        given=operation,
+                        allowed="sums, products, quotients, roots and comparisons",
+                    )
+                memory[written[0]] = OPERATIONS[operation](*[memory[place] for place in read])
     return result
-
-
-def _operation(code: int) -> Callable[..., Any]:
-    if code not in OPERATIONS:
-        raise FormulationError(
-            "an operation of the expression has no meaning in other precisions yet",
-            where="precision",
-            given=code,
-            allowed="sums, products, quotients, roots and comparisons",
-        )
-    return OPERATIONS[code]
 
 
 # Far from the origin and in single precision: what node positions lose, and node distances keep.

@@ -11,9 +11,10 @@ from tensegrity_codegen.studies.papers.scs.figures import (
     compare_tracking,
     compute_figures,
     compute_paper_maps,
+    find_prestressable,
+    map_regions,
 )
 from tensegrity_codegen.studies.papers.scs.printed import PAPER_POSES, PrintedTower
-from tensegrity_codegen.studies.papers.scs.regions import find_prestressable, map_regions
 from tensegrity_codegen.system.errors import InvalidValueError
 from tests.studies.papers.scs.subjects import pose, tower
 

@@ -8,11 +8,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tensegrity_codegen import ModelRequest, Profile, build_library, simulate
-from tensegrity_codegen.runtime.integrate.flow import build_derivative
+from tensegrity_codegen.runtime.integrate.scipy_methods import build_derivative
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
-from tensegrity_codegen.studies.papers.scs.tracking import compile_tower, drive, drive_as_printed, track
+from tensegrity_codegen.studies.papers.scs.printed import compile_tower, drive, drive_as_printed, track
 from tests.codegen.quickly import without_optimisation
 from tests.studies.papers.scs.subjects import paper_motion, tower
 

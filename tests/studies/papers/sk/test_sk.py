@@ -13,13 +13,17 @@ from tensegrity_codegen.studies.papers.sk.chapter import (
     find_difference_pattern,
 )
 from tensegrity_codegen.studies.papers.sk.inverse_time import compare_inverse_times
-from tensegrity_codegen.studies.papers.sk.motion import compare_trajectories, measure_constraint_drift
+from tensegrity_codegen.studies.papers.sk.motion import (
+    compare_trajectories,
+    measure_constraint_drift,
+    sample_prism,
+    sample_structure,
+)
 from tensegrity_codegen.studies.papers.sk.offset import (
     compare_offset_trajectories,
     compare_offsets,
     evaluate_in,
 )
-from tensegrity_codegen.studies.papers.sk.sample import sample_prism, sample_structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.quantities import find_quantity
