@@ -1,5 +1,6 @@
 """From a manifest and C bodies to files: header, source, example, Makefile, for every emitter the same."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -9,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.batch import batch_context
-from tensegrity_codegen.codegen.bundle.labels import label_entries
 from tensegrity_codegen.codegen.casadi_interface.derivatives import CASADI, MOST_ENTRIES, NONE, Derivatives
 from tensegrity_codegen.codegen.casadi_interface.functions import casadi_context, casadi_pattern
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.machine import INSTRUCTION_SETS
-from tensegrity_codegen.codegen.declarations import read_declarations
 from tensegrity_codegen.codegen.emitter import Bodies, WantedFunction, result_size
 from tensegrity_codegen.codegen.integrators.integrators import integrator_context, motion_settings
 from tensegrity_codegen.codegen.integrators.solvers import solver_context
@@ -36,6 +35,83 @@ from tensegrity_codegen.tables.manifest import (
 )
 from tensegrity_codegen.tables.precision import Precision, find_precision
 from tensegrity_codegen.tables.quantities import QUANTITIES
+
+# How the example program names the entries of a result: by nodes, members, coordinates and inputs.
+
+
+INDEX = {"format": "[%d]", "value": "@"}
+
+
+def label_entries(manifest: Manifest, spec: FunctionSpec) -> Mapping[str, Any]:
+    """Return how C prints the place of an entry of a result.
+
+    Each label has the `format` of printf and the `value` that it takes, with @ for the index. A matrix has
+    the labels `rows` and `columns`, any other result has `entries`.
+    """
+    sizes = {
+        "node": len(manifest.node_name),
+        "member": len(manifest.member_name),
+        "coordinate": len(manifest.coordinate_name),
+        "input": len(manifest.input_name),
+        "bar_pair": len(manifest.bar_pair),
+    }
+    shape = QUANTITIES[spec.quantity].shape
+    if spec.pattern is not None:
+        rows, columns = spec.pattern.shape
+        return {
+            "rows": _label(manifest, shape[0], rows, sizes),
+            "columns": _label(manifest, shape[1], columns, sizes),
+        }
+    if len(spec.shape) == 2:
+        return {"rows": None, "entries": _label_vectors(manifest, shape[0], spec.shape, sizes)}
+    if not spec.shape:
+        return {"rows": None, "entries": {"format": "value", "value": ""}}
+    return {"rows": None, "entries": _label(manifest, shape[0], spec.shape[0], sizes)}
+
+
+def _label(manifest: Manifest, dimension: str, count: int, sizes: Mapping[str, int]) -> Mapping[str, str]:
+    """Return the label of an index that runs over a dimension of the table of quantities."""
+    kind = dimension.removeprefix("n_").removesuffix("s")
+    if sizes.get(kind) == count and count:
+        return {"format": "%s", "value": f"{manifest.name}_{kind}_name[@]"}
+    n = sizes["coordinate"]
+    if kind == "state" and count == 2 * n and n:
+        name = f"{manifest.name}_coordinate_name[@ % {n}]"
+        return {"format": "%s%s", "value": f'{name}, @ < {n} ? "" : "\'"'}
+    return INDEX
+
+
+def _label_vectors(
+    manifest: Manifest, dimension: str, shape: tuple[int, ...], sizes: Mapping[str, int]
+) -> Mapping[str, str]:
+    """Return the label of an entry of a table of vectors, whose rows run over a dimension."""
+    count, width = shape
+    kind = dimension.removeprefix("n_").removesuffix("s")
+    if sizes.get(kind) != count or not count or width != len(manifest.axes):
+        return INDEX
+    axes = "".join("xyz"[axis] for axis in manifest.axes)
+    value = f'{manifest.name}_{kind}_name[@ / {width}], "{axes}"[@ % {width}]'
+    return {"format": "%s_%c", "value": value}
+
+
+# What a foreign-function interface has to know of a library: types and functions, from its own header.
+
+
+SPANS = re.compile(r"/\*.*?\*/|#ifdef __cplusplus\n.*?#endif|^#[^\n]*", re.DOTALL | re.MULTILINE)
+CONSTANTS = re.compile(r"enum (?:\w+ )?\{[^}]*\};|extern \w+_API const \w+ \w+\[[^;]*;")
+SPACE = re.compile(r"\s+")
+
+
+def read_declarations(header: str) -> str:
+    """Return types and functions of a generated header, one a line, as C that cffi reads.
+
+    Comments, directives, enumerations and the arrays of constants are dropped.
+    """
+    text = CONSTANTS.sub("", SPANS.sub("", header))
+    text = SPACE.sub(" ", re.sub(r"\b\w+_API ", "", text)).strip()
+    text = text.replace("extern const ", "extern ")  # cffi reads no constants but whole numbers
+    return re.sub(r"; (?=typedef|extern|int|const)(?![^{]*\})", ";\n", text)
+
 
 # Constants that stand in the source file itself; more of them get a file of their own, compiled beside it.
 MOST_CONSTANTS = 20_000

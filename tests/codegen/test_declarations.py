@@ -5,8 +5,8 @@ from dataclasses import replace
 import cffi
 import pytest
 
-from tensegrity_codegen.codegen.declarations import read_declarations
 from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.codegen.source import read_declarations
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.library import LoadedLibrary
 from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError

@@ -28,7 +28,8 @@ from tests.reference import ReferenceModel
 CHILD = """
 import json, sys
 sys.stdin.readline()
-from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library, load_scene
+from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 structure, request = load_scene(sys.argv[1])
 wanted = request.wanting(*SIMULATION_QUANTITIES, integrators=("rk4", "rk54", "rk853"))

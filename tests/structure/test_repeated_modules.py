@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.structure.assembly import plan_assembly
-from tensegrity_codegen.structure.node_order import order_nodes, spread
+from tensegrity_codegen.structure.assembly import order_nodes, plan_assembly, spread
 from tests.codegen.table.modules import grid, shuffled, spine, tower, twisted
 
 STRUCTURES = {

@@ -5,6 +5,8 @@ something new, a kernel in symbolic/member_kernel.py and a sink (see loops.Sink)
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +15,81 @@ from tensegrity_codegen.codegen.table.coupled_mass import SolveCoupled
 from tensegrity_codegen.codegen.table.mass import DivideByMass, KineticEnergy, check_mass
 from tensegrity_codegen.codegen.table.matrices import MATRICES
 from tensegrity_codegen.codegen.table.member_stages import force_stages
+from tensegrity_codegen.codegen.table.members.access import held_arguments, vector_texts
+from tensegrity_codegen.codegen.table.members.external import ExternalForce
 from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.sinks import AddToNodes, AddUp, StoreForMembers, StoreForSome
-from tensegrity_codegen.codegen.table.members.stage import Stage
+from tensegrity_codegen.codegen.table.members.stage import Stage, loop
 from tensegrity_codegen.codegen.table.members.text import Statements
+from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.mixed import member_law
 from tensegrity_codegen.codegen.table.node_quantities import node_builders
 from tensegrity_codegen.codegen.table.rest_lengths import REST_LENGTHS
-from tensegrity_codegen.codegen.table.work import ExternalWork
+from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES, MemberQuantity, check_values
 from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES
+
+# The work of external forces, which the potential energy holds.
+
+
+@dataclass(frozen=True)
+class ExternalWork:
+    """Adds the sum of F_n . r_n over all nodes to the variable `target`, node by node."""
+
+    model: TableModel
+    target: str
+
+    @cached_property
+    def external(self) -> ExternalForce:
+        """External forces on all nodes."""
+        count, n_axes = self.model.structure.n_nodes, self.model.n_axes
+        return ExternalForce(self.model, np.arange(count * n_axes).reshape(count, n_axes))
+
+    @cached_property
+    def node(self) -> IntArray:
+        """Nodes that any external force may act on."""
+        if self.external.arguments:
+            return np.arange(self.model.structure.n_nodes)
+        return np.flatnonzero(self.external.constant.any(axis=1))
+
+    @property
+    def arguments(self) -> frozenset[str]:
+        """Names of the arguments that it reads."""
+        acting = self.external.acting
+        place = self.model.place
+        used = {"coordinate"} if (place[acting] >= 0).any() else set()
+        return self.external.arguments | used | held_arguments(self.model, place[acting])
+
+    @property
+    def operations(self) -> int:
+        """A multiplication and an addition a component."""
+        return self.external.operations + 2 * self.model.n_axes * len(self.node)
+
+    @property
+    def repeats(self) -> int:
+        """Nodes on which a force may act."""
+        return len(self.node)
+
+    def write(self, writer: Writer) -> list[str]:
+        """Return the loop over nodes."""
+        model, n_axes = self.model, self.model.n_axes
+        if not len(self.node):
+            return []
+        lines, force = [], [f"external[{k}]" for k in range(n_axes)]
+        if self.external.arguments:
+            lines.append(f"{writer.real} external[{n_axes}];")
+            lines.append(
+                f"{self.external.function(writer)}{writer.index_at('work_node', self.node, 'n')}, external);"
+            )
+        else:
+            table = writer.reals("work_force", self.external.constant[self.node])
+            force = [f"{table}[{n_axes} * n + {k}]" for k in range(n_axes)]
+        position = vector_texts(writer, "work", model.place[self.node])
+        terms = " + ".join(f"{f} * {r}" for f, r in zip(force, position, strict=True))
+        return loop("n", len(self.node), [*lines, f"{self.target} += {terms};"])
 
 
 def _of_members(kernel: str, quantity: str, rows: int = 1) -> Callable[[TableModel], Recipe]:

@@ -1,8 +1,10 @@
 """What is allowed and still looks like a mistake, in short sentences."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.checks.geometry import find_fully_anchored
 from tensegrity_codegen.scene.checks.plausible_forces import (
@@ -11,7 +13,6 @@ from tensegrity_codegen.scene.checks.plausible_forces import (
     warn_of_unstressed_bars,
     warn_of_upward_gravity,
 )
-from tensegrity_codegen.scene.checks.plausible_limits import warn_of_limits, warn_of_ranges
 from tensegrity_codegen.scene.checks.plausible_sizes import warn_of_sizes
 from tensegrity_codegen.scene.checks.plausible_start import (
     LARGE_STRAIN,
@@ -20,14 +21,117 @@ from tensegrity_codegen.scene.checks.plausible_start import (
     warn_of_outliers,
     warn_of_slack,
 )
-from tensegrity_codegen.scene.checks.upright import warn_of_side
 from tensegrity_codegen.scene.names import describe_pieces, name_list
+from tensegrity_codegen.structure.bar_distance import compute_bar_distance
 from tensegrity_codegen.structure.bodies import BodySystem, FixedBody
 from tensegrity_codegen.structure.outline import outline_tendons
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray
 from tensegrity_codegen.system.checks import check_instance
+
+# Warnings of ranges of actuators that exclude the start, of clearances, and of limits without effect.
+
+
+ROUNDING = 1e-9  # relative excess that is no warning
+MOST_PAIRS = 200_000  # of bars whose distances are compared
+
+
+def warn_of_ranges(subject: Structure | BodySystem) -> list[str]:
+    """Return a warning for actuators whose range does not contain the rest lengths of the scene."""
+    outside = []
+    for item in subject.actuators:
+        for e in item.members:
+            rest = float(subject.rest_length[e])
+            excess = max(item.range[0] - rest, rest - item.range[1])
+            if excess > ROUNDING * rest:
+                outside.append(f"{item.name} ({subject.member_name[e]}: {rest:.6g} m, by {excess:.3g} m)")
+    text = "the range of actuators does not contain the rest length of the scene"
+    return [f"{text}: {name_list(outside)}"] if outside else []
+
+
+def warn_of_limits(subject: Structure | BodySystem) -> list[str]:
+    """Return warnings for bars nearer than the clearance, and for members that a limit cannot reach."""
+    found = (_warn_of_clearance(subject), _without_section(outline_tendons(subject)))
+    return [text for text in found if text]
+
+
+def _warn_of_clearance(subject: Structure | BodySystem) -> str:
+    """Return which bars are nearer to each other than the clearance."""
+    clearance = subject.limits.clearance
+    if not math.isfinite(clearance) or not 0 < subject.n_bar_pairs <= MOST_PAIRS:
+        return ""
+    pairs, distance = compute_bar_distance(subject)
+    shown = [
+        f"{pairs[k][0]} and {pairs[k][1]} ({distance[k]:.4g} m, by {clearance - distance[k]:.3g} m)"
+        for k in np.argsort(distance).tolist()
+        if distance[k] < clearance - ROUNDING * max(clearance, 1e-3)
+    ]
+    text = f"bars start nearer to each other than the clearance of {clearance:g} m"
+    return f"{text}: {name_list(shown, most=3)}" if shown else ""
+
+
+def _without_section(structure: Structure) -> str:
+    """Return bars or cables without a radius, where others of their kind have a limit of the stress."""
+    limited = np.isfinite(structure.limits.yield_stress)
+    bare = structure.radius == 0
+    for kind in (structure.is_bar, ~structure.is_bar):
+        if (limited & kind).any() and (bare & kind).any():
+            names = [structure.member_name[e] for e in np.flatnonzero(bare & kind)]
+            return f"no yield stress applies to members without a radius: {name_list(names)}"
+    return ""
+
+
+# Whether a structure lies on its side: made for y up, and used with z up.
+
+
+MIN_SUPPORT_NODES = 3  # nodes that a structure stands on
+# Extent along y over the largest, below which the structure stands upright in a plane.
+MAX_FLAT_EXTENT_RATIO = 0.05
+HEIGHT_TOLERANCE = 1e-6  # of the structure's size
+
+
+def warn_of_side(structure: Structure) -> list[str]:
+    """Return a warning where gravity acts along z, and the structure stands on y = least, and not on z.
+
+    It stands on y where three nodes or more have the least y and do not lie on a line, all that are anchored
+    (if any) are among them, and less than three have the least z.
+    """
+    if len(structure.axes) < 3 or int(np.argmax(np.abs(structure.gravity))) != 2:
+        return []
+    if not structure.gravity[2] or not structure.n_nodes:
+        return []
+    feet_y, feet_z = (_find_feet(structure.node_position, axis) for axis in (1, 2))
+    extent = np.ptp(structure.node_position, axis=0)
+    if (
+        extent[1] < MAX_FLAT_EXTENT_RATIO * extent.max()
+        or feet_y.sum() < MIN_SUPPORT_NODES
+        or feet_z.sum() >= MIN_SUPPORT_NODES
+    ):
+        return []
+    if _is_line(structure.node_position[feet_y]):
+        return []
+    held = structure.node_anchored.any(axis=1)
+    if held.any() and (held & ~feet_y).any():
+        return []
+    names = [name for name, foot in zip(structure.node_name, feet_y, strict=True) if foot]
+    return [
+        f"the structure seems to lie on its side: {len(names)} nodes ({', '.join(names[:3])}, ...) are "
+        f"lowest in y and {int(feet_z.sum())} in z, but gravity acts along z; if y is up, use gravity = "
+        f"[0, {structure.gravity[2]:g}, 0], or import with --up y, which turns the structure upright"
+    ]
+
+
+def _find_feet(position: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
+    """Return which nodes lie lowest along an axis, (n_nodes,)."""
+    size = float(np.ptp(position, axis=0).max())
+    feet: NDArray[np.bool_] = position[:, axis] <= position[:, axis].min() + HEIGHT_TOLERANCE * size
+    return feet
+
+
+def _is_line(points: NDArray[np.float64]) -> bool:
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(spread[1] <= HEIGHT_TOLERANCE * spread[0])
 
 
 def find_scene_warnings(subject: Structure | BodySystem, *, settles: bool = False) -> tuple[str, ...]:
@@ -45,9 +149,9 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
 
     Doubts: extension above 50 % at the start (wrong units suspected), loads and force inputs that only
     push on anchors, members between anchored nodes, damping of rigid bars, several unconnected pieces;
-    sizes (see plausible_sizes), forces (see plausible_forces), ranges and limits (see plausible_limits), a
-    structure on its side (see upright), and a start without prestress, with bars that cross or buckle (see
-    plausible_start). The structure is taken as sound (see `check_structure`).
+    sizes (see plausible_sizes), forces (see plausible_forces), ranges and limits, a structure on its
+    side, and a start without prestress, with bars that cross or buckle (see plausible_start). The structure
+    is taken as sound (see `check_structure`).
     """
     check_instance(structure, Structure, "structure", "a Structure")
     held = find_fully_anchored(structure.node_anchored, structure.axes)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen import source
-from tensegrity_codegen.codegen.bundle import labels
 from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.codegen.table import node_quantities as table_nodes
 from tensegrity_codegen.codegen.table.quantities import BUILDERS
@@ -59,7 +58,7 @@ def test_a_record_uses_what_it_says(item: NodeQuantity) -> None:
 def with_new_records(monkeypatch: pytest.MonkeyPatch) -> None:
     """Put the new records where those of the table are."""
     rows = {**quantities.QUANTITIES, **{item.name: item.row for item in NEW}}
-    for module in (quantities, source, labels):
+    for module in (quantities, source):
         monkeypatch.setattr(module, "QUANTITIES", rows)
     for nodes in (symbolic_nodes, table_nodes):
         monkeypatch.setattr(nodes, "NODE_QUANTITIES", (*NODE_QUANTITIES, *NEW))
