@@ -1,6 +1,5 @@
 import numpy as np
 
-from tensegrity_codegen.scene.checks import check
 from tensegrity_codegen.scene.checks.scene_warnings import find_warnings
 from tests.scene.samples import REMOVE, build
 from tests.scene.samples import changed as changed_from
@@ -18,7 +17,6 @@ def warnings_of(document):
 
 def test_a_sound_structure_gives_none():
     assert warnings_of(SOUND) == ()
-    assert check.find_warnings is find_warnings
 
 
 def test_extension_above_half_suspects_the_units():
