@@ -177,7 +177,7 @@ def _check_precision(structure: Subject, request: ModelRequest) -> None:
 def _find_called(
     model: EmittedModel, emitter: Emitter, request: ModelRequest
 ) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
-    """Return what interfaces and integrators call besides what is wanted, and the events that these watch.
+    """Return what interfaces and integrators call besides what is wanted, and the events that these monitor.
 
     Integrators also keep coordinates consistent.
     """

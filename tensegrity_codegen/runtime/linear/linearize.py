@@ -41,7 +41,7 @@ RANK_TOLERANCE = 1e-10  # of the largest eigenvalue
 
 
 @dataclass(frozen=True)
-class Variations:
+class _Variations:
     """T = [Z 0; W Z] (n_states, n_variations) with Z^T Z = 1, Z^T W = 0: variations T p that can happen.
 
     T moves with the state. With Z' = W (the frame that turns least) and L = [Z^T 0; 0 Z^T], L T = 1, the
@@ -65,7 +65,7 @@ class Variations:
         return scipy.sparse.csc_array(left @ state_matrix @ self.basis + frame)
 
 
-def find_variations(model: Model, at: Mapping[str, Any]) -> Variations | None:
+def _find_variations(model: Model, at: Mapping[str, Any]) -> _Variations | None:
     """Return the variations of a state x = (q, q') that can happen, None where all can.
 
     Rigid bars allow those with d_b . d(dq) = 0 and d_b . d(dq') + d_b' . d(dq) = 0, where d(.) is the
@@ -76,21 +76,21 @@ def find_variations(model: Model, at: Mapping[str, Any]) -> Variations | None:
     if model.has(SPANNING_QUANTITY):
         size, direction = np.linalg.eigh(model.compute(SPANNING_QUANTITY, **at).toarray())
         along = scipy.sparse.csc_array(direction[:, size > RANK_TOLERANCE * size.max()])
-        return Variations(along, scipy.sparse.csc_array(along.shape))
+        return _Variations(along, scipy.sparse.csc_array(along.shape))
     return None
 
 
-def _along_bars(model: Model, at: Mapping[str, Any]) -> Variations:
+def _along_bars(model: Model, at: Mapping[str, Any]) -> _Variations:
     """Return the variations that rigid bars of constant lengths allow."""
     bars = RigidBars(model.manifest, np.zeros(len(model.manifest.rigid_bar)))
     position = place_nodes(model, at["coordinate"], at.get("anchor_position"))
     along = bars.find_directions(bars.jacobian(position))
     if not np.any(at["velocity"]):
-        return Variations(along, scipy.sparse.csc_array(along.shape))
+        return _Variations(along, scipy.sparse.csc_array(along.shape))
     rate = bars.rows(bars.vectors(place_velocities(model, at["coordinate"], at["velocity"])))
     rows = bars.rows(bars.vectors(position)).toarray()
     turning = np.linalg.lstsq(rows, -(rate @ along).toarray(), rcond=None)[0]
-    return Variations(along, scipy.sparse.csc_array(turning))
+    return _Variations(along, scipy.sparse.csc_array(turning))
 
 
 # What a linear model needs of every model, and of one with inputs too.
@@ -262,8 +262,8 @@ def linearize(
     if inputs:
         b = scipy.sparse.csc_array(model.compute(INPUT_QUANTITY, **at))
     rate = np.asarray(model.compute("state_derivative", **at))
-    # Variations that cannot happen never move, and would come out as zeros to half the digits.
-    allowed = find_variations(model, {**at, "coordinate": q, "velocity": v})
+    # _Variations that cannot happen never move, and would come out as zeros to half the digits.
+    allowed = _find_variations(model, {**at, "coordinate": q, "velocity": v})
     reduced = a if allowed is None else allowed.reduce(a)
     spectrum, names = find_spectrum(reduced, frequency_count), name_states(model.manifest)
     basis = None if allowed is None else allowed.basis
