@@ -102,9 +102,10 @@ def measure(scene: Path, options: argparse.Namespace) -> dict[str, float]:
         found[name], last = now - last, now
 
     from tensegrity_codegen.codegen import emit as _  # noqa: F401 - imports are a stage of their own
+    from tensegrity_codegen.codegen.compilation.cache import Cache
     from tensegrity_codegen.codegen.compilation.flags import describe_toolchain, find_flags
     from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-    from tensegrity_codegen.pipeline.compile_scene import Cache, _compile, _emit, _Identity, _request_key
+    from tensegrity_codegen.pipeline.build_library import _compile, _emit, _Identity, _request_key
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.scene.read import read_scene
     from tensegrity_codegen.scene.subject import assemble_scene
