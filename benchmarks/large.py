@@ -109,8 +109,10 @@ def measure(scene: Path, options: argparse.Namespace) -> dict[str, float]:
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.scene.read import read_scene
     from tensegrity_codegen.scene.subject import assemble_scene
+    from tensegrity_codegen.tables.targets import find_target
 
     tool, flags, cache = find_compiler(options.compiler), find_flags(options.flags), Cache()
+    target = find_target(None)
     toolchain = describe_toolchain(tool, flags)
     stage("imports")
     document = read_scene(scene)
@@ -120,9 +122,9 @@ def measure(scene: Path, options: argparse.Namespace) -> dict[str, float]:
     identity = _Identity.of(structure, request)
     key = _request_key(identity, toolchain, False)
     stage("key")
-    source = _emit(structure, request, tool, flags, False)
+    source = _emit(structure, request, tool, flags, target, False)
     stage("emit")
-    entry = _compile(source, tool, flags, toolchain, cache, identity)[0]
+    entry = _compile(source, tool, flags, target, cache, identity)[0]
     cache.store_request(key, entry.key)
     stage("compile")
     model = CompiledModel(entry.library)

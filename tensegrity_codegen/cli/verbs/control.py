@@ -106,7 +106,6 @@ def control(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
         from tensegrity_codegen.control.feedback.study.study import study_control
         from tensegrity_codegen.runtime.model.array_file import write_arrays
 
@@ -133,8 +132,12 @@ def control(
             output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")
         with output.progress("designing feedback"):
             parts = design.build()
-        # many draws at once in C, or one after the other in Python
-        batch = partial(simulate_control_batch, compiler=compiler) if in_c else None
+        # Many draws at once in C, or one after the other in Python.
+        batch = None
+        if in_c:
+            from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
+
+            batch = partial(simulate_control_batch, compiler=compiler)
         with output.progress("simulating") as progress:
             study = study_control(
                 model, motion, errors=errors, t_end=t_end, last=last, draws=draws, seed=seed,
