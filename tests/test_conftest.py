@@ -7,6 +7,11 @@ from pathlib import Path
 from tests.conftest import ROOT
 
 LEAK = '''
+import gc
+
+gc.disable()  # so that nothing but the fixture of the module collects
+
+
 class Cycle:
     """Only a collection of garbage finds it."""
 

@@ -69,6 +69,7 @@ INTERNAL = {
     *("BatchFunction", "CompiledFunction", "SparseBatch", "raise_for_status", "require_precision"),
     *("MEMBER_LIMITS", "MEMBER_SENSORS", "NODE_SENSORS", "SensorKind", "UNLIMITED"),
     *("simulation_quantities", "Pattern", "Method", "outline_motion"),
+    *("live_folder", "find_request", "settle_drawable", "check_follow", "settle_method"),
     *("EXPORTER", "NUMBERS", "WORDS", "EquilibriaTable", "check_search_options"),
 }
 HEADINGS = ("Parameters", "Attributes", "Returns", "Raises", "Notes", "Examples")

@@ -67,6 +67,12 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path) -> Path:
+    """The folder of a test, with nothing in it: what processes leave there is counted."""
+    return tmp_path
+
+
 def environment(**more: str) -> dict[str, str]:
     return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))} | more
 

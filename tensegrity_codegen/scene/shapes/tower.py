@@ -24,9 +24,9 @@ import math
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 from pydantic import Field
-from scipy.optimize import brentq
 
 from tensegrity_codegen.scene.shapes.long_tower import find_bar_runs, find_long_twist, find_run_tensions
 from tensegrity_codegen.scene.shapes.parts import (
@@ -187,7 +187,11 @@ def _find_twist(stages: int, bars: int, overlap: float) -> float | None:
     signs = np.linalg.slogdet(equations(twists))[0]
     for place in np.flatnonzero(signs[1:] != signs[:-1]).tolist():
         high, low = twists[place], twists[place + 1]
-        root = float(brentq(lambda twist: np.linalg.det(equations(twist)), low, high, xtol=1e-14, rtol=1e-15))
+        root = float(
+            scipy.optimize.brentq(
+                lambda twist: np.linalg.det(equations(twist)), low, high, xtol=1e-14, rtol=1e-15
+            )
+        )
         if _is_taut(equations(root), stages):
             return root
     return None
