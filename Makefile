@@ -83,7 +83,7 @@ lint: $(STAMP) ## ruff: rules and layout
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 
-types: $(STAMP) ## mypy --strict over the package
+types: $(STAMP) ## mypy --strict over the package and a script of a user
 	$(BIN)/mypy
 
 contracts: $(STAMP) ## import-linter: which module may import which
