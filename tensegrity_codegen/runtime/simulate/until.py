@@ -94,13 +94,14 @@ class Until:
         raw = integrate(motion, options)
         log = raw.log
         kind = log.kind[-1] if log.count and raw.time[-1] >= log.time[-1] else ""
+        if self.stops_at_condition and kind == "condition":
+            return raw, (self._describe_condition(raw),)
         if self.stops_at_contact:
             same = log.time >= raw.time[-1] - SAME_TIME * motion.t_end
             rows = zip(log.name, log.kind, same.tolist(), strict=True)
             names = tuple(name for name, own, is_same in rows if own == "contact" and is_same)
             return _tell_contact(motion, raw, names if kind == "contact" else ())
-        ends = self.stops_at_condition and kind == "condition"
-        return raw, (self._describe_condition(raw),) if ends else ()
+        return raw, ()
 
     def _holds_at_start(self, motion: Motion) -> bool:
         """Return whether the condition is a comparison that is true at the start."""

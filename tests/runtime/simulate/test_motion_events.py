@@ -57,6 +57,19 @@ def two_bars(
     return build(structure, **options)
 
 
+@pytest.mark.parametrize(
+    ("condition", "kind", "time"), [("n2.z < 0.85", "condition", 0.075), ("n2.z < 0.05", "contact", 0.45)]
+)
+def test_what_comes_first_ends_the_motion(condition: str, kind: str, time: float) -> None:
+    """A bar comes down from z = 1 m at 2 m/s, and touches the other one after 0.9 m."""
+    model = two_bars((0.1, 0.2, 1.0), (0.0, 0.0, -2.0))
+    found = simulate(model, 0.6, condition=condition, until_condition=True, until_contact=True)
+    (event,) = found.events
+    assert event.kind == kind
+    assert event.time == pytest.approx(time, rel=1e-9)
+    assert "no contact" not in found.message
+
+
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("samples", [2, 21])
 def test_bars_that_fly_at_each_other_touch_when_they_must(method: str, samples: int) -> None:
