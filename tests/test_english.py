@@ -1,7 +1,8 @@
 """Text that users read has no words of a private dialect.
 
 Read are the string literals of the package, README, guides, docs and comments of generated
-headers. Each word is listed with what to write instead, or why it is unclear.
+headers. Each word is listed with what to write instead, or why it is unclear. Module docstrings open with the
+noun that they are about, and constants have names that say what they bound.
 """
 
 import ast
@@ -47,6 +48,28 @@ DIALECT = {
     r"\bmakes? friends\b": "a figure of speech",
 }
 WORDS = {pattern: re.compile(pattern, re.IGNORECASE) for pattern in DIALECT}
+ANY_WORD = re.compile("|".join(DIALECT), re.IGNORECASE)
+
+# Names that a reader cannot look up: of constants, write what they bound (MAX_STALLED_ITERATIONS).
+UNCLEAR_NAMES = {
+    *(
+        "NEAR",
+        "FAR",
+        "LOST",
+        "KEPT",
+        "LOUDER",
+        "PATIENCE",
+        "STUCK",
+        "CROWDED",
+        "DOUBTED",
+        "DEAD",
+        "FADED",
+        "EASED",
+    ),
+    *("SOFT", "USELESS", "NOWHERE", "ENOUGH", "STILL", "TINY", "SAFE", "BALANCED", "WORTH", "CALM"),
+    *("tell_left_out", "trust_in_radau", "way_out", "settled", "glide", "leash", "loudness", "crowd"),
+}
+MODULES = sorted((ROOT / "tensegrity_codegen").rglob("*.py"))
 
 
 def find_texts(source: str) -> Iterator[tuple[int, str]]:
@@ -73,13 +96,39 @@ def without_figures(text: str) -> str:
 
 
 def find_dialect(text: str) -> list[str]:
+    if not ANY_WORD.search(text):
+        return []
     return [pattern for pattern, word in WORDS.items() if word.search(text)]
+
+
+def test_docstrings_of_modules_open_with_a_noun() -> None:
+    opened = {path: ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "" for path in MODULES}
+    questions = re.compile(r"(What|How|Which|Where|Whether|Who)\b")
+    assert [str(path.relative_to(ROOT)) for path, text in opened.items() if questions.match(text)] == []
+
+
+def test_names_of_constants_and_functions_are_plain() -> None:
+    found = []
+    for path in MODULES:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            names = [node.name] if isinstance(node, ast.FunctionDef) else []
+            if isinstance(node, ast.Assign):
+                names += [
+                    item.id
+                    for target in node.targets
+                    for item in ast.walk(target)
+                    if isinstance(item, ast.Name)
+                ]
+            found += [
+                f"{path.relative_to(ROOT)}: {name}" for name in names if name.strip("_") in UNCLEAR_NAMES
+            ]
+    assert found == []
 
 
 def test_messages_of_the_package_have_no_words_of_dialect() -> None:
     found = [
         f"{path.relative_to(ROOT)}:{line}: {text!r}: {', '.join(find_dialect(text))}"
-        for path in sorted((ROOT / "tensegrity_codegen").rglob("*.py"))
+        for path in MODULES
         for line, text in find_texts(path.read_text(encoding="utf-8"))
         if find_dialect(text)
     ]

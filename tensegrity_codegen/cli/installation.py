@@ -1,4 +1,4 @@
-"""What is installed, which C compilers there are, and whether they work."""
+"""Installed packages and C compilers, and whether they work."""
 
 import os
 import platform

@@ -1,4 +1,4 @@
-"""What grows along a load path: added loads, the loads of the scene, gravity, or all of them."""
+"""The loads that grow along a load path: added ones, those of the scene, gravity, or all of them."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal

@@ -1,4 +1,4 @@
-"""What a verb says: one JSON object or readable text on stdout, progress and errors on stderr, exit codes."""
+"""Output of a verb: one JSON object or readable text on stdout, progress and errors on stderr, exit codes."""
 
 import json
 import math

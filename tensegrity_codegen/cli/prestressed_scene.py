@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
-LEAST = "least"
+LEAST_WORD = "least"
 NO_FORCE = 1e-10  # of the largest force: a member of the self-stress with less has none
-BALANCED = 1e-6  # of the largest force: residual up to which the written scene is in balance
+BALANCE_TOLERANCE = 1e-6  # of the largest force: residual up to which the written scene is in balance
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def write_prestressed(
     stored = np.where(_find_rigid(again), tension, again.compute_static_tension(_find_length(again, found)))
     residual = _find_residual(found, stored)
     largest = float(np.abs(stored).max())
-    if residual > BALANCED * largest:
+    if residual > BALANCE_TOLERANCE * largest:
         raise ConvergenceError(
             "rest lengths cannot hold this prestress in balance within rounding",
             evidence={"residual": residual, "largest_force": largest},
@@ -95,12 +95,12 @@ def write_prestressed(
 def _read_size(text: str, subject: "Subject") -> tuple[str, float]:
     """Return what the force belongs to, "" for the cable with most tension, and the force [N]."""
     name, _, number = text.rpartition("=")
-    if name and name != LEAST and name not in subject.member_name:
+    if name and name != LEAST_WORD and name not in subject.member_name:
         raise UnknownNameError(
             "unknown member",
             where=PRESTRESS,
             given=name,
-            allowed=f"a member, or {LEAST}",
+            allowed=f"a member, or {LEAST_WORD}",
             hint=suggest(name, subject.member_name),
         )
     try:
@@ -151,9 +151,9 @@ def _find_scale(subject: "Subject", shape: FloatArray, name: str, force: float) 
         return force / own
     cables = shape[subject.tension_only]
     if not len(cables):
-        size = float(np.abs(shape).min() if name == LEAST else np.abs(shape).max())
+        size = float(np.abs(shape).min() if name == LEAST_WORD else np.abs(shape).max())
     else:
-        size = float(cables.min() if name == LEAST else cables.max())
+        size = float(cables.min() if name == LEAST_WORD else cables.max())
     if size <= NO_FORCE * np.abs(shape).max():
         raise InvalidValueError(
             "a member has no force in the prestress found",

@@ -1,4 +1,4 @@
-"""What is written to standard output and standard error as it is."""
+"""Standard output and standard error, written as they are."""
 
 import os
 import sys

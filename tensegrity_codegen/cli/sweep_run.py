@@ -1,4 +1,4 @@
-"""What `sweep` does with its options: plan, run, report."""
+"""The run of the verb `sweep`: its options, its plan, the run itself and its report."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What the command line knows of a verb."""
+"""The record of a verb for the command line."""
 
 import functools
 import inspect

@@ -1,1 +1,1 @@
-"""What is emitted: from expressions to C text, a compiled library and its cache."""
+"""From expressions to C text, a compiled library and its cache."""

@@ -1,4 +1,4 @@
-"""What to try where an emitter or a formulation does not serve a request: choices that do, each tried.
+"""Alternatives where an emitter or a formulation does not serve a request: choices that do, each tried.
 
 A hint that leads to another refusal is worse than none, so that nothing is named here that was not tried.
 """

@@ -1,4 +1,4 @@
-"""Which emitter writes a library where the scene leaves it open: `model.emitter = "auto"`.
+"""Choice of the emitter where the scene leaves it open: `model.emitter = "auto"`.
 
 The rule is a function of a few facts; where its numbers come from: docs/decisions/0014-auto-emitter.md.
 """

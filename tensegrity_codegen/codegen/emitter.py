@@ -1,4 +1,4 @@
-"""What every emitter offers: models, their functions with only what matters, and C bodies for these."""
+"""The interface of emitters: models, their functions with only what matters, and C bodies for these."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

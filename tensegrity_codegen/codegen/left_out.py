@@ -1,4 +1,4 @@
-"""What a scene does not need, and what leaving it out saves.
+"""Features that a scene does not need, and what leaving them out saves.
 
 Each row compares the emitted functions with the same functions of a variant that has the feature: gravity,
 damping and loads as run-time arguments, tension-only cables, anchored nodes kept in the state, all three

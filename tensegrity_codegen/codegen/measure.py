@@ -1,4 +1,4 @@
-"""How long generated functions take: a C driver beside the generated source, medians of interleaved rounds.
+"""Times of generated functions: a C driver beside the generated source, medians of interleaved rounds.
 
 The text of the driver is made of names that the generator chose, and of the scene's name, which is a C
 identifier; nothing else of a scene gets into it.

@@ -1,4 +1,4 @@
-"""How much program memory and stack a generated library takes, as its compiler says."""
+"""Program memory and stack of a generated library, as its compiler reports them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

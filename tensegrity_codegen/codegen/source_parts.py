@@ -1,4 +1,4 @@
-"""Which parts a C source has besides its functions: those that were asked for, or that the scene needs."""
+"""Parts of a C source besides its functions: those that were asked for, or that the scene needs."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What of a structure is rigid, as parts with poses, masses and joints: rigid bars, bodies, point masses."""
+"""Rigid parts of a structure with poses, masses and joints: rigid bars, bodies, point masses."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,7 +36,8 @@ def write_elements(root: Element, path: Path) -> None:
 
 
 WORLD = "world"
-SMALL = 1e-6  # inertia of thin bars about themselves over that across; of points over their mass [m2]
+# Inertia of thin bars about themselves over that across; of points over their mass [m2].
+THIN_INERTIA_RATIO = 1e-6
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def find_parts(subject: Structure | BodySystem) -> tuple[list[RigidPart], dict[s
 
 def _build_point(name: str, place: FloatArray, mass: float) -> RigidPart:
     """Return a point mass as a free part with an inertia that is next to none."""
-    unit = SMALL * mass * np.eye(3)
+    unit = THIN_INERTIA_RATIO * mass * np.eye(3)
     points = {name: np.zeros(3)}
     return RigidPart(f"{name}.body", "floating", WORLD, place, np.eye(3), mass, np.zeros(3), unit, points)
 
@@ -168,7 +169,7 @@ def _build_rod(structure: Structure, member: int) -> RigidPart:
         rotation=_frame_along(direction),
         mass=mass,
         centre=np.array([0.0, 0.0, centre]),
-        inertia=np.diag([across, across, SMALL * across]),
+        inertia=np.diag([across, across, THIN_INERTIA_RATIO * across]),
         points={
             name: np.array([0.0, 0.0, place])
             for name, place, is_held in zip(names, along, held, strict=True)
@@ -229,7 +230,7 @@ def _build_held_bar(
         rotation=_frame_along(direction),
         mass=body.mass,
         centre=np.array([0.0, 0.0, float(along.mean())]),
-        inertia=np.diag([body.inertia, body.inertia, SMALL * body.inertia]),
+        inertia=np.diag([body.inertia, body.inertia, THIN_INERTIA_RATIO * body.inertia]),
         points={
             system.node_name[node]: np.array([0.0, 0.0, place])
             for node, place in zip(nodes, along, strict=True)

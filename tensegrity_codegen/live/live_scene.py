@@ -1,4 +1,4 @@
-"""What a live page shows: a structure, and a motion, modes and reactions where they are known."""
+"""The content of a live page: a structure, and a motion, modes and reactions where they are known."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 
-MOST = 1000.0  # of a use that is infinite, such as a tension where none is allowed
+MAX_USE = 1000.0  # of a use that is infinite, such as a tension where none is allowed
 
 
 def compute_uses(
@@ -63,7 +63,7 @@ def compute_uses(
     use = check_members(subject, tension[:, : subject.n_members], length).use
     result = np.full(tension.shape, np.nan)
     result[:, : subject.n_members] = np.fmax.reduce([use[name] for name in MEMBER_CHECKS])
-    limited: FloatArray = np.minimum(result, MOST)
+    limited: FloatArray = np.minimum(result, MAX_USE)
     return limited
 
 

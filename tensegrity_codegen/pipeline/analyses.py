@@ -1,4 +1,4 @@
-"""What each analysis needs of a library: quantities, integrators, parameters, batch functions."""
+"""Needs of each analysis of a library: quantities, integrators, parameters, batch functions."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping

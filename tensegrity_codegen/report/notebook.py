@@ -1,4 +1,4 @@
-"""What notebooks show of a result: a table of facts and, where matplotlib is installed, a picture."""
+"""Results in notebooks: a table of facts and, where matplotlib is installed, a picture."""
 
 import base64
 import io

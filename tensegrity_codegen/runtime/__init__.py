@@ -1,1 +1,1 @@
-"""What is run: compiled models and the analyses made with them; imports no casadi."""
+"""Compiled models and the analyses made with them; imports no casadi."""

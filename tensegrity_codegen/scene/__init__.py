@@ -1,1 +1,1 @@
-"""What is given: the scene file, its schema, checks and shapes, and the structure made from it."""
+"""The scene file, its schema, checks and shapes, and the structure made from it."""

@@ -1,4 +1,4 @@
-"""What a scene describes: nodes and members, or bodies and tendons."""
+"""The subject of a scene: nodes and members, or bodies and tendons."""
 
 from typing import TypeAlias
 

@@ -1,4 +1,4 @@
-"""What moves and what measures a structure: actuators with rate, range and delay; sensors with noise."""
+"""Actuators with rate, range and delay; sensors with noise."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What the values of inputs do to a structure: rest lengths and loads with them."""
+"""Effects of the values of inputs on a structure: rest lengths and loads with them."""
 
 from collections.abc import Mapping
 

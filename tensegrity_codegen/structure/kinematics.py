@@ -1,4 +1,4 @@
-"""Where the points of bodies are, from minimal coordinates: the same text for numbers and for symbols.
+"""Points of bodies from minimal coordinates: the same text for numbers and for symbols.
 
 `trig` has sin and cos: the module math with numbers, casadi with symbols. A body whose anchor is a point of
 another body finds that one first, whatever the order in which the scene names them.

@@ -1,4 +1,4 @@
-"""What all studies share: identity of a run, names of scenes, sections kept in a journal."""
+"""Shared parts of all studies: identity of a run, names of scenes, sections kept in a journal."""
 
 import functools
 import importlib.util

@@ -1,4 +1,4 @@
-"""What a sweep is: what its results follow from, and a sentence and unit of each key."""
+"""The description of a sweep: what its results follow from, and a sentence and unit of each key."""
 
 import platform
 import re

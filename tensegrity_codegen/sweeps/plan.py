@@ -1,4 +1,4 @@
-"""What a sweep will do, known before it starts: cases, libraries, tasks, time and size."""
+"""The plan of a sweep, known before it starts: cases, libraries, tasks, time and size."""
 
 from dataclasses import dataclass
 

@@ -30,7 +30,7 @@ MOST_CASES = 32_768  # of a task
 MOST_BYTES = 64 * 2**20  # of the results of a task
 TRIED = (8, 8, 64, 512, 4096)  # cases that are computed to measure their time, the first ones twice: a first
 # call loads modules, and many cases side by side take less time each than few
-ENOUGH = 0.05  # [s] of a measurement
+MEASURED_SECONDS = 0.05  # [s] of a measurement
 SLOW = 1.0  # [s] of a first call, from which it counts
 
 
@@ -225,7 +225,7 @@ def _measure(cases: Cases, group: CaseGroup, libraries: Libraries, operation: Op
             operation.run(model, select_arguments(model, applied), int(applied.good.sum()))
         seconds = time.process_time() - started
         each = (seconds - applying if assembling else seconds) / count
-        if seconds > (ENOUGH if number else SLOW) or (number and count == len(group.rows)):
+        if seconds > (MEASURED_SECONDS if number else SLOW) or (number and count == len(group.rows)):
             break
     return each + assembling / cases.count
 

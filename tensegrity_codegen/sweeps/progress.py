@@ -1,4 +1,4 @@
-"""How far a sweep has come, and how it ended."""
+"""The progress of a sweep, and how it ended."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

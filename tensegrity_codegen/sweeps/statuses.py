@@ -1,4 +1,4 @@
-"""How a case ended: the words of all operations, and the numbers that stand for them in stored results."""
+"""Statuses of cases: the words of all operations, and the numbers that stand for them in stored results."""
 
 from collections.abc import Iterable
 

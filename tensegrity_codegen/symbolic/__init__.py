@@ -1,1 +1,1 @@
-"""What is true: member laws, geometry and formulations as CasADi expressions."""
+"""Member laws, geometry and formulations as CasADi expressions."""

@@ -1,4 +1,4 @@
-"""What all formulations in free node coordinates share: places, members, masses, weights, energies."""
+"""Shared parts of all formulations in free node coordinates: places, members, masses, energies."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""How much work a function is."""
+"""The number of operations of a function."""
 
 import casadi as ca
 

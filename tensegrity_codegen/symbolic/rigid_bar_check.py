@@ -1,4 +1,4 @@
-"""Which bars may be rigid: none where every member is a spring, elsewhere those that do not contradict."""
+"""Bars that may be rigid: none where every member is a spring, elsewhere those that do not contradict."""
 
 from collections.abc import Mapping
 

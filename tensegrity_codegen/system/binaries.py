@@ -1,4 +1,4 @@
-"""What kind of machine a compiled file is for, read from its first bytes.
+"""The kind of machine that a compiled file is for, read from its first bytes.
 
 Layouts: System V ABI chapter 4 (ELF), Microsoft's PE/COFF specification sections 2 and 3, Apple's
 mach-o/loader.h, WebAssembly core specification section 5.5.

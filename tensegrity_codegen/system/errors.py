@@ -1,4 +1,4 @@
-"""What can go wrong: one base class, one subclass a fault.
+"""Errors: one base class, one subclass a fault.
 
 Every message says what was given, what is allowed, where, and what to try. The class attribute
 `exit_code` is the code that the command line ends with (2 bad input, 3 no convergence or unstable).

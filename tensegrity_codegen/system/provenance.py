@@ -1,4 +1,4 @@
-"""Where and when figures were measured, for the foot of a page."""
+"""The machine and time of measured figures, for the foot of a page."""
 
 import os
 import platform

@@ -1,1 +1,1 @@
-"""What is registered: laws, quantities, formulations, tableaus, targets; request and manifest."""
+"""Registered laws, quantities, formulations, tableaus, integrators, targets; request and manifest."""

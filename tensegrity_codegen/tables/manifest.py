@@ -1,4 +1,4 @@
-"""What a generated library says of itself: the one thing that codegen writes and runtime reads."""
+"""The manifest of a generated library: the one thing that codegen writes and runtime reads."""
 
 import dataclasses
 import json

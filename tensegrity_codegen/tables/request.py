@@ -1,4 +1,4 @@
-"""What is wanted of a structure: quantities, run-time parameters, formulation with its options, emitter,
+"""The request for a structure: quantities, run-time parameters, formulation with its options, emitter,
 precision, compile flags."""
 
 from collections.abc import Mapping, Sequence

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 SETTLED = 1e-12  # tolerance of the equilibrium to linearize about
 ROUNDING = 64 * sys.float_info.epsilon  # of lengths, over lengths and coordinates
 SETTLED_ROUNDING = 1e-11  # the same, of lengths that the equilibrium gives
-BALANCED = 1e-4  # acceleration, over extent and square of the lowest angular frequency, that counts as none
+# Acceleration, over extent and square of the lowest angular frequency, that counts as none.
+BALANCE_TOLERANCE = 1e-4
 SHOWN = 20  # modes in text
 
 
@@ -160,7 +161,7 @@ def _find_motion(linear: "LinearModel") -> list[str]:
     extent = float(np.ptp(position)) if half else 0.0
     slowest = float(linear.natural_frequency.min(initial=math.inf))
     square = (2 * math.pi * slowest) ** 2 if math.isfinite(slowest) else float(abs(linear.A).max())
-    if fall > BALANCED * square * (extent or 1.0):
+    if fall > BALANCE_TOLERANCE * square * (extent or 1.0):
         found.append(
             f"the structure is out of balance at x0 (largest acceleration {fall:.3g}): eigenvalues and "
             "frequencies are not those of vibrations about an equilibrium, and rigid motions may appear as "

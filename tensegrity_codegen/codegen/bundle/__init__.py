@@ -1,1 +1,1 @@
-"""What a folder with a library has besides its sources: an example, build files, a page and a notice."""
+"""Files beside the sources in the folder of a library: an example, build files, a page and a notice."""

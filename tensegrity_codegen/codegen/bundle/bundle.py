@@ -1,4 +1,4 @@
-"""What lets other programs find a library: files for CMake and pkg-config, a page, a notice of licences."""
+"""Files by which other programs find a library: for CMake and pkg-config, a page, a notice of licences."""
 
 import math
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""What the template of CasADi's interface reads: every function with its arguments, results and patterns."""
+"""Input of the template of CasADi's interface: each function with its arguments, results and patterns."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How deep the calls of C functions go: bytes of stack along the longest chain of calls."""
+"""Depth of the calls of C functions: bytes of stack along the longest chain of calls."""
 
 import re
 from collections.abc import Iterable, Mapping

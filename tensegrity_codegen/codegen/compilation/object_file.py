@@ -1,4 +1,4 @@
-"""How much machine code an object file holds, read from its section headers.
+"""Size of the machine code in an object file, read from its section headers.
 
 Layouts: System V ABI chapter 4 (ELF), Apple's mach-o/loader.h (Mach-O, 64 bit), Microsoft's PE/COFF
 specification section 4, WebAssembly core specification section 5.5.

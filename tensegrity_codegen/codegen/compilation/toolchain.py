@@ -1,4 +1,4 @@
-"""Which C compilers this machine has, and whether they work."""
+"""C compilers of this machine, and whether they work."""
 
 import functools
 import importlib.util

@@ -16,7 +16,7 @@ from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
-KEPT = ("energy",)
+KEEP_CHOICES = ("energy",)
 KEPT_QUANTITIES = ("total_energy", "mass_matrix", "energy_rate")
 N_RIGID = {1: 1, 2: 3, 3: 6}  # axes -> rigid motions
 
@@ -24,9 +24,9 @@ N_RIGID = {1: 1, 2: 3, 3: 6}  # axes -> rigid motions
 def check_keep(request: ModelRequest, name: str) -> None:
     """Raise FormulationError for what no integrator can keep in this formulation; name: of the scene."""
     for word in request.keep:
-        if word not in KEPT:
+        if word not in KEEP_CHOICES:
             raise FormulationError(
-                "unknown thing to keep", where="model.keep", given=word, hint=suggest(word, KEPT)
+                "unknown thing to keep", where="model.keep", given=word, hint=suggest(word, KEEP_CHOICES)
             )
     in_nodes = [item.name for item in FORMULATIONS.values() if item.in_nodes]
     if request.keep and (request.formulation not in in_nodes or request.precision != "double"):

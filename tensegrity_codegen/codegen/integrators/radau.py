@@ -29,7 +29,7 @@ from tensegrity_codegen.tables.quantities import ARGUMENTS
 RADAU_QUANTITIES = INTEGRATORS[STIFF_INTEGRATOR].quantities
 COUNTS = ("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations")
 NEWTON_SHARE = 1e-4  # of the tolerance, that Newton's method may leave
-NOWHERE = 2**30
+NO_PLACE = 2**30
 
 
 def radau_spec(
@@ -138,7 +138,7 @@ def radau_tables(
             saddle.entry(n + row, k) if k >= 0 else -1 for row, ks in enumerate(coordinate) for k in ks
         ],
         "mass_entry": [
-            -1 - saddle.place[a] if a == b else saddle.entry(a, b) if a > b else NOWHERE for a, b in masses
+            -1 - saddle.place[a] if a == b else saddle.entry(a, b) if a > b else NO_PLACE for a, b in masses
         ],
         "is_mass_diagonal": all(a == b for a, b in masses),
         "entries": len(saddle.entry_column),

@@ -29,7 +29,7 @@ from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES
 
 
 # Where the sizes of all entries sum up to less, no sum of some of them overflows: the matrix is finite.
-SAFE = "1e300"
+LARGEST_SUM = "1e300"
 TRIANGLE = 6  # entries of the upper triangle of a block, row by row
 
 
@@ -57,9 +57,9 @@ class BlockLines(ForceLines):
             place |= {e: (number, lane) for lane, e in enumerate(quad)}
         start = ["lanes_pack total = pack_all(0.0);", *self._sums_begin()]
         finite = f"all_finite({self.function.quantity.name}, {self.function.sparsity.nnz()})"
-        end = f"return pack_is_below(total, {SAFE}) || {finite};"
+        end = f"return pack_is_below(total, {LARGEST_SUM}) || {finite};"
         if self.is_settled:
-            end = f"return pack_is_below(total + spread, {SAFE});"
+            end = f"return pack_is_below(total + spread, {LARGEST_SUM});"
         return [*self.given.lines(), *start, *self._lines, *self._sums(place), end]
 
     def _sums(self, place: dict[int, tuple[int, int]]) -> list[str]:

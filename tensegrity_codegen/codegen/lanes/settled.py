@@ -1,4 +1,4 @@
-"""Where sums over members tell that all arguments and results are finite: none is looked at by itself.
+"""Checks for finite numbers by sums over members: no argument or result is looked at by itself.
 
 spread = sum of d_e . d_e, pulled = sum of |t_e / l_e| over all members. Where both are below 1e200, each
 force on a node is the external one and at most 1e200 times 1e100. Where a coordinate is not finite, spread

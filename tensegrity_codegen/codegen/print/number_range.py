@@ -1,4 +1,4 @@
-"""Whether a structure's own numbers fit into the precision that is asked for."""
+"""The range of a precision, and whether a structure's own numbers fit into it."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping

@@ -19,7 +19,7 @@ OTHERS = 4
 OCCUPIED = {ca.OP_SQRT: 8, ca.OP_DIV: 4, ca.OP_INV: 4}
 A_CYCLE = 3  # operations
 REGISTERS = 26  # of 32; some stay for constants
-REACH = 800
+LOOK_AHEAD = 800
 
 
 def order_instructions(instructions: Sequence[Instruction]) -> list[int]:
@@ -60,7 +60,7 @@ class _Order:
         while len(order) < len(self.printed):
             while first < len(self.printed) and self.printed[first] in issued:
                 first += 1
-            while entered < min(first + REACH, len(self.printed)):
+            while entered < min(first + LOOK_AHEAD, len(self.printed)):
                 ready += [self.printed[entered]] if not self.waits_for[self.printed[entered]] else []
                 entered += 1
             limit = self.printed[entered - 1]

@@ -1,4 +1,4 @@
-"""What the mixed form takes: forces of cables alone, laws of members as a table of numbers."""
+"""Quantities of the mixed form: forces of cables alone, laws of members as a table of numbers."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""Which quantities loops over tables serve, and of which stages each is made.
+"""Quantities that loops over tables serve, and the stages that each is made of.
 
 To add one: a builder here, from stages that exist or a new one (see stage.Stage); where members contribute
 something new, a kernel in symbolic/member_kernel.py and a sink (see loops.Sink).

@@ -1,4 +1,4 @@
-"""How a controller in C calls its model: accelerations, mass matrix, expected measurements."""
+"""Calls of a controller in C to its model: accelerations, mass matrix, expected measurements."""
 
 from dataclasses import dataclass
 from itertools import groupby

@@ -23,7 +23,7 @@ from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 RING = re.compile(r"([bt])(?:(\d+)_)?(\d+)")
 Shape = Callable[[FloatArray], FloatArray]
 
-TINY = 1e-9  # angle [rad] below which its series is used
+SERIES_ANGLE = 1e-9  # angle [rad] below which its series is used
 FLAT = 1e-6  # second extent of a set of nodes, next to the first, below which it counts as a line
 
 
@@ -133,7 +133,9 @@ def build_tilt(top: IntArray, base: IntArray, start: FloatArray) -> Shape:
     line = _find_centre_line(top, base, start)
     base_normal = _build_normal(base, start, line)
     # Of two sets in one plane the centre line is perpendicular to both normals: these are on the same side.
-    top_normal = _build_normal(top, start, line + TINY * float(np.abs(start).max()) * base_normal(start))
+    top_normal = _build_normal(
+        top, start, line + SERIES_ANGLE * float(np.abs(start).max()) * base_normal(start)
+    )
 
     def tilt(position: FloatArray) -> FloatArray:
         normal, leaning = base_normal(position), top_normal(position)
@@ -143,7 +145,7 @@ def build_tilt(top: IntArray, base: IntArray, start: FloatArray) -> Shape:
         part = np.array([leaning @ first, leaning @ np.cross(normal, first)])
         size = float(np.linalg.norm(part))
         angle = float(np.arctan2(size, leaning @ normal))
-        return np.degrees(part * (angle / size if size > TINY else 1.0))
+        return np.degrees(part * (angle / size if size > SERIES_ANGLE else 1.0))
 
     return tilt
 

@@ -1,4 +1,4 @@
-"""Where a plan starts: the scene's equilibrium, or the proof that there is none."""
+"""The start of a plan: the scene's equilibrium, or the proof that there is none."""
 
 from dataclasses import dataclass
 

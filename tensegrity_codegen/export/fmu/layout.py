@@ -1,4 +1,4 @@
-"""What a unit has of a library: arguments, states and blocks of calculated values, each with its place."""
+"""The layout of a unit: arguments, states and blocks of calculated values, each with its place."""
 
 import itertools
 from collections.abc import Callable

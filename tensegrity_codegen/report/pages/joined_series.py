@@ -13,7 +13,8 @@ from tensegrity_codegen.report.pictures.palette import SEQUENCE
 
 Look = tuple[int, Literal["line", "dashed", "dotted", "dashdot"]]
 
-NEAR = 0.004  # of the height of a diagram: lines that are nowhere further apart cannot be told apart
+# Of the height of a diagram: lines that are nowhere further apart cannot be told apart.
+INDISTINGUISHABLE_DISTANCE = 0.004
 MOST_NAMES = 3
 STYLES: tuple[Literal["line", "dashed", "dotted", "dashdot"], ...] = ("line", "dashed", "dotted", "dashdot")
 
@@ -31,7 +32,7 @@ def join_series(series: Sequence[Series]) -> tuple[Series, ...]:
     groups: list[list[Series]] = []
     for item in series:
         for group in groups:
-            if _coincide(group[0], item, NEAR * height):
+            if _coincide(group[0], item, INDISTINGUISHABLE_DISTANCE * height):
                 group.append(item)
                 break
         else:

@@ -1,4 +1,4 @@
-"""What stands on a page of results: chapters of sections, each with text, remarks, tables and figures."""
+"""The content of a page of results: chapters of sections with text, remarks, tables and figures."""
 
 import dataclasses
 import functools

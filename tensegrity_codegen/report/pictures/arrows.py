@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 LONGEST = 0.25  # of the structure's size, at most
 CROWD = 24  # arrows from which they get shorter and thinner
-LEAST = 1e-6  # part of the largest force below which a force is rounding
+MIN_FORCE_RATIO = 1e-6  # part of the largest force below which a force is rounding
 GAP = 0.012  # between an arrow and its node, of the structure's size
 SHAFT = 1.9  # width in points
 HEAD = 0.034  # length of a head, of the structure's size; at most half of its arrow
@@ -103,7 +103,7 @@ def lay_out_arrows(
     found = []
     for name, color, nodes, force in rows:
         length = np.linalg.norm(force, axis=2, keepdims=True)
-        shown = np.where(length > LEAST * largest, force / scale, np.nan)
+        shown = np.where(length > MIN_FORCE_RATIO * largest, force / scale, np.nan)
         tail = _find_tails(structure, position, nodes, shown, GAP * size)
         unknown = int(np.isnan(force).any(axis=(0, 2)).sum())
         found.append(Arrows(name, color, tail, tail + shown, _largest(force), unknown, scale, size))

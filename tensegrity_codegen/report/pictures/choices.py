@@ -1,4 +1,4 @@
-"""What a reader may choose of a picture: direction, size, names, colours, axes that follow."""
+"""Choices of a reader for a picture: direction, size, names, colours, axes that follow."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""What there is to draw: a scene, a model, an equilibrium, a sample of a motion or of a plan."""
+"""Subjects of pictures: a scene, a model, an equilibrium, a sample of a motion or of a plan."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What surrounds a drawn structure: a ground grid with rulers in perspective, or plain axes in a plane."""
+"""The frame of a drawn structure: a ground grid with rulers in perspective, or plain axes in a plane."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""What a picture shows: positions, tensions, loads and bodies over samples, and the colours of members."""
+"""The content of a picture: positions, tensions, loads and bodies over samples, colours of members."""
 
 from dataclasses import dataclass
 from typing import Any

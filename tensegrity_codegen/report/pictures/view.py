@@ -16,7 +16,7 @@ from tensegrity_codegen.system.errors import InvalidValueError
 AZIMUTHS = (-60.0, -66.0, -54.0, -72.0, -48.0, -78.0, -42.0)
 ELEVATION = np.radians(16.0)
 DISTANCE = 5.0  # of the eye, in half diagonals of the box
-FAR = 1e6  # the same in a view without perspective
+PARALLEL_DISTANCE = 1e6  # the same in a view without perspective
 ALONG = {"front": (0, 2), "side": (1, 2), "top": (0, 1)}  # axes of views along the third one
 
 # At most this many grid steps span the ground or the height.
@@ -29,7 +29,7 @@ FINER = 0.44  # of a step, from which the next finer one follows
 # A side shorter than the longest one over this gets the grid of that length.
 SLENDERNESS = 4.0
 # Distances on paper below this part of the picture are clutter; more node-member pairs are not compared.
-NEAR = 0.03
+CLUTTER_RATIO = 0.03
 MOST_PAIRS = 1_000_000
 
 
@@ -223,7 +223,7 @@ def choose_view(
         return fit_view(structure, box, node_position)
     if direction.is_along_axis:
         return PlanarView(ALONG[direction.name], is_in_space=True)
-    distance = FAR if direction.name == "iso" else DISTANCE
+    distance = PARALLEL_DISTANCE if direction.name == "iso" else DISTANCE
     return _perspective(box, np.radians(direction.azimuth), np.radians(direction.elevation), distance)
 
 
@@ -249,5 +249,5 @@ def _clutter(view: View, structure: Structure, node_position: FloatArray) -> flo
     distance = np.linalg.norm(apart - fraction[..., None] * along, axis=-1)
     nodes = np.arange(structure.n_nodes)[:, None]
     own = (nodes == structure.connectivity[:, 0]) | (nodes == structure.connectivity[:, 1])
-    near = NEAR * float(np.max(np.ptp(place, axis=0), initial=0.0)) or 1.0
+    near = CLUTTER_RATIO * float(np.max(np.ptp(place, axis=0), initial=0.0)) or 1.0
     return float(np.sum(1.0 / (1.0 + (distance[~own] / near) ** 2)))

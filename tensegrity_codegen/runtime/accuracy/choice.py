@@ -1,4 +1,4 @@
-"""Which method `auto` takes: by how fast members vibrate, how the rest moves, and the tolerance.
+"""The choice of `auto`: by how fast members vibrate, how the rest moves, and the tolerance.
 
 Steps are estimated from the bounds of rates.py; the numbers are measured: docs/decisions/0018-auto-method.md.
 """

@@ -1,4 +1,4 @@
-"""How fast a structure can move by itself: frequencies and decay rates, bounded from members or by iteration.
+"""Frequencies and decay rates of a structure, bounded from members or found by iteration.
 
 With K = sum of mu_e g_e g_e^T over the members, the eigenvalues of H^-1 K are at most (Gershgorin, rows
 scaled by roots of masses)

@@ -1,1 +1,1 @@
-"""Which tensions a structure can have at a configuration, and which motions they leave free."""
+"""Tensions that a structure can have at a configuration, and motions that they leave free."""

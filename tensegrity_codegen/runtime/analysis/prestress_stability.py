@@ -1,4 +1,4 @@
-"""Whether tensions stiffen the free motions of a structure, and a search for tensions that do."""
+"""Stiffness of the free motions of a structure by its tensions, and a search for such tensions."""
 
 from dataclasses import dataclass
 

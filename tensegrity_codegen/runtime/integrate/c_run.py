@@ -1,4 +1,4 @@
-"""How integrations in the generated C are driven: by short calls, between which Ctrl-C and progress come."""
+"""Integration in the generated C by short calls, between which Ctrl-C and progress come."""
 
 import time as clock
 from abc import ABC, abstractmethod

@@ -1,4 +1,4 @@
-"""What every integrator in the generated C shares: its arrays, bound once, and the samples it fills."""
+"""Shared parts of all integrations in C: arrays, bound once, and the samples that they fill."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What is integrated: a model from a state on, over sample times."""
+"""The problem of an integration: a model from a state on, over sample times."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

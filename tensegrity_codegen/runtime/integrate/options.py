@@ -1,4 +1,4 @@
-"""What a run is asked for: method, tolerances, step and limits in one record, and its checks."""
+"""Options of a run: method, tolerances, step and limits in one record, and their checks."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""What integrations of one state and of many return, and how each run ended."""
+"""Results of integrators, of one state and of many, and how each run ended."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What callers hand in, as arrays of a library's precision."""
+"""Arguments of callers as arrays of a library's precision."""
 
 import math
 from collections.abc import Callable, Mapping

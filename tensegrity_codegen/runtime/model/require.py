@@ -1,4 +1,4 @@
-"""What an analysis asks of a model, checked before it begins."""
+"""Requirements of an analysis on a model, checked before it begins."""
 
 from collections.abc import Iterable
 from typing import Any

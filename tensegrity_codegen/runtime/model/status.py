@@ -1,4 +1,4 @@
-"""What a generated function answers besides its result, as an error."""
+"""The status of a generated function, as an error."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a load path is followed of: equilibria g(q, lambda) = 0, and functions to watch along them."""
+"""The problem of a load path: equilibria g(q, lambda) = 0, and functions to watch along them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Which changes of rest lengths the columns of a sensitivity stand for: members, inputs or groups."""
+"""Columns of a sensitivity: changes of rest lengths by members, inputs or groups."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

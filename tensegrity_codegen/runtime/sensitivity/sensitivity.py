@@ -1,4 +1,4 @@
-"""How an equilibrium follows changes of rest lengths, by the implicit function theorem."""
+"""The derivative of an equilibrium by rest lengths, by the implicit function theorem."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""What is given for a motion: its start, run-time arguments and schedule, checked."""
+"""Input of a motion: its start, run-time arguments and schedule, checked."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

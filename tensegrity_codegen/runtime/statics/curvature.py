@@ -1,4 +1,4 @@
-"""Which way of treating the stiffness suits its size: dense eigenvectors or sparse factors."""
+"""The treatment of the stiffness by its size: dense eigenvectors or sparse factors."""
 
 from typing import Any
 

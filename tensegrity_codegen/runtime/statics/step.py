@@ -1,4 +1,4 @@
-"""What a trust region asks of a stiffness: the best step within a radius, and solves with its shift.
+"""Operations of a trust region on a stiffness: the best step within a radius, solves with its shift.
 
 The step minimises g.s + s.K s / 2 over |s| <= radius, through (K + shift I) s = -g with the smallest
 shift >= 0 that makes K + shift I positive definite and s short enough (J. J. Moré, D. C. Sorensen,

@@ -1,4 +1,4 @@
-"""What feedback needs of a library, besides a linear model."""
+"""Quantities that feedback needs of a library, besides a linear model."""
 
 CONTROL_METHOD = "rk853"  # integrator of the simulated plant
 CONTROL_QUANTITIES = (

@@ -1,4 +1,4 @@
-"""What a simulated motion and a batch of them have in common: arrays over samples, and a file of them."""
+"""Shared parts of a simulated motion and a batch of them: arrays over samples, and a file of them."""
 
 from dataclasses import dataclass
 from pathlib import Path

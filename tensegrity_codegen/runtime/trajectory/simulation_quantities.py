@@ -1,4 +1,4 @@
-"""What a simulation needs of a model."""
+"""Quantities that a simulation needs of a model."""
 
 from tensegrity_codegen.tables.formulations import find_formulation
 

@@ -1,4 +1,4 @@
-"""What acts on bodies: loads, joint friction and actuated inputs, from the scene's tables."""
+"""Loads, joint friction and actuated inputs on bodies, from the scene's tables."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""Which pairs of bars a scene watches for contact."""
+"""Pairs of bars that a scene watches for contact."""
 
 from collections.abc import Collection, Mapping
 

@@ -1,4 +1,4 @@
-"""What a list of names points at: members, groups and classes; nodes; and what stays changeable."""
+"""Targets of a list of names: members, groups and classes; nodes; and what stays changeable."""
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence

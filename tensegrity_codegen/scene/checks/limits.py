@@ -1,4 +1,4 @@
-"""How large scenes and the files they come from may be: checked before anything is built of them.
+"""Limits of the size of scenes and their files, checked before anything is built of them.
 
 Counts of characters bound what a reader would build of a text; counts of entries bound what the checks that
 follow would do. Limits lie well above the largest structures that the generator serves.

@@ -5,12 +5,12 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 
-LONG = 50.0  # [m], median member length from which on millimetres are suspected
+SUSPICIOUS_LENGTH = 50.0  # [m], median member length from which on millimetres are suspected
 MAX_DISTANCE_RATIO = 100.0  # distance of a node from the middle over the median of all nodes
 MAX_RADIUS_RATIO = 0.25  # radius over length of a member
 # Mass over volume [kg/m3]: values of solids in g/cm3, and more than any solid has.
 LIGHT = (0.7, 25.0)
-HEAVY = 25_000.0
+SUSPICIOUS_DENSITY = 25_000.0
 MILLIMETRES = (("kg/mm3", 1e-9), ("t/mm3", 1e-12))  # their values for 1 kg/m3
 
 
@@ -30,7 +30,7 @@ def warn_of_lengths(structure: Structure) -> list[str]:
     """Return a warning where half of the members are longer than LONG."""
     length = structure.member_length()
     middle = float(compute_median(length))
-    if middle < LONG:
+    if middle < SUSPICIOUS_LENGTH:
         return []
     longest = int(np.argmax(length))
     return [
@@ -85,7 +85,7 @@ def warn_of_densities(structure: Structure) -> list[str]:
         return np.flatnonzero(known & (scaled >= 1000 * LIGHT[0]) & (scaled <= 1000 * LIGHT[1]))
 
     small = () if warn_of_lengths(structure) else MILLIMETRES
-    heavy = np.flatnonzero(known & (density > HEAVY) & np.isfinite(density))
+    heavy = np.flatnonzero(known & (density > SUSPICIOUS_DENSITY) & np.isfinite(density))
     found = []
     for which, question in (
         (solids(1e-3), "a density in g/cm3? Write it in kg/m3: 1,000 times as much"),

@@ -1,4 +1,4 @@
-"""What is allowed and still looks like a mistake, in short sentences."""
+"""Warnings of what is allowed and still looks like a mistake, in short sentences."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What every importer hands back, and how foreign names become names of a scene."""
+"""The result of every importer, and how foreign names become names of a scene."""
 
 import re
 from collections.abc import Iterable

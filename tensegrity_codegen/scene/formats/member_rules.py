@@ -1,4 +1,4 @@
-"""Which values of an imported member go together, whatever the format of its file.
+"""Rules for the values of an imported member, whatever the format of its file.
 
 In all checks `member` has the values by the names of a scene, and `where` returns the place of one of them in
 the file, for messages.

@@ -1,4 +1,4 @@
-"""What importers of nodes and members have in common: names, references, rules of members."""
+"""Shared parts of importers of nodes and members: names, references, rules of members."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

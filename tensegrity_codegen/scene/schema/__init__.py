@@ -1,1 +1,1 @@
-"""What a scene file may say: the pydantic models of its keys."""
+"""The pydantic models of the keys of a scene file."""

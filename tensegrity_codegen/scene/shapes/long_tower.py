@@ -20,7 +20,7 @@ Blocks = Callable[[float], FloatArray]
 _REACH = 0.5  # how far from the expected twist it is looked for, as part of its distance from the limit
 _NARROWINGS = 8  # of the interval around the twist, before a smooth function is trusted
 _TAUT = 1e-6  # of the largest tension
-_BALANCED = 1e-9  # of the largest tension
+_BALANCE_TOLERANCE = 1e-9  # of the largest tension
 
 
 def find_long_twist(blocks: Blocks, known: dict[int, float], stages: int) -> float | None:
@@ -60,7 +60,7 @@ def find_run_tensions(
     for _ in range(3):  # towards the smallest singular value, rounding away from zero
         vector = factor.solve(factor.solve(vector, trans="T"))
         vector /= np.abs(vector).max()
-    if np.abs(equations @ vector).max() > _BALANCED:
+    if np.abs(equations @ vector).max() > _BALANCE_TOLERANCE:
         return None
     tension = np.empty(len(vector))
     tension[_order(stages)] = vector

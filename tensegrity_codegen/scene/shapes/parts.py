@@ -1,4 +1,4 @@
-"""What all shapes share: their base model, and the plain document that they are written into."""
+"""Shared parts of all shapes: their base model, and the plain document that they are written into."""
 
 import math
 from abc import ABC, abstractmethod

@@ -1,4 +1,4 @@
-"""What was found wrong or unclear in print, as entries that a page's remarks point to.
+"""Errors and unclear points in print, as entries that a page's remarks point to.
 
 The names are those of the headings in docs/errata.md, where each is derived.
 """

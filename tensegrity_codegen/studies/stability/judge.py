@@ -1,4 +1,4 @@
-"""What an ending is worth: against a reference that two methods certify, or by its status alone."""
+"""The verdict on a result: against a reference that two methods certify, or by its status alone."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -86,7 +86,8 @@ RULES = {
 ALLOWED = 10.0  # times the tolerance
 SHARPER = (1e-1, 1e-3)  # tolerances of references, over that asked for
 AGREE = 0.1  # of what is allowed, that two references may differ by
-LOST = 1e-2  # error, over mean length or largest speed, from which a result without a tolerance is wrong
+# Error, over mean length or largest speed, from which a result without a tolerance is wrong.
+LOST_ERROR = 1e-2
 
 
 @dataclass(frozen=True)
@@ -220,7 +221,7 @@ def judge_peer(case: Case, ending: Ending, truth: Truth | None) -> Judgement:
     if ending.state.shape != (len(truth.state), n):
         return Judgement("wrong")
     error = np.abs(ending.state - truth.state[:, :n])
-    least = LOST * float(case.structure.member_length().mean())
+    least = LOST_ERROR * float(case.structure.member_length().mean())
     is_wrong = bool(np.any(error > np.maximum(least, ALLOWED * _allowed(case, truth.state)[:, :n])))
     return Judgement("wrong" if is_wrong else "survived", float(error.max()), "positions")
 
@@ -241,7 +242,7 @@ def _allowed(case: Case, state: FloatArray) -> FloatArray:
     n = state.shape[1] // 2
     length = float(case.structure.member_length().mean())
     speed = max(float(np.abs(state[:, n:]).max()), length / case.t_end)
-    return np.repeat([length, speed], n)[None, :] * LOST / ALLOWED + np.zeros_like(state)
+    return np.repeat([length, speed], n)[None, :] * LOST_ERROR / ALLOWED + np.zeros_like(state)
 
 
 NOT_RUN = "not run"

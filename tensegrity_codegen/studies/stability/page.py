@@ -199,7 +199,7 @@ def _explain(rows: Sequence[Outcome]) -> str:
     return " ".join(f"{MARKS[rule].strip()} Checked by {RULE_WORDS[rule]}." for rule in used)
 
 
-LEAST = 1e-8  # errors over tolerance below are drawn here
+MIN_DRAWN_ERROR = 1e-8  # errors over tolerance below are drawn here
 
 
 def draw_errors(rows: Sequence[Outcome], scene: str, name: str) -> Iterator[Figure]:
@@ -217,7 +217,7 @@ def draw_errors(rows: Sequence[Outcome], scene: str, name: str) -> Iterator[Figu
     for method, style in styles.items():
         own = [row for row in rows if row.contender == method]
         x = [cases[row.group, row.case] for row in own]
-        y = [max(row.error or 0.0, LEAST) for row in own]
+        y = [max(row.error or 0.0, MIN_DRAWN_ERROR) for row in own]
         series.append(replace(method_series(method, x, y, style), style="points"))
     diagram = Diagram(
         "number of the case",
@@ -229,7 +229,7 @@ def draw_errors(rows: Sequence[Outcome], scene: str, name: str) -> Iterator[Figu
     )
     caption = (
         f"{scene}: certified errors of {len(rows)} results in {len(cases)} cases; below the dotted line a "
-        f"result is right. Errors below {LEAST:g} are drawn there."
+        f"result is right. Errors below {MIN_DRAWN_ERROR:g} are drawn there."
     )
     yield diagram_figure(name, diagram, caption, f"Error over tolerance of {len(rows)} results, logarithmic.")
 

@@ -1,4 +1,4 @@
-"""How much faster than other programs: the finding of a report, computed from its rows."""
+"""The finding of a report: the ratio of times to other programs, computed from its rows."""
 
 import math
 from collections.abc import Sequence

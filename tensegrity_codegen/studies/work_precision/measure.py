@@ -18,7 +18,7 @@ from tensegrity_codegen.system.journal import read_record
 # Where a scene starts at rest in equilibrium nothing would be measured: its nodes are given speeds of this
 # part of the mean member length a second, that stretch no bar.
 KICK = 0.1
-STILL = 1e-6  # net acceleration times a second, over the mean length, that counts as rest
+REST_TOLERANCE = 1e-6  # net acceleration times a second, over the mean length, that counts as rest
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def _is_at_rest(structure: Structure) -> bool:
     np.add.at(force, structure.connectivity[:, 1], pull)
     free = ~structure.node_anchored & np.isin(np.arange(3), structure.axes)
     scale = max(float(np.abs(tension).max()), 1e-300)
-    return bool(np.abs(force[free]).max(initial=0.0) <= STILL * scale)
+    return bool(np.abs(force[free]).max(initial=0.0) <= REST_TOLERANCE * scale)
 
 
 def without_stretch(structure: Structure, velocity: FloatArray, members: NDArray[np.int64]) -> FloatArray:
@@ -99,8 +99,8 @@ def find_length_error(structure: Structure, node_position: FloatArray) -> float 
 
 
 REPEATS = 5
-LEAST = 0.02  # seconds over which short runs are repeated
-ENOUGH = 0.3  # seconds of measuring one setting, unless a single run takes longer
+MIN_SECONDS = 0.02  # seconds over which short runs are repeated
+MEASURED_SECONDS = 0.3  # seconds of measuring one setting, unless a single run takes longer
 
 
 class Unavailable(Exception):
@@ -149,7 +149,7 @@ class Measurement:
     run: Run
 
 
-def measure(contender: Contender, setting: float, budget: float = ENOUGH) -> Measurement:
+def measure(contender: Contender, setting: float, budget: float = MEASURED_SECONDS) -> Measurement:
     """Return the median CPU time of 5 runs or more, fewer where they take longer than `budget` [s] in all."""
     seconds: list[float] = []
     run: Run | None = None
@@ -159,7 +159,7 @@ def measure(contender: Contender, setting: float, budget: float = ENOUGH) -> Mea
         look = contender.run(setting)
         seconds.append(time.process_time() - started)
         run = run or look()
-        enough = len(seconds) >= REPEATS and sum(seconds) > LEAST
+        enough = len(seconds) >= REPEATS and sum(seconds) > MIN_SECONDS
         if run.status != "ok" or enough or sum(seconds) > budget:
             return Measurement(float(np.median(seconds)), run)
 

@@ -1,4 +1,4 @@
-"""Which cases share a library: some of them are assembled, and compared in all that is constant in code."""
+"""Groups of cases that share a library: some are assembled, and compared in all that is constant."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What may differ between cases of one library: initial state, inputs and run-time parameters, as arrays.
+"""Slots that may differ between cases of one library: initial state, inputs, parameters, as arrays.
 
 Everything else of a structure is constant in the code; its hash says whether two cases can share a library.
 """

@@ -1,4 +1,4 @@
-"""How the cases of a sweep lie in stored arrays, and which of them make one task."""
+"""The layout of the cases of a sweep in stored arrays, and of its tasks."""
 
 import math
 from collections.abc import Sequence

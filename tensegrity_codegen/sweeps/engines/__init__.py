@@ -1,1 +1,1 @@
-"""Where the tasks of a sweep run: processes on this machine, or a Dask cluster."""
+"""Engines that run the tasks of a sweep: processes on this machine, or a Dask cluster."""

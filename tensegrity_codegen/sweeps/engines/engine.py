@@ -1,4 +1,4 @@
-"""What every engine does: it takes tasks and gives back their results, each once, in any order."""
+"""The interface of engines: each takes tasks and returns their results, each once, in any order."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager

@@ -1,4 +1,4 @@
-"""What workers do: libraries by group, and the results of one task."""
+"""The work of a worker: libraries by group, and the results of one task."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

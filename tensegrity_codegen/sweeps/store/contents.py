@@ -1,4 +1,4 @@
-"""What a store holds: its arrays with their dimensions, chunks and attributes, and the attributes of all."""
+"""The content of a store: its arrays with dimensions, chunks and attributes, and the attributes of all."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Whether a sweep is the one that a folder holds; what differs, by its keys, where it is not."""
+"""The identity of a sweep in a folder; what differs, by its keys, where it is another one."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What a sweep found, in one sentence of numbers: the headline of its page."""
+"""The finding of a sweep in one sentence of numbers: the headline of its page."""
 
 import numpy as np
 

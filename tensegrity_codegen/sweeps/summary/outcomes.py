@@ -1,4 +1,4 @@
-"""How the cases of a sweep ended: counts, first messages, and the keys that tell failures apart."""
+"""Outcomes of the cases of a sweep: counts, first messages, and the keys that tell failures apart."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a summary uses of a sweep: cases, statuses, and quantities that are read piece by piece."""
+"""Results of a sweep for its summary: cases, statuses, and quantities that are read piece by piece."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,1 +1,1 @@
-"""What is computed for a chunk of cases with one library: one file an operation."""
+"""Tasks: the results of a chunk of cases with one library, one file an operation."""

@@ -1,4 +1,4 @@
-"""What is kept of each case, as text: an expression over quantities, and how it is reduced over time.
+"""The text of what is kept of each case: an expression over quantities, and how it is reduced over time.
 
     member_tension                      of motions: at every sample
     member_tension.max                  largest over time, member by member; also min, mean, rms, final

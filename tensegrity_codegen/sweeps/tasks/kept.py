@@ -1,4 +1,4 @@
-"""What is kept of each case, bound to a library: its array, and its values at many states."""
+"""Kept results of each case, bound to a library: their arrays, and their values at many states."""
 
 import ast
 from collections.abc import Mapping

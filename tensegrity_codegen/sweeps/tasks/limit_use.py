@@ -1,4 +1,4 @@
-"""How much of their limits the members of each case use."""
+"""Use of the limits of members by each case."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What every operation of a sweep is: what it needs of a library, what it gives, how a chunk is computed."""
+"""The interface of operations of a sweep: needs of a library, results, how a chunk is computed."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping

@@ -1,4 +1,4 @@
-"""What one member of a class contributes, as a small function of its ends and its values.
+"""The part of one member of a class, as a small function of its ends and its values.
 
 The expressions are those of `Member`, over symbols of one member; loops over tables call them once a member.
 Constants of a member are symbols here as well, except where they are zero for the whole class, so that every

@@ -1,4 +1,4 @@
-"""What is known of a formulation besides its expressions, readable without CasADi."""
+"""The record of a formulation besides its expressions, readable without CasADi."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What every member law provides: tension, its derivatives, energy, switches; for numbers and expressions.
+"""The interface of member laws: tension, derivatives, energy, switches; for numbers and expressions.
 
 A law says how the tension t of a member at rest follows from its elongation x = l - rho. It scales with the
 spring constant mu = k + EA / rho at rest length:

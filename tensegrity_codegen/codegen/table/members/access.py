@@ -1,4 +1,4 @@
-"""How the loop over some members of a group reads what their kernel takes."""
+"""Access of the loop over some members of a group to what their kernel takes."""
 
 from functools import cached_property
 

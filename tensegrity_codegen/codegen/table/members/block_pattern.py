@@ -1,4 +1,4 @@
-"""Where the blocks of members land in a sparse matrix over coordinates, without a loop over members."""
+"""Places of the blocks of members in a sparse matrix over coordinates, without a loop over members."""
 
 from dataclasses import dataclass
 from functools import cached_property

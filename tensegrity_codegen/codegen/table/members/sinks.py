@@ -1,4 +1,4 @@
-"""What is done with the results of a member's kernel: stored, summed up, or added to nodes."""
+"""Destinations of the results of a member's kernel: stored, summed up, or added to nodes."""
 
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,4 +1,4 @@
-"""What the bodies of table functions share: constant arrays, kernels and helpers, each written once."""
+"""Shared parts of the bodies of table functions: arrays, kernels and helpers, each written once."""
 
 from typing import Any
 

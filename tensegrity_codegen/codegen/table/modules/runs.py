@@ -1,4 +1,4 @@
-"""Where the columns of a matrix are filled from top to bottom by repeated modules: whole runs of entries.
+"""Runs of entries where repeated modules fill the columns of a matrix from top to bottom.
 
 All blocks in the columns of one node are a row of values, most of them one after the other in the matrix.
 Where repetition after repetition has them in the same order, nodes side by side take a value of every line.

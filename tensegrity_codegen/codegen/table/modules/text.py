@@ -1,4 +1,4 @@
-"""What the loops over repeated modules of one shape have in common: chunks, lines, places, values."""
+"""Shared text of the loops over repeated modules of one shape: chunks, lines, places, values."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How loops over repeated modules read the values of their members: numbers, tables, arguments."""
+"""Values of members in loops over repeated modules: numbers, tables, arguments."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How far nodes of many cases moved apart from neutral motions, where that has a closed form.
+"""Displacements of nodes of many cases apart from neutral motions, where that has a closed form.
 
 The start is moved along the neutral motions as near as possible to what was found (neutral_motion.py). For
 no neutral motion, slides alone, a turn with the slides across its axis, and all rigid motions that is the

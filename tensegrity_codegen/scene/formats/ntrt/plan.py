@@ -1,4 +1,4 @@
-"""What the pairs and nodes of an NTRT structure become: rods, cables, spheres, and rigid bodies of these."""
+"""The parts of an NTRT structure by its pairs and nodes: rods, cables, spheres, rigid bodies of these."""
 
 import math
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What is wrong or missing in print, each as a check that anyone can run again."""
+"""Errors and gaps in print, each as a check that anyone can run again."""
 
 from itertools import permutations
 from typing import Any

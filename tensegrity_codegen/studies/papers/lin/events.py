@@ -32,7 +32,7 @@ DIRECTIONS = {
     "+z": (0.0, 0.0, 1.0),
     "-z": (0.0, 0.0, -1.0),
 }
-MOST = 60.0  # [N], to which loads grow
+MAX_LOAD = 60.0  # [N], to which loads grow
 CONTROL = StepControl(largest=0.05, most_steps=2000)
 
 
@@ -41,7 +41,7 @@ def follow_load(
     top: int = 3,
     direction: str = "-z",
     *,
-    most: float = MOST,
+    most: float = MAX_LOAD,
     past_contact: bool = False,
     control: StepControl = CONTROL,
     **arguments: Any,
@@ -64,7 +64,7 @@ def find_load_events(
     tension_only: bool = False,
     top: int = 3,
     direction: str = "-z",
-    most: float = MOST,
+    most: float = MAX_LOAD,
     control: StepControl = CONTROL,
 ) -> dict[str, Any]:
     """Return the loads [N] of the first slack spring, the first contact and the first limit point.

@@ -83,7 +83,7 @@ def make_inputs(top: RigidBody, system: BodySystem) -> tuple[BodyInput, ...]:
 AZIMUTH_OFFSET = (0, 240, 120, 120, 0, 240)  # [deg], of the bars in this order
 PSI = 300  # [deg]
 CROSSING = 30.0  # [deg], the azimuth at which bars intersect
-NEAR = 1e-9  # [deg] or [m], closer than this counts as on a bound
+BOUND_TOLERANCE = 1e-9  # [deg] or [m], closer than this counts as on a bound
 SYMMETRY = 1e-9  # [m, N, N m], of lengths in a class and of left-out residuals
 
 
@@ -182,10 +182,10 @@ class SymmetricTower:
         least = self.bar.length * math.cos(pose.delta)
         if _is_crossing(alpha):
             problem, given, allowed = "bars intersect at this azimuth", f"alpha = {alpha:g} deg", "not 30 deg"
-        elif not NEAR < delta < 90.0 - NEAR:
+        elif not BOUND_TOLERANCE < delta < 90.0 - BOUND_TOLERANCE:
             problem, given = "the declination is outside its bounds", f"delta = {delta:g} deg"
             allowed = "0 < delta < 90 deg"
-        elif not height > least + NEAR:
+        elif not height > least + BOUND_TOLERANCE:
             problem, given = "the bars of one stage reach the other end of the tower", f"Z = {height:g} m"
             allowed = f"Z > l cos(delta) = {least:.6g} m"
         else:
@@ -195,8 +195,8 @@ class SymmetricTower:
     def is_inside(self, parameters: FloatArray) -> NDArray[np.bool_]:
         """Return which s of (n, 3) are within the bounds of SCS 4, (n,)."""
         alpha, delta, height = parameters.T
-        tilted = (np.degrees(delta) > NEAR) & (np.degrees(delta) < 90.0 - NEAR)
-        room = height > self.bar.length * np.cos(delta) + NEAR
+        tilted = (np.degrees(delta) > BOUND_TOLERANCE) & (np.degrees(delta) < 90.0 - BOUND_TOLERANCE)
+        room = height > self.bar.length * np.cos(delta) + BOUND_TOLERANCE
         inside: NDArray[np.bool_] = tilted & room & ~_is_crossing(np.degrees(alpha))
         return inside
 
@@ -308,4 +308,4 @@ class SymmetricTower:
 
 def _is_crossing(alpha_deg: Any) -> Any:
     """Return whether bars intersect at azimuths [deg], numbers or arrays."""
-    return abs((alpha_deg - CROSSING + 180.0) % 360.0 - 180.0) <= NEAR
+    return abs((alpha_deg - CROSSING + 180.0) % 360.0 - 180.0) <= BOUND_TOLERANCE

@@ -205,7 +205,7 @@ def _difference(a: Trajectory, b: Trajectory) -> np.ndarray:
 
 PAPER_BOUND = 1e-5  # [m], "the error per coordinate is less than 10^-5"
 # Differences below the rounding of a coordinate are drawn there.
-LEAST = 1e-17
+MIN_DRAWN_DIFFERENCE = 1e-17
 
 
 def trajectory_section(t_end: float) -> Section:
@@ -260,9 +260,9 @@ def drift_section(t_end: float) -> Section:
                 Diagram(
                     "time [s]",
                     "largest change of Lᵀδ [m]",
-                    [Series("", data["time"], np.maximum(data["drift"], LEAST), color=0)],
+                    [Series("", data["time"], np.maximum(data["drift"], MIN_DRAWN_DIFFERENCE), color=0)],
                     log_y=True,
-                    y_limits=(LEAST / 2, 1e-11),
+                    y_limits=(MIN_DRAWN_DIFFERENCE / 2, 1e-11),
                     horizontal=((1e-13, "10⁻¹³ m"),),
                 ),
                 f"Change of the constraints since the start, {t_end:g} s.",
@@ -336,5 +336,5 @@ def _power(tolerance: float) -> str:
 
 
 def _shown(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    shown: NDArray[np.float64] = np.maximum(values, LEAST)
+    shown: NDArray[np.float64] = np.maximum(values, MIN_DRAWN_DIFFERENCE)
     return shown
