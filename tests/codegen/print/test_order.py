@@ -28,7 +28,7 @@ def printed(instructions: list[Instruction]) -> list[int]:
 def test_every_operation_comes_once_and_after_its_operands(
     seed: int, reach: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(order, "REACH", reach)
+    monkeypatch.setattr(order, "LOOK_AHEAD", reach)
     instructions = read_instructions(random_function(seed))
     found = order_instructions(instructions)
     assert sorted(found) == printed(instructions)
@@ -40,7 +40,7 @@ def test_every_operation_comes_once_and_after_its_operands(
 
 @pytest.mark.parametrize("reach", [1, 20])
 def test_none_passes_another_beyond_reach(reach: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(order, "REACH", reach)
+    monkeypatch.setattr(order, "LOOK_AHEAD", reach)
     instructions = read_instructions(random_function(4))
     original = {k: n for n, k in enumerate(printed(instructions))}
     waiting = set(original.values())
