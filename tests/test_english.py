@@ -6,6 +6,7 @@ noun that they are about, and constants have names that say what they bound.
 """
 
 import ast
+import functools
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -72,9 +73,14 @@ UNCLEAR_NAMES = {
 MODULES = sorted((ROOT / "tensegrity_codegen").rglob("*.py"))
 
 
-def find_texts(source: str) -> Iterator[tuple[int, str]]:
+@functools.cache
+def parse(path: Path) -> ast.Module:
+    """Return the syntax tree of a module, which several tests read."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def find_texts(tree: ast.Module) -> Iterator[tuple[int, str]]:
     """Return line and text of the string literals of a module that are sentences, without docstrings."""
-    tree = ast.parse(source)
     skipped = {
         id(node.body[0].value)
         for node in ast.walk(tree)
@@ -102,7 +108,7 @@ def find_dialect(text: str) -> list[str]:
 
 
 def test_docstrings_of_modules_open_with_a_noun() -> None:
-    opened = {path: ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "" for path in MODULES}
+    opened = {path: ast.get_docstring(parse(path)) or "" for path in MODULES}
     questions = re.compile(r"(What|How|Which|Where|Whether|Who)\b")
     assert [str(path.relative_to(ROOT)) for path, text in opened.items() if questions.match(text)] == []
 
@@ -110,7 +116,7 @@ def test_docstrings_of_modules_open_with_a_noun() -> None:
 def test_names_of_constants_and_functions_are_plain() -> None:
     found = []
     for path in MODULES:
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        for node in parse(path).body:
             names = [node.name] if isinstance(node, ast.FunctionDef) else []
             if isinstance(node, ast.Assign):
                 names += [
@@ -129,7 +135,7 @@ def test_messages_of_the_package_have_no_words_of_dialect() -> None:
     found = [
         f"{path.relative_to(ROOT)}:{line}: {text!r}: {', '.join(find_dialect(text))}"
         for path in MODULES
-        for line, text in find_texts(path.read_text(encoding="utf-8"))
+        for line, text in find_texts(parse(path))
         if find_dialect(text)
     ]
     assert found == []
@@ -159,4 +165,6 @@ def test_comments_of_generated_headers_have_no_words_of_dialect(name: str) -> No
 
 def test_a_word_of_dialect_is_found() -> None:
     assert find_dialect("what watches no condition") == [r"(?<!->)\bwatch(es|ed)?\b"]
-    assert list(find_texts('"""Nobody."""\nx = "nobody wants them"\n')) == [(2, "nobody wants them")]
+    assert list(find_texts(ast.parse('"""Nobody."""\nx = "nobody wants them"\n'))) == [
+        (2, "nobody wants them")
+    ]

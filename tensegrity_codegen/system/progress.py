@@ -1,4 +1,4 @@
-"""The progress of a part of a longer piece of work."""
+"""Progress of long work: parts of a whole, and passes that are reported while they run."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

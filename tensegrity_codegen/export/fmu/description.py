@@ -23,11 +23,6 @@ BASE = {
 FACTOR = re.compile(r"([A-Za-z]+)(\d*)")
 
 
-def has_one_unit(unit: str) -> bool:
-    """Return whether a text such as "N s/m" is one unit; "m or N" and "m, rad" are several."""
-    return find_exponents(unit) is not None
-
-
 def find_exponents(unit: str) -> dict[str, int] | None:
     """Return the exponents of SI base units in a unit, {} for "1".
 
