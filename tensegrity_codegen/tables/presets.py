@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from tensegrity_codegen.system.errors import UnknownNameError, suggest
+from tensegrity_codegen.system.errors import check_choice
 
 
 @dataclass(frozen=True)
@@ -41,12 +41,5 @@ PRESETS: Mapping[str, Preset] = {
 
 def find_preset(name: str, where: str = "model.preset") -> Preset:
     """Return the preset of that name; raises UnknownNameError, naming `where`, for an unknown one."""
-    if name not in PRESETS:
-        raise UnknownNameError(
-            "unknown preset",
-            where=where,
-            given=name,
-            allowed=", ".join(PRESETS),
-            hint=suggest(name, PRESETS),
-        )
+    check_choice(name, PRESETS, "preset", where)
     return PRESETS[name]

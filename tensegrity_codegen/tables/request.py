@@ -6,7 +6,13 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    UnknownKeyError,
+    UnknownNameError,
+    check_choice,
+    suggest,
+)
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.tables.formulations import FORMULATIONS
 
@@ -64,14 +70,7 @@ def check_interfaces(interfaces: Sequence[str], where: str = "model.interfaces")
     Raises InvalidValueError for interfaces that one library cannot have together.
     """
     for name in interfaces:
-        if name not in INTERFACES:
-            raise UnknownNameError(
-                "unknown interface",
-                where=where,
-                given=name,
-                allowed=", ".join(INTERFACES),
-                hint=suggest(name, INTERFACES),
-            )
+        check_choice(name, INTERFACES, "interface", where)
     if "acados" in interfaces and len(set(interfaces)) > 1:
         raise InvalidValueError(
             "interfaces with different integers",

@@ -12,7 +12,7 @@ from tensegrity_codegen.cli.load_ramp import RampKind, build_ramp
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 from tensegrity_codegen.system.files import check_output
 
 if TYPE_CHECKING:
@@ -143,14 +143,7 @@ def _parse_events(text: str) -> tuple[str, ...]:
     """Return the kinds of events that a list of words stands for; raises UnknownNameError."""
     words = [word.strip() for word in text.split(",")]
     for word in words:
-        if word not in EVENTS:
-            raise UnknownNameError(
-                "unknown event",
-                where="--events",
-                given=word,
-                allowed=", ".join(EVENTS),
-                hint=suggest(word, EVENTS),
-            )
+        check_choice(word, EVENTS, "event", "--events")
     return tuple(kind for word in words for kind in EVENTS[word])
 
 

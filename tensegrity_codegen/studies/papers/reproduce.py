@@ -16,7 +16,7 @@ from tensegrity_codegen.studies.papers.lin.chapter import build_lin_chapter
 from tensegrity_codegen.studies.papers.scs.chapter import build_scs_chapter
 from tensegrity_codegen.studies.papers.sk.chapter import build_sk_chapter
 from tensegrity_codegen.studies.study import hash_run, make_folder
-from tensegrity_codegen.system.errors import UnknownNameError, suggest
+from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.system.extras import require_plot
 from tensegrity_codegen.system.journal import Journal, Resumption
 from tensegrity_codegen.system.output_folder import write_folder
@@ -117,14 +117,7 @@ def choose_papers(papers: Sequence[str]) -> tuple[str, ...]:
     """Return the names in the order of PAPERS, each once; raises UnknownNameError."""
     known = (*PAPERS, ALL)
     for name in papers:
-        if name not in known:
-            raise UnknownNameError(
-                "unknown paper",
-                where="reproduce",
-                given=name,
-                allowed=", ".join(known),
-                hint=suggest(name, known),
-            )
+        check_choice(name, known, "paper", "reproduce")
     return tuple(name for name in PAPERS if ALL in papers or not papers or name in papers)
 
 
