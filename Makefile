@@ -36,7 +36,8 @@ help: ## list these verbs
 
 setup: $(STAMP) ## make .venv with the package and its tools; again only when pyproject.toml changes
 
-# What the demo needs: the package, pictures, and a C compiler where there is none.
+# What the demo needs: the package, pictures, and a C compiler where there is none. Python compiles the modules
+# that are used when they are imported; pip would compile all of them, which takes longer than the demo itself.
 $(BASE): pyproject.toml
 	@python='$(PYTHON)'; \
 	if [ -z "$$python" ]; then \
@@ -47,7 +48,7 @@ $(BASE): pyproject.toml
 	elif ! "$$python" -m venv $(VENV); then \
 	  echo "$$python cannot make a virtual environment; on Debian and Ubuntu install python3-venv."; exit 1; \
 	fi
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable \
 	  '.[plot$(if $(shell command -v cc gcc clang),,$(COMMA)cc)]'
 	@touch $@
 
