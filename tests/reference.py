@@ -245,6 +245,9 @@ class ReferenceModel:
     def _static_force(self, v: Values, m: Members) -> Array:
         return self._applied(v) - self.incidence.T @ (m.static_tension[:, None] * m.direction)
 
+    def _node_speed(self, v: Values, m: Members) -> Array:
+        return np.linalg.norm(v.velocity, axis=1)
+
     def _node_force(self, v: Values, m: Members) -> Array:
         return self._applied(v) - self.incidence.T @ (m.tension[:, None] * m.direction)
 

@@ -81,6 +81,13 @@ NODE_QUANTITIES = (
     ),
     NodeQuantity(
         Quantity(
+            "node_speed", "|r'|", "m/s", ("n_nodes",), "Speeds of all nodes: lengths of their velocities."
+        ),
+        entries=lambda n: [sum(component**2 for component in n.velocity) ** 0.5],
+        uses=("velocity",),
+    ),
+    NodeQuantity(
+        Quantity(
             "node_force",
             "f",
             "N",

@@ -50,7 +50,9 @@ def test_a_record_uses_what_it_says(item: NodeQuantity) -> None:
             read.add(name)
             return [1.0, 2.0, 3.0]
 
-    assert len(item.entries(Recorder())) == 3
+    assert len(item.entries(Recorder())) == (
+        3 if len(item.row.shape) == 2 or item.components != "n_nodes" else 1
+    )
     assert read == set(item.uses) <= set(BARS_IN)
 
 
