@@ -2,13 +2,17 @@
 #define LANES_H
 #include "config.h"
 
-/* Four members at a time, where the machine has vectors: a lanes_xyz holds x, y, z of one node, a lanes_four one
- * value of each of four members, a lanes_pack as many of these as one register. Every operation rounds as its scalar
- * form, so results are those of the plain statements below each function's #else. The kernels of members are
- * generated behind this. */
+/* Four members at a time: a lanes_xyz holds x, y, z of one node, a lanes_four one value of each of four members, a
+ * lanes_pack as many of these as one register. Every operation rounds as that on single numbers, so results do not
+ * depend on the registers. LANES_PART is the pack that begins with member k; LANES_FOUR and LANES_TOTAL join and add
+ * up what `of`, a macro, gives for all packs. The kernels of members are generated behind this. */
+#if defined(__GNUC__)
+#define LANES_INLINE __attribute__((always_inline, unused)) static inline
+#else
+#define LANES_INLINE static
+#endif
 #if defined(__GNUC__) && !defined(TENSEGRITY_NO_LANES) && (defined(__AVX2__) || defined(__SSE2__))
 #define TENSEGRITY_LANES 1
-#define LANES_INLINE __attribute__((always_inline, unused)) static inline
 #if defined(__AVX2__)
 #include <immintrin.h>
 typedef __m256d lanes_pack;
@@ -17,10 +21,9 @@ typedef __m256d lanes_four;
 #if WITH_BLOCKS
 typedef struct { __m128d xy, z; } lanes_column;
 #endif
-#define LANES_LOW(four) (four)
-#define LANES_HIGH(four) (four)
-#define LANES_BOTH(low, high) (low)
-#define LANES_SUM(low, high) (low)
+#define LANES_PART(four, k) (four)
+#define LANES_FOUR(of) of(0)
+#define LANES_TOTAL(of) of(0)
 #define LANES_XYZ _mm256_set_epi64x(0, -1, -1, -1)
 
 LANES_INLINE lanes_pack pack_all(double value) { return _mm256_set1_pd(value); }
@@ -80,6 +83,7 @@ LANES_INLINE void four_join_xyz(lanes_four x, lanes_four y, lanes_four z, lanes_
   four[3] = _mm256_permute2f128_pd(xy_bd, z_bd, 0x31);
 }
 
+#if WITH_LOOPS
 LANES_INLINE void xyz_add(double *xyz, lanes_xyz a)
 {
   _mm_storeu_pd(xyz, _mm_add_pd(_mm_loadu_pd(xyz), _mm256_castpd256_pd128(a)));
@@ -91,6 +95,7 @@ LANES_INLINE void xyz_subtract(double *xyz, lanes_xyz a)
   _mm_storeu_pd(xyz, _mm_sub_pd(_mm_loadu_pd(xyz), _mm256_castpd256_pd128(a)));
   _mm_store_sd(xyz + 2, _mm_sub_sd(_mm_load_sd(xyz + 2), _mm256_extractf128_pd(a, 1)));
 }
+#endif
 
 LANES_INLINE int xyz_is_zero(lanes_xyz a)
 {
@@ -125,10 +130,9 @@ typedef struct { __m128d xy, z; } lanes_xyz;
 typedef lanes_xyz lanes_column;
 #endif
 typedef struct { __m128d low, high; } lanes_four;
-#define LANES_LOW(four) (four).low
-#define LANES_HIGH(four) (four).high
-#define LANES_BOTH(low, high) four_join(low, high)
-#define LANES_SUM(low, high) ((low) + (high))
+#define LANES_PART(four, k) ((k) < 2 ? (four).low : (four).high)
+#define LANES_FOUR(of) four_join(of(0), of(2))
+#define LANES_TOTAL(of) (of(0) + of(2))
 
 LANES_INLINE lanes_pack pack_all(double value) { return _mm_set1_pd(value); }
 LANES_INLINE void pack_store(double *four, lanes_pack a) { _mm_storeu_pd(four, a); }
@@ -210,8 +214,10 @@ LANES_INLINE void four_join_xyz(lanes_four x, lanes_four y, lanes_four z, lanes_
   four[3] = xyz_join(_mm_unpackhi_pd(x.high, y.high), _mm_unpackhi_pd(z.high, z.high));
 }
 
+#if WITH_LOOPS
 LANES_INLINE void xyz_add(double *xyz, lanes_xyz a) { xyz_store(xyz, xyz_plus(xyz_load(xyz), a)); }
 LANES_INLINE void xyz_subtract(double *xyz, lanes_xyz a) { xyz_store(xyz, xyz_minus(xyz_load(xyz), a)); }
+#endif
 
 LANES_INLINE int xyz_is_zero(lanes_xyz a)
 {
@@ -245,11 +251,92 @@ LANES_INLINE void four_columns(const double *x, const double *y, const double *z
 }
 #endif
 
-#define LANES_SPREAD(pack, k) ((k) == 0 ? _mm_unpacklo_pd(pack, pack) : _mm_unpackhi_pd(pack, pack))
-#define XYZ_TIMES(four, k, node) \
-  xyz_scaled((k) < 2 ? LANES_SPREAD((four).low, (k)) : LANES_SPREAD((four).high, (k) - 2), node)
+#define LANES_SPREAD(pack, k) ((k) % 2 ? _mm_unpackhi_pd(pack, pack) : _mm_unpacklo_pd(pack, pack))
+#define XYZ_TIMES(four, k, node) xyz_scaled(LANES_SPREAD(LANES_PART(four, k), k), node)
 #define XYZ_ONLY(node, axes) xyz_only(node, axes)
 #endif
+#else
+#if !WITH_LOOPS
+/* Without such registers one member after the other; a comparison gives 1 or 0. */
+#define TENSEGRITY_LANES 1
+typedef double lanes_pack;
+typedef struct { double x, y, z; } lanes_xyz;
+typedef struct { double at[4]; } lanes_four;
+#define LANES_PART(four, k) (four).at[k]
+#define LANES_FOUR(of) four_of(of(0), of(1), of(2), of(3))
+#define LANES_TOTAL(of) (of(0) + of(1) + (of(2) + of(3)))
+
+LANES_INLINE lanes_pack pack_all(double value) { return value; }
+LANES_INLINE void pack_store(double *one, lanes_pack a) { *one = a; }
+LANES_INLINE lanes_pack pack_size(lanes_pack a) { return fabs(a); }
+LANES_INLINE int pack_is_below(lanes_pack a, double limit) { return a < limit; }
+LANES_INLINE lanes_pack pack_sqrt(lanes_pack a) { return sqrt(a); }
+LANES_INLINE lanes_pack pack_less(lanes_pack a, lanes_pack b) { return a < b; }
+LANES_INLINE lanes_pack pack_and(lanes_pack a, lanes_pack b) { return a != 0.0 ? b : 0.0; }
+LANES_INLINE lanes_pack pack_or(lanes_pack a, lanes_pack b) { return a != 0.0 || b != 0.0; }
+
+LANES_INLINE lanes_xyz xyz_of(double x, double y, double z)
+{
+  lanes_xyz node;
+  node.x = x;
+  node.y = y;
+  node.z = z;
+  return node;
+}
+LANES_INLINE lanes_xyz xyz_load(const double *xyz) { return xyz_of(xyz[0], xyz[1], xyz[2]); }
+LANES_INLINE lanes_xyz xyz_load_last(const double *xyz) { return xyz_load(xyz); }
+LANES_INLINE lanes_xyz xyz_minus(lanes_xyz a, lanes_xyz b) { return xyz_of(a.x - b.x, a.y - b.y, a.z - b.z); }
+LANES_INLINE lanes_xyz xyz_plus(lanes_xyz a, lanes_xyz b) { return xyz_of(a.x + b.x, a.y + b.y, a.z + b.z); }
+LANES_INLINE lanes_xyz xyz_negative(lanes_xyz a) { return xyz_of(-a.x, -a.y, -a.z); }
+LANES_INLINE lanes_xyz xyz_scaled(double s, lanes_xyz a) { return xyz_of(s * a.x, s * a.y, s * a.z); }
+LANES_INLINE int xyz_is_zero(lanes_xyz a) { return a.x == 0.0 && a.y == 0.0 && a.z == 0.0; }
+LANES_INLINE lanes_xyz xyz_only(lanes_xyz a, int axes)
+{
+  return xyz_of(axes & 1 ? a.x : 0.0, axes & 2 ? a.y : 0.0, axes & 4 ? a.z : 0.0);
+}
+LANES_INLINE void xyz_store(double *xyz, lanes_xyz a)
+{
+  xyz[0] = a.x;
+  xyz[1] = a.y;
+  xyz[2] = a.z;
+}
+LANES_INLINE void xyz_store_last(double *xyz, lanes_xyz a) { xyz_store(xyz, a); }
+
+LANES_INLINE lanes_four four_of(double a, double b, double c, double d)
+{
+  lanes_four four;
+  four.at[0] = a;
+  four.at[1] = b;
+  four.at[2] = c;
+  four.at[3] = d;
+  return four;
+}
+LANES_INLINE lanes_four four_load(const double *values)
+{
+  return four_of(values[0], values[1], values[2], values[3]);
+}
+LANES_INLINE void four_split(
+    lanes_xyz a, lanes_xyz b, lanes_xyz c, lanes_xyz d, lanes_four *x, lanes_four *y, lanes_four *z)
+{
+  *x = four_of(a.x, b.x, c.x, d.x);
+  *y = four_of(a.y, b.y, c.y, d.y);
+  *z = four_of(a.z, b.z, c.z, d.z);
+}
+/* The vectors of four members, whose components stand in x, y and z. */
+LANES_INLINE void four_join_xyz(lanes_four x, lanes_four y, lanes_four z, lanes_xyz *four)
+{
+  four[0] = xyz_of(x.at[0], y.at[0], z.at[0]);
+  four[1] = xyz_of(x.at[1], y.at[1], z.at[1]);
+  four[2] = xyz_of(x.at[2], y.at[2], z.at[2]);
+  four[3] = xyz_of(x.at[3], y.at[3], z.at[3]);
+}
+
+#define XYZ_TIMES(four, k, node) xyz_scaled(LANES_PART(four, k), node)
+#define XYZ_ONLY(node, axes) xyz_only(node, axes)
+#endif
+#endif
+
+#ifdef TENSEGRITY_LANES
 #if WITH_BLOCKS
 /* A block of three columns, `length` apart in `values`, four apart in `column`: added, subtracted, or stored with
  * its sign turned. */
@@ -292,7 +379,7 @@ LANES_INLINE void block_set_minus(double *values, int length, const lanes_column
 }
 #endif
 
-#if !WITH_BLOCKS
+#if !WITH_LOOPS
 /* Upper triangles of the symmetric blocks of four members, entry by entry, to one vector a column and member. */
 LANES_INLINE void four_join_columns(const double *block, lanes_xyz *column)
 {
@@ -310,10 +397,16 @@ LANES_INLINE lanes_pack pack_square(lanes_pack x, lanes_pack y, lanes_pack z) { 
 /* Sums over four members: of squared lengths, and of absolute values. */
 LANES_INLINE lanes_pack four_square(lanes_four x, lanes_four y, lanes_four z)
 {
-  return LANES_SUM(
-      pack_square(LANES_LOW(x), LANES_LOW(y), LANES_LOW(z)), pack_square(LANES_HIGH(x), LANES_HIGH(y), LANES_HIGH(z)));
+#define SQUARE_OF(k) pack_square(LANES_PART(x, k), LANES_PART(y, k), LANES_PART(z, k))
+  return LANES_TOTAL(SQUARE_OF);
+#undef SQUARE_OF
 }
-LANES_INLINE lanes_pack four_size(lanes_four a) { return LANES_SUM(pack_size(LANES_LOW(a)), pack_size(LANES_HIGH(a))); }
+LANES_INLINE lanes_pack four_size(lanes_four a)
+{
+#define SIZE_OF(k) pack_size(LANES_PART(a, k))
+  return LANES_TOTAL(SIZE_OF);
+#undef SIZE_OF
+}
 #endif
 
 #endif

@@ -24,7 +24,10 @@
 #define WITH_RADAU_DAMPED (CONFIG_N % 3 == 0) /* the matrix holds cables with much damping */
 #define WITH_CONSTRAINTS 1 /* coordinates are redundant: a projection brings them back */
 #define WITH_VELOCITY 1    /* accelerations depend on velocities */
-#define WITH_BLOCKS 1      /* stiffness blocks are added to a matrix; else summed up before they are stored */
+#ifndef WITH_LOOPS
+#define WITH_LOOPS 1 /* vectors of members are for loops, which have a form without them; else straight-line code */
+#endif
+#define WITH_BLOCKS WITH_LOOPS /* loops add stiffness blocks to a matrix */
 
 #if WITH_FLOAT
 typedef float real;

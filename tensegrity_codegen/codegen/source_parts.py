@@ -54,7 +54,9 @@ def _batch_functions(request: ModelRequest) -> SourcePart:
 def _event_search(request: ModelRequest, integrators: Sequence[IntegratorSpec], n_slack: int) -> SourcePart:
     kinds = dict.fromkeys(kind for item in integrators for kind in item.events)
     if kinds:
-        why = f"integrators monitor {', '.join(kinds)}; {n_slack} members can go slack"
+        why = f"integrators monitor {', '.join(kinds)}"
+        if "cable" in kinds:
+            why += f"; {n_slack} members can go slack, and a step across that loses its order"
         return SourcePart("event_search", True, why)
     if not integrators:
         return SourcePart("event_search", False, "there is no integrator")

@@ -1,12 +1,16 @@
 """Four members at a time: the bits of the virtual machine, the statuses of the plain statements."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tensegrity_codegen.codegen.compilation.compile import compile_library
+from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, FlagSet
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.lanes.emitter import FORCE_QUANTITIES
 from tensegrity_codegen.codegen.lanes.kernel import BLOCKS, KernelKind, build_kernel
@@ -25,7 +29,7 @@ from tests.runtime.build import make_structure as node_structure
 
 SLOW = settings(max_examples=6, deadline=None, suppress_health_check=list(HealthCheck))
 EVERY_WISH = ("gravity", "damping", "loads", "velocity", "anchors", "bar_mass", "inputs", "slack")
-START = "#if defined(TENSEGRITY_LANES)"
+VECTORS = "lanes_xyz force_"
 
 
 def in_space(seed: int, n_nodes: int = 9) -> Structure:
@@ -73,6 +77,30 @@ def test_every_compiler_and_both_flag_sets_give_the_same_bits(
     arguments = arguments_near(model, seed)
     for name, function in functions.items():
         assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)
+
+
+def test_without_registers_of_vectors_bits_and_statuses_are_the_same(tmp_path: Path) -> None:
+    structure = in_space(2, 6)
+    for request in (in_lanes(structure, True)[0], ModelRequest(("node_residual",), emitter="lanes")):
+        source, vectors = emit(structure, request), build(structure, request)
+        flags = FlagSet("alone", (*FLAG_SETS["reference"].options, "-DTENSEGRITY_NO_LANES"))
+        name = source.manifest.name
+        files = {file: source.files[file] for file in (f"{name}.c", f"{name}.h")}
+        made = compile_library(files, name=name, compiler=find_compiler(), flags=flags)
+        path = tmp_path / f"{len(request.quantities)}_{made.file_name}"
+        path.write_bytes(made.library)
+        alone = CompiledModel(path, source.manifest)
+        arguments = arguments_near(vectors, 2)
+        for quantity in request.quantities:
+            expected = raw_call(vectors, quantity, **arguments)[1]
+            assert_same_bits(raw_call(alone, quantity, **arguments)[1], expected, quantity)
+            for value in (np.nan, np.inf, 1e120, 1e308):
+                changed = vectors.nominal("coordinate")
+                changed.flat[-1] = value
+                assert (
+                    raw_call(alone, quantity, coordinate=changed)[0]
+                    == (raw_call(vectors, quantity, coordinate=changed)[0])
+                )
 
 
 @pytest.mark.thorough
@@ -170,16 +198,17 @@ def test_a_slack_cable_pulls_with_exact_zeros() -> None:
     np.testing.assert_array_equal(dense(model.compute("node_force")), 0.0)
 
 
-def test_only_forces_in_space_in_doubles_are_written_twice() -> None:
+def test_only_forces_in_space_in_doubles_are_written_in_vectors() -> None:
     structure, request = everything()
-    assert len(structure.axes) == 3 or START not in source_of(structure, request)
+    assert len(structure.axes) == 3 or VECTORS not in source_of(structure, request)
     space = in_space(6)
     wanted = ModelRequest(("node_residual", "elastic_energy"), emitter="lanes")
     text = source_of(space, wanted)
-    assert text.count(START) == 1
-    assert START not in source_of(space, replace(wanted, quantities=("elastic_energy",)))
-    assert START not in source_of(space, replace(wanted, emitter="unrolled"))
-    assert START not in source_of(space, replace(wanted, precision="single"))
+    assert VECTORS in text
+    assert "sqrt(x_" not in text[text.index("node_residual_kernel") : text.index("compute_node_residual")]
+    assert VECTORS not in source_of(space, replace(wanted, quantities=("elastic_energy",)))
+    assert VECTORS not in source_of(space, replace(wanted, emitter="unrolled"))
+    assert VECTORS not in source_of(space, replace(wanted, precision="single"))
 
 
 def source_of(structure: Structure, request: ModelRequest) -> str:

@@ -1,7 +1,7 @@
-"""Emitter `lanes`: the code of `unrolled`, with a second form of forces and stiffness, for vectors.
+"""Emitter `lanes`: the code of `unrolled`, with forces and stiffness of four members at a time.
 
-Both forms stand in one function, behind #if; the compiler takes the one that its target has. They do the same
-operations in the same order on every node, so they return the same bits.
+Vectors are what the target has: two or four numbers, or single ones. The operations on every node and their
+order are those of `unrolled`, so the bits are the same.
 """
 
 from collections.abc import Mapping
@@ -105,27 +105,22 @@ CHECKED = frozenset({"node_residual", "node_force", *BLOCKS})
 
 
 def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precision: Precision) -> Bodies:
-    """Return the statements of `unrolled`, with lanes before those of forces in space, in doubles."""
-    plain = UNROLLED.write(model, functions, precision)
+    """Return the statements of `unrolled`, in lanes those of forces in space, in doubles."""
     parts = model.parts
     if not isinstance(parts, NodePosition) or len(parts.structure.axes) != 3 or precision.name != "double":
-        return plain
+        return UNROLLED.write(model, functions, precision)
+    in_lanes = [item for item in functions if item.quantity.name in {*FORCE_QUANTITIES, *BLOCKS}]
+    plain = UNROLLED.write(model, tuple(item for item in functions if item not in in_lanes), precision)
     kernels, settled = _Kernels(), set[str]()
     statements = dict(plain.statements)
-    for function in functions:
+    for function in in_lanes:
         name = function.quantity.name
-        if name in FORCE_QUANTITIES or name in BLOCKS:
-            lanes, scalar = _force_function(parts, function, kernels), list(plain.statements[name])
-            if name in CHECKED:
-                finite = f"all_finite({name}, {function.sparsity.nnz()})"
-                if is_settled(parts, function.arguments):
-                    settled.add(name)
-                    finite += f" && all_finite(coordinate, {function.function.nnz_in(0)})"
-                scalar.append(f"return {finite};")
-            statements[name] = ["#if defined(TENSEGRITY_LANES)", *lanes, "#else", *scalar, "#endif"]
-    if not kernels.made:
-        return plain
-    preamble = emit_kernels(list(kernels.made.values()), adds_blocks=False)
+        statements[name] = _force_function(parts, function, kernels)
+        if name in CHECKED and is_settled(parts, function.arguments):
+            settled.add(name)
+    if not kernels.made:  # nothing moves, or no member pulls at what does
+        return UNROLLED.write(model, functions, precision)
+    preamble = emit_kernels(list(kernels.made.values()), in_loops=False)
     checked = CHECKED.intersection(statements) - settled
     return Bodies(statements, [*plain.preamble, *preamble], checked, frozenset(settled))
 

@@ -6,16 +6,16 @@ from tensegrity_codegen.codegen.lanes.kernel import DensityKernel
 from tensegrity_codegen.codegen.print.render import render
 
 
-def emit_kernels(kernels: Sequence[DensityKernel], *, adds_blocks: bool) -> list[str]:
+def emit_kernels(kernels: Sequence[DensityKernel], *, in_loops: bool) -> list[str]:
     """Return the lines that stand before functions that use kernels of four members.
 
     Parameters
     ----------
     kernels : sequence of DensityKernel
         The kernels, each with a name of its own.
-    adds_blocks : bool
-        Whether stiffness blocks are added to a matrix, entry by entry; else they are summed up in vectors
-        before they are stored.
+    in_loops : bool
+        Whether they stand in loops, which add to arrays in memory and have a form without vectors; else in
+        straight-line code, whose vectors are single numbers where a machine has no vectors.
 
     Returns
     -------
@@ -28,6 +28,10 @@ def emit_kernels(kernels: Sequence[DensityKernel], *, adds_blocks: bool) -> list
         "NAME": "",
         "real": "double",
         "suffix": "",
-        "settings": {"WITH_FLOAT": False, "WITH_BLOCKS": adds_blocks},
+        "settings": {
+            "WITH_FLOAT": False,
+            "WITH_LOOPS": in_loops,
+            "WITH_BLOCKS": any(kernel.stores for kernel in kernels) and in_loops,
+        },
     }
     return render("lanes.c", context).splitlines()

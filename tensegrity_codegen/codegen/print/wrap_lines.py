@@ -14,8 +14,8 @@ STRING = re.compile(r'"(?:[^"\\]|\\.)*"|/\*.*?\*/')
 def wrap_lines(text: str) -> str:
     """Return C text in which no line is longer than LONGEST, nor ends in a space.
 
-    Statements break at commas and operators, comments at spaces, strings nowhere. A line that ends in a
-    backslash goes on with a backslash.
+    Statements break at commas and operators, comments at spaces, strings nowhere. Macros go on with a
+    backslash.
     """
     if " \n" in text:
         text = TRAILING.sub("", text)
@@ -50,9 +50,9 @@ def _wrap_comment(line: str) -> list[str]:
 
 
 def _wrap_statement(line: str) -> list[str]:
-    ending = ""
-    if line.endswith("\\"):
-        line, ending = line[:-1].rstrip(), " \\"
+    last = " \\" if line.endswith("\\") else ""
+    ending = " \\" if line.startswith("#define") else last
+    line = line.removesuffix("\\").rstrip()
     lead = line[: len(line) - len(line.lstrip())] + INDENT
     found, rest = [], line
     while len(rest) + len(ending) > LONGEST:
@@ -61,7 +61,7 @@ def _wrap_statement(line: str) -> list[str]:
             break
         found.append(rest[:place].rstrip() + ending)
         rest = lead + rest[place:].lstrip()
-    return [*found, rest + ending]
+    return [*found, rest + last]
 
 
 def _find_break(line: str, first: int, last: int) -> int | None:

@@ -108,7 +108,7 @@ class Writer:
         lanes: list[str] = []
         if self._densities:
             kernels = list(self._densities.values())
-            lanes = emit_kernels(kernels, adds_blocks=any(kernel.stores for kernel in kernels))
+            lanes = emit_kernels(kernels, in_loops=True)
         return [*text.splitlines(), *lanes, *self._row_lines()]
 
     def _row_lines(self) -> list[str]:
