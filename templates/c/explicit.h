@@ -14,6 +14,9 @@ typedef struct {
 #if METHOD_HAS_DENSE
   real dense[2 * N * METHOD_DENSE];
 #endif
+#if METHOD_HAS_MEMORY
+  method_memory own;
+#endif
 #if WITH_EVENTS
   event_memory events;
 #endif
@@ -309,10 +312,15 @@ static inline double method_attempt(double h, const method_motion *m)
 #if WITH_PROFILE
   profile_set_start(*m->time, m->with->profile);
 #endif
+#if METHOD_HAS_MEMORY
+  error = method_try(
+      (real)h, m->rtol, m->atol, m->state, m->with, w->lost, w->rates, w->change, w->trial, &w->own);
+#else
 #if METHOD_HAS_ERROR
   error = method_try((real)h, m->rtol, m->atol, m->state, m->with, w->lost, w->rates, w->change, w->trial);
 #else
   error = method_try((real)h, m->state, m->with, w->lost, w->rates, w->change, w->trial);
+#endif
 #endif
   m->run->n_evaluations += METHOD_EVALUATIONS;
   if (!(error < INFINITY)) {

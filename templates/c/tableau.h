@@ -6,6 +6,7 @@
 
 #define METHOD_HAS_ERROR 1                 /* steps have an error estimate; else their length is fixed */
 #define METHOD_HAS_DENSE 1                 /* samples between steps by a polynomial of its own */
+#define METHOD_HAS_MEMORY 0                /* trials have a memory of their own, method_memory */
 #define METHOD_KEEPS_ENERGY (!WITH_FLOAT)  /* steps can keep the energy */
 #define METHOD_HAS_LATE_END 1              /* the derivative at the end is computed for steps that are taken */
 #define METHOD_ENDS_WATCHED (!WITH_FLOAT)  /* and for those on which events are looked for */

@@ -186,7 +186,7 @@ def _require_packages(out: Path) -> None:
         find_ffmpeg(out)
 
 
-MOST_OFFERED = 2000  # members up to which pages offer radau unasked: for 9,384 its C took 45 s to write
+MOST_OFFERED = 2000  # members up to which pages offer implicit steps unasked: C for 9,384 took 45 s to write
 USUAL_MODES = 6
 METHODS = ("auto", "rk54", STIFF_INTEGRATOR)
 SHOWN = ("acceleration", "member_tension", "kinetic_energy", "total_energy", "node_position", "node_velocity")

@@ -58,7 +58,7 @@ def settle_method(
 ) -> str:
     """Return the integrator of a unit: the one given, or for "auto" the one that `simulate` would choose.
 
-    Where the choice is between an explicit method and radau, the library is built to weigh them; without a
+    Where the choice is between an explicit method and another, the library is built to weigh them; without a
     compiler the explicit one is taken. Raises UnknownNameError, and InvalidValueError for a method that
     chooses no steps of its own.
     """
@@ -121,7 +121,7 @@ def export_fmu(
         Quantities that are outputs; by default node positions, member lengths and tensions, and the scene's
         own quantities.
     method : str
-        Integrator of the co-simulation: ``"auto"``, ``"rk853"``, ``"rk54"``, ``"tsit5"`` or ``"radau"``.
+        Integrator of the co-simulation: ``"auto"`` or an integrator with error control.
     t_end : float
         Stop time of the default experiment [s].
     rtol : float

@@ -147,10 +147,13 @@ def _factor(label: str, argument: ArgumentSpec, low: float, high: float) -> dict
 
 
 EXPLICIT = "rk54"
-DAMPED_OUT = "The method radau damps vibrations of stiff bars that its steps do not resolve; rk54 does not."
+DAMPED_OUT = (
+    f"The method {STIFF_INTEGRATOR} damps vibrations of stiff bars that its steps do not resolve; "
+    "rk54 does not."
+)
 
-MOST_WORK = 1e6  # members times explicit steps a simulated second above which radau is considered
-STIFFER = 20.0  # bars to cables, as frequencies, from which radau takes so much longer steps that they pay
+MOST_WORK = 1e6  # members times explicit steps a simulated second above which implicit ones are considered
+STIFFER = 20.0  # bars to cables, as frequencies, from which implicit steps are so much longer that they pay
 PULL = 0.2  # of the structure's size: displacement at which a pull of strength 1 has the usual force
 UNSHOWN = ("held", "reaction", "use")  # of stated positions only
 
@@ -249,7 +252,7 @@ def add_engine(
 
 
 def choose_method(structure: Structure, methods: Collection[str]) -> str:
-    """Return the integrator with which a page starts: radau where stiff bars keep rk54 from real time.
+    """Return the integrator with which a page starts: implicit where stiff bars keep rk54 from real time.
 
     Parameters
     ----------

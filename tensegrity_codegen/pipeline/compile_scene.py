@@ -112,7 +112,7 @@ def compile_scene(
     quantities : tuple of str
         Quantities in addition to those of the scene and of the analyses.
     integrators : tuple of str
-        Integrators in addition, for example ``("rk853", "radau")``.
+        Integrators in addition, for example ``("rk853", "rk4")``.
     solvers : tuple of str
         Solvers in addition to those of the scene.
     parameters : mapping of str to tuple of int, optional

@@ -117,7 +117,8 @@ class IntegratorSpec:
     tensions it hands out beside the states; unwatched: how many members can go slack or switch without an
     event, which steps with error control pass over;
     batch_work_size: work array of `<symbol>_batch`, which integrates several states side by side; 0: there is
-    none; keeps: what it can keep constant from step to step, "energy"; damped: cables in the matrix of radau.
+    none; keeps: what it can keep constant from step to step, "energy"; damped: cables in the matrix of
+    an implicit one.
     """
 
     name: str

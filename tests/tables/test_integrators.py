@@ -29,6 +29,13 @@ def test_only_the_stiff_one_calls_more_than_the_others() -> None:
     assert called_quantities(["unknown"]) == []
 
 
+@pytest.mark.parametrize("name", [name for name, row in INTEGRATORS.items() if row.tableau is None])
+def test_an_integrator_without_tableau_is_named_in_its_own_module_alone(name: str) -> None:
+    modules = (ROOT / "tensegrity_codegen").rglob("*.py")
+    named = [path.name for path in modules if name in path.read_text(encoding="utf-8")]
+    assert named == [f"{name}.py"]
+
+
 def test_a_fixed_integrator_needs_no_tableau(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = Integrator("rk4", "fixed", "four stages", 4, follows_events=False)
     for module in (integrators, batch_integrators):

@@ -10,6 +10,7 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.picture import ThreeOption, play_live
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.files import check_ending, check_output
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 
 def play(
@@ -18,7 +19,10 @@ def play(
     overwrite: OverwriteOption = False,
     rtol: Annotated[float, typer.Option("--rtol", help="Relative tolerance of each step.")] = 1e-6,
     method: Annotated[
-        str, typer.Option("--method", help="Integrator at the start: auto, rk54, or radau for stiff bars.")
+        str,
+        typer.Option(
+            "--method", help=f"Integrator at the start: auto, rk54, or {STIFF_INTEGRATOR} for stiff bars."
+        ),
     ] = "auto",
     settle: Annotated[bool, typer.Option("--settle", help="Start from the equilibrium, at rest.")] = False,
     three: ThreeOption = None,

@@ -27,6 +27,7 @@ from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.runtime.integrate.methods import METHODS
 from tensegrity_codegen.system.errors import UnknownNameError, suggest
 from tensegrity_codegen.system.files import check_output
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline.build_library import BuiltLibrary
@@ -52,7 +53,7 @@ MethodOption = Annotated[
     str,
     typer.Option(
         "--method",
-        help=f"One of {', '.join(METHODS)}; auto says what it chooses, radau is for stiff bars.",
+        help=f"One of {', '.join(METHODS)}; auto says what it chooses, {STIFF_INTEGRATOR} is for stiff bars.",
     ),
 ]
 StepOption = Annotated[float | None, typer.Option("--step", help="Step of fixed-step methods [s].")]

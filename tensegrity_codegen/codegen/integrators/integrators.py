@@ -14,13 +14,14 @@ from tensegrity_codegen.codegen.integrators.energy_keeping import (
     keeper_memory,
 )
 from tensegrity_codegen.codegen.integrators.events import events_context, watched_events
+from tensegrity_codegen.codegen.integrators.implicit import implicit_context, implicit_spec
 from tensegrity_codegen.codegen.integrators.profiles import PULL, count_driven, driven_context, pull_size
-from tensegrity_codegen.codegen.integrators.radau import radau_context, radau_spec
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
 from tensegrity_codegen.structure.inertia_plan import find_massless, refuse_bare
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest
-from tensegrity_codegen.tables.integrators import INTEGRATORS
+from tensegrity_codegen.tables.integrators import INTEGRATORS, called_quantities
+from tensegrity_codegen.tables.integrators.integrator import Integrator
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
@@ -53,7 +54,7 @@ def integrator_spec(
     watched = watched_events(model, functions, events if row.follows_events else ())
     if row.kind == "implicit":
         driven_size = count_driven(model, driven)
-        return radau_spec(name, model, functions, watched, driven_size)
+        return implicit_spec(name, model, functions, watched, driven_size)
     acceleration = next((f for f in functions if f.quantity == "acceleration"), None)
     if acceleration is None:
         if isinstance(model.subject, Structure):
@@ -66,18 +67,28 @@ def integrator_spec(
         )
     kept = KEPT_QUANTITIES[:2] if keep and row.keeps_energy else ()
     pulled = OF_NODES if PULL in driven else ()
-    names = ("acceleration", *PROJECTION, *watched.quantities, *kept, *pulled)
+    _check_called(model, row, functions)
+    names = ("acceleration", *PROJECTION, *row.quantities, *watched.quantities, *kept, *pulled)
     called = [f for f in functions if f.quantity in names]
     used = {a for f in called for a in f.arguments} - {"coordinate", "velocity"}
     passed = tuple(a for a in model.arguments if a in used)
     energy = keeper_memory(model, {f.quantity: f for f in functions}) if kept else 0
     size = count_driven(model, driven) if row.follows_events else 0
-    work = _count_work(name, len(model.frame.coordinate_name), 8 * watched.memory, energy, size)
+    sizes = {
+        "N": len(model.frame.coordinate_name),
+        "WITH_EVENTS": 8 * watched.memory,
+        "event_memory": 8 * watched.memory,
+        "METHOD_KEEPS_ENERGY": energy,
+        "energy_memory": energy,
+        "WITH_PROFILE": size,
+        "N_DRIVEN": size,
+        **{f"N_{f.quantity.upper()}": _count_entries(f) for f in called},
+    }
     return IntegratorSpec(
         name,
         f"{model.name}_integrate_{name}",
         passed,
-        work,
+        _count_work(row, sizes),
         watched.kinds,
         watched.cables,
         unwatched=watched.unwatched,
@@ -85,27 +96,38 @@ def integrator_spec(
     )
 
 
-def _count_work(name: str, n_coordinates: int, events: int, energy: int, driven: int) -> int:
-    """Return the numbers in the work memory of an explicit method.
+def _check_called(model: EmittedModel, row: Integrator, functions: Iterable[FunctionSpec]) -> None:
+    """Raise FormulationError for a model without the quantities that an integrator calls."""
+    lacking = set(row.quantities) - {f.quantity for f in functions}
+    if lacking:
+        raise FormulationError(
+            f"the integrator {row.name!r} needs the {', '.join(sorted(lacking))}",
+            where=f"{model.name}: model.integrators",
+            given=row.name,
+            allowed="a formulation, and an emitter, that offer it",
+            hint='choose emitter = "unrolled", or use rk54',
+        )
 
-    events, energy: bytes of their own; driven: numbers that can change with time.
-    """
-    row = INTEGRATORS[name]
-    table = row.tableau
+
+def _count_entries(function: FunctionSpec) -> int:
+    """Return the numbers that a function writes."""
+    return int(np.prod(function.shape)) if function.pattern is None else len(function.pattern.row)
+
+
+def _count_work(row: Integrator, sizes: Mapping[str, int]) -> int:
+    """Return the numbers in the work memory of a method that is not implicit; sizes: as count_bytes."""
     sizes = {
-        "N": n_coordinates,
-        "METHOD_RATES": table.rates if table else 0,
-        "METHOD_HAS_DENSE": int(bool(table and table.dense)),
-        "METHOD_DENSE": 3 + len(table.dense if table else ()),
-        "WITH_EVENTS": events,
-        "event_memory": events,
-        "METHOD_KEEPS_ENERGY": energy,
-        "energy_memory": energy,
-        "WITH_PROFILE": driven,
-        "N_DRIVEN": driven,
+        **sizes,
+        "METHOD_RATES": row.rates,
+        "METHOD_HAS_DENSE": row.dense_order,
+        "METHOD_DENSE": row.dense_order,
+        "METHOD_HAS_MEMORY": int(row.tableau is None),
     }
-    structs = [(f"{name}_work", f"{name}.h")] if row.kind == "fixed" else []
-    structs += [("method_work", "explicit.h")] if row.kind == "adaptive" or events or driven else []
+    if row.kind == "adaptive" and row.tableau is None:
+        sizes["method_memory"] = count_bytes(f"{row.name}_memory", f"{row.name}.h", sizes)
+    is_stepped = row.kind == "adaptive" or bool(sizes["WITH_EVENTS"] or sizes["WITH_PROFILE"])
+    structs = [(f"{row.name}_work", f"{row.name}.h")] if row.kind == "fixed" else []
+    structs += [("method_work", "explicit.h")] if is_stepped else []
     return max(count_bytes(struct, file, sizes) for struct, file in structs) // 8
 
 
@@ -140,6 +162,14 @@ def integrator_context(
         "explicit": next((item for item in integrators if item["name"] in explicit), None),
         "motion_arguments": [item for name, item in arguments.items() if name in passed],
         "motion_call": _motion_call,
+        "motion_functions": [
+            {
+                "quantity": name,
+                "arguments": functions[name].arguments,
+                "size": _count_entries(functions[name]),
+            }
+            for name in called_quantities(explicit)
+        ],
         "first_explicit": next(iter(explicit), ""),
         "first_adaptive": adaptive[0].name if adaptive else "",
         "has_step_control": any(row.has_step_control for row in rows.values()),
@@ -168,14 +198,16 @@ def _motion_call(names: Iterable[str]) -> str:
     return "".join(f"{name}, " if name in own else f"with->{name}, " for name in names)
 
 
-def _method_settings(spec: IntegratorSpec, table: Tableau, keeps_constraints: bool) -> dict[str, bool]:
+def _method_settings(spec: IntegratorSpec, row: Integrator, keeps_constraints: bool) -> dict[str, bool]:
     """Return what decides between the branches of templates/c/explicit.h."""
+    ends_late = row.tableau is None or row.tableau.ends_late
     return {
-        "METHOD_HAS_ERROR": bool(table.errors),
-        "METHOD_HAS_DENSE": bool(table.dense),
+        "METHOD_HAS_ERROR": row.has_step_control,
+        "METHOD_HAS_DENSE": bool(row.dense_order),
+        "METHOD_HAS_MEMORY": row.tableau is None,
         "METHOD_KEEPS_ENERGY": bool(spec.keeps),
-        "METHOD_HAS_LATE_END": table.ends_late or keeps_constraints,
-        "METHOD_ENDS_WATCHED": table.ends_late and bool(spec.events),
+        "METHOD_HAS_LATE_END": ends_late or keeps_constraints,
+        "METHOD_ENDS_WATCHED": ends_late and bool(spec.events),
     }
 
 
@@ -216,7 +248,7 @@ def _context(
             "work_size": spec.work_size,
             "arguments": [arguments[name] for name in spec.arguments],
             "argument_name": spec.arguments,
-            "saddle": radau_context(spec, manifest, functions),
+            "saddle": implicit_context(spec, manifest, functions),
             "batch": None,
         }
     kernel, keeps_constraints = (
@@ -237,7 +269,8 @@ def _context(
         "keeps_constraints": keeps_constraints,
         "projection": [functions[name] for name in PROJECTION if name in functions],
         "method": f"{spec.name}_run" if row.kind == "fixed" else spec.name,
-        "settings": _method_settings(spec, row.tableau, keeps_constraints) if row.tableau else {},
+        "settings": _method_settings(spec, row, keeps_constraints),
+        "dense_title": row.dense_title,
         "tableau": _tableau_context(row.tableau) if row.tableau else None,
         "batch": _batch_context(spec, manifest),
     }
@@ -254,7 +287,6 @@ def _batch_context(spec: IntegratorSpec, manifest: Manifest) -> BatchMemory | No
 def _tableau_context(table: Tableau) -> dict[str, Any]:
     return {
         "title": table.title,
-        "dense_title": table.dense_title,
         "source": table.source,
         "stages": table.stages,
         "rates": table.rates,

@@ -12,7 +12,6 @@ import numpy as np
 from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_cross_compiler
-from tensegrity_codegen.codegen.integrators.radau import COUNTS
 from tensegrity_codegen.codegen.print.banner import BANNER
 from tensegrity_codegen.codegen.print.printer import print_number, print_numbers
 from tensegrity_codegen.codegen.print.render import render, template_folder
@@ -191,7 +190,7 @@ def _describe_integrator(layout: Layout, method: str) -> dict[str, Any]:
         "has_run": not is_implicit or bool(spec.events) or bool(manifest.driven),
         "has_events": bool(spec.events),
         "watch": " | ".join(f"{manifest.name.upper()}_EVENT_{word}" for word in kinds) or "0",
-        "n_counts": len(COUNTS),
+        "n_counts": len(INTEGRATORS[spec.name].counts),
         "n_tensions": len(spec.tensions),
     }
 

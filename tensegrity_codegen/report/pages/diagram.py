@@ -233,7 +233,7 @@ METHOD_STYLES: dict[str, MethodStyle] = {
     "scipy dop853": MethodStyle(BLUE, "dashed", "P"),
     "scipy rk45": MethodStyle(GREEN, "dashed", "X"),
     "scipy lsoda": MethodStyle(SLATE, "dashed", "h"),
-    "scipy radau": MethodStyle(VERMILION, "dashed", "<"),
+    f"scipy {STIFF_INTEGRATOR}": MethodStyle(VERMILION, "dashed", "<"),
     "scipy": MethodStyle(SLATE, "dashed", "h"),
     "ours": MethodStyle(BLUE, "line", "o"),
     "cvodes": MethodStyle(VIOLET, "dotted", ">"),

@@ -18,9 +18,9 @@ from tensegrity_codegen.runtime.accuracy.explicit import integrate_explicit_to_s
 from tensegrity_codegen.runtime.accuracy.scales import tolerance_of_options
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.event_log import Watch
+from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
-from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import follows_in_c
@@ -34,9 +34,9 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
     """Integrate a motion by what choose_method says.
 
     The estimated error of positions is within atol + rtol |x| at every sample, component by component;
-    that of velocities too, but where radau runs: to its smooth motion vibrations of stiff members are added
-    in closed form, and `evidence` says how far off these may be, vibration_error [m] and
-    vibration_speed_error [m/s]; the message does so where the latter is more than the tolerance. Where radau
+    that of velocities too, but where the implicit method runs: vibrations of stiff members are added to its
+    smooth motion in closed form, and `evidence` says how far off these may be, vibration_error [m] and
+    vibration_speed_error [m/s]; the message does so where the latter is more than the tolerance. Where it
     misses the tolerance the explicit method has its turn. SciPy's methods run with a schedule that the
     library does not follow in C. Status
     "not_converged" where none meets it. Raises FormulationError where the library has no method with error
@@ -50,9 +50,9 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
     if choice.name != STIFF_INTEGRATOR:
         found = _by_auto(integrate_explicit_to_samples(motion, replace(options, method=choice.name)))
         return _advise(replace(found, why=choice.why), motion.model)
-    found = _run_radau(motion, options, choice)
+    found = _run_implicit(motion, options, choice)
     if is_held_up(motion, found):
-        found = _run_radau(replace(motion, watch=Watch()), options, choice)
+        found = _run_implicit(replace(motion, watch=Watch()), options, choice)
     if found.status == "ok" and (found.error_estimate or 0.0) <= 1.0:
         return tell_vibration(replace(found, why=choice.why), options)
     if choice.otherwise:
@@ -60,36 +60,38 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
         options_of_other = replace(options, method=choice.otherwise, max_steps=most)
         other = _by_auto(integrate_explicit_to_samples(motion, options_of_other))
         if other.status == "ok":
-            return replace(other, why=f"{choice.why}; radau missed the tolerance, so {choice.otherwise}")
+            return replace(
+                other, why=f"{choice.why}; {STIFF_INTEGRATOR} missed the tolerance, so {choice.otherwise}"
+            )
     return _advise(tell_vibration(replace(found, why=choice.why), options), motion.model)
 
 
 def _run_once(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
     """Return one run of the chosen method, its steps' errors alone within the tolerance."""
     if choice.name == STIFF_INTEGRATOR:
-        return _by_auto(_prepare_radau(motion, options, choice)(options.rtol, options.absolute))
+        return _by_auto(_prepare_implicit(motion, options, choice)(options.rtol, options.absolute))
     options = replace(options, method=choice.name, atol=max(options.absolute, choice.noise))
     return _by_auto(integrate_adaptive(motion, options))
 
 
-def _run_radau(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
-    """Return a run of radau, its error within the tolerance."""
-    run = _prepare_radau(motion, options, choice)
+def _run_implicit(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
+    """Return an implicit run, its error within the tolerance."""
+    run = _prepare_implicit(motion, options, choice)
     checks = Checks(vibration=read_vibration, min_counted=find_min_counted(motion))
     tolerance = tolerance_of_options(motion.model.manifest, options)
     return _by_auto(tighten_until_converged(run, tolerance, checks))
 
 
-def _prepare_radau(
+def _prepare_implicit(
     motion: Motion, options: RunOptions, choice: Choice
 ) -> Callable[[float, float], RawTrajectory]:
-    """Return (rtol, atol) -> run of radau from the smooth state, with the vibrations about it added."""
+    """Return (rtol, atol) -> implicit run from the smooth state, with the vibrations about it added."""
     options = replace(options, max_steps=min(options.max_steps, choice.most_steps))
     vibration = choice.vibration
     smooth = motion if vibration is None else replace(motion, state=vibration.smooth(motion.state))
 
     def run(rtol: float, atol: float) -> RawTrajectory:
-        raw = integrate_radau(smooth, options.within(rtol, atol), quiet=choice.quiet)
+        raw = integrate_implicit(smooth, options.within(rtol, atol), quiet=choice.quiet)
         if vibration is None:
             return raw
         error = vibration.error(float(motion.sample_time[1]), motion.t_end)

@@ -11,10 +11,10 @@ import numpy as np
 
 from tensegrity_codegen.runtime.accuracy.rates import Rates, find_noise, find_rates
 from tensegrity_codegen.runtime.accuracy.vibration import Vibration, find_vibration
+from tensegrity_codegen.runtime.integrate.implicit import listen_to_members
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
-from tensegrity_codegen.runtime.integrate.radau import listen_to_members
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, find_changing
 from tensegrity_codegen.structure.structure import Structure
@@ -27,14 +27,14 @@ MAX_CHEAP_STEPS = 5_000  # steps that resolve every vibration in hundredths of a
 LOOSE_RTOL = 1e-3  # relative tolerance above which order 5 is as good as order 8
 LOOSE_RTOL_WITH_JUMPS = 1e-7  # the same where forces jump: steps end there, and short ones cost rk54 less
 CABLE_SHARE = 0.8  # of the explicit steps, that cables alone need where not bars limit them
-RADAU_STEP_COST = 1.5  # time of a step of radau over that of one of rk853
-MAX_EXPLICIT_STEPS = 100_000  # steps, at most, where radau misses the tolerance
+IMPLICIT_STEP_COST = 1.5  # time of an implicit step over that of one of rk853
+MAX_EXPLICIT_STEPS = 100_000  # steps, at most, where the implicit method misses the tolerance
 MIN_TOLD_RATIO = 1.5  # stiffness over that of cables, below which it is worth no word
-MIN_STIFF_RATIO = 100.0  # stiffness over that of cables, from which on a library shall hold radau too
+MIN_STIFF_RATIO = 100.0  # stiffness over that of cables, from which on a library shall hold both methods
 UNLIMITED = 2**62
 STEP_RESERVE = 10  # times the estimate, that steps of a tightened run may be
 MAX_KNOTS = 9  # of a profile, at which rates are looked at
-MIN_ALLOWED_STEPS = 2_000  # steps that radau may take even where the explicit method needs no more
+MIN_ALLOWED_STEPS = 2_000  # implicit steps that are allowed even where explicit ones are no more
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class Choice:
     """A method, a sentence that says why, and the one to take where it fails.
 
     noise: what rounding of positions makes of velocities [m/s], below which no step can be held; frequency:
-    bound of the fastest vibration [rad/s]; most_steps: of a run of radau, before the other method has its
-    turn, and most_otherwise of that one; quiet: amplitude [m] of vibrations that radau takes along smoothly;
+    bound of the fastest vibration [rad/s]; most_steps: of an implicit run, before the other method has its
+    turn, and most_otherwise of that one; quiet: amplitude [m] of vibrations that it takes along smoothly;
     vibration: these, as far as known.
     """
 
@@ -89,8 +89,8 @@ def _wanted_by_auto(structure: Structure | None, formulation: str, rtol: float) 
 def choose_method(motion: Motion, options: RunOptions) -> Choice:
     """Return the best of the methods that the library holds.
 
-    Events that radau of this library does not watch, and the energy, are for explicit methods only. Raises
-    FormulationError where the library has no method with error control.
+    Events that the implicit method of this library does not watch, and the energy, are for explicit methods
+    only. Raises FormulationError where the library has no method with error control.
     """
     model = motion.model
     specs = {spec.name: spec for spec in model.manifest.integrators}
@@ -107,7 +107,9 @@ def choose_method(motion: Motion, options: RunOptions) -> Choice:
             )
         return explicit if explicit.name else Choice(STIFF_INTEGRATOR, "")
     if isinstance(motion.schedule, DrivenArguments) and (changed := find_changing(model, motion.schedule)):
-        return replace(explicit, why=f"{explicit.why}; the profile changes {changed[0]}, which radau holds")
+        return replace(
+            explicit, why=f"{explicit.why}; the profile changes {changed[0]}, which {STIFF_INTEGRATOR} holds"
+        )
     rates = _find_rates(motion, specs[STIFF_INTEGRATOR].tensions)
     if rates is None:
         return explicit
@@ -130,7 +132,7 @@ def _find_rates(motion: Motion, stiff: tuple[int, ...]) -> Rates | None:
 
 
 def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) -> Choice:
-    """Return radau or the explicit method, whichever takes less for these rates."""
+    """Return the implicit or the explicit method, whichever takes less for these rates."""
     model, state, rtol = motion.model, motion.state, options.rtol
     first, last = float(motion.sample_time[1]), motion.t_end
     size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
@@ -143,10 +145,12 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
     if rtol <= LOOSE_RTOL and any(spec.name == "rk853" for spec in model.manifest.integrators):
         explicit = replace(explicit, name="rk853", why="fast vibrations: order 8")
     spec = next(spec for spec in model.manifest.integrators if spec.name == STIFF_INTEGRATOR)
-    slow_decay = 0.0 if spec.damped else rates.slow_decay  # in radau's matrix it costs no steps
-    by_radau = _radau_steps(rates.slow_frequency, slow_decay, last, rtol)
-    compared = f"estimated {_number(steps)} explicit steps, {_number(by_radau)} steps of radau"
-    if RADAU_STEP_COST * by_radau >= steps:
+    slow_decay = 0.0 if spec.damped else rates.slow_decay  # in the implicit matrix it costs no steps
+    by_implicit = _implicit_steps(rates.slow_frequency, slow_decay, last, rtol)
+    compared = (
+        f"estimated {_number(steps)} explicit steps, {_number(by_implicit)} steps of {STIFF_INTEGRATOR}"
+    )
+    if IMPLICIT_STEP_COST * by_implicit >= steps:
         is_damped = slow_decay > 10.0 * rates.slow_frequency
         cause = f"{'damping of cables limits' if is_damped else 'cables limit'} the steps, not bars"
         if CABLE_SHARE * steps > _explicit_steps(rates.slow_frequency, rates.slow_decay, last, rtol):
@@ -163,7 +167,7 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
         name=STIFF_INTEGRATOR,
         why=f"{ratio} and vibrate by {amplitude:.2g} m: {compared}",
         otherwise=explicit.name if steps <= MAX_EXPLICIT_STEPS else "",
-        most_steps=int(MIN_ALLOWED_STEPS + steps / RADAU_STEP_COST)
+        most_steps=int(MIN_ALLOWED_STEPS + steps / IMPLICIT_STEP_COST)
         if steps <= MAX_EXPLICIT_STEPS
         else UNLIMITED,
         most_otherwise=int(MIN_ALLOWED_STEPS + STEP_RESERVE * steps),
@@ -228,6 +232,6 @@ def _explicit_steps(frequency: float, decay: float, t_end: float, rtol: float) -
     return t_end * (0.75 * frequency * math.pow(1e-6 / rtol, 0.12) + 0.2 * decay)
 
 
-def _radau_steps(frequency: float, decay: float, t_end: float, rtol: float) -> float:
-    """Return about how many steps radau takes for the motion without stiff members."""
+def _implicit_steps(frequency: float, decay: float, t_end: float, rtol: float) -> float:
+    """Return about how many steps the implicit method takes for the motion without stiff members."""
     return t_end * (10.0 * frequency * math.pow(1e-6 / rtol, 0.26) + decay)

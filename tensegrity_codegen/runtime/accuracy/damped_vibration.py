@@ -1,4 +1,4 @@
-"""Vibrations of stiff members that radau damps out: counted in the estimated error, and told in words.
+"""Vibrations of stiff members that implicit steps damp out: part of the estimated error, and told in words.
 
 A motion has them from the start, and gets more where the force of a damped cable jumps as it goes taut, and
 at kinks of a profile, where forces or their rates jump.
@@ -22,10 +22,10 @@ from tensegrity_codegen.runtime.accuracy.rates import find_rates
 from tensegrity_codegen.runtime.accuracy.scales import tolerance_of_options
 from tensegrity_codegen.runtime.accuracy.vibration import find_end_coordinates, find_vibration
 from tensegrity_codegen.runtime.integrate.event_log import Watch, choose_watch
+from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
 from tensegrity_codegen.runtime.integrate.integration import find_integrator
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
-from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
@@ -38,17 +38,17 @@ from tensegrity_codegen.tables.manifest import JUMP_KINDS
 VIBRATION_ERRORS = ("vibration_error", "vibration_speed_error", "vibration_tension_error")
 KINK_SAFETY = 2.0  # times what a member on two free masses does: others at its ends change it a little
 LONGEST_TO_MEAN_STEP = 3.0  # over the mean one
-RESOLVED_ANGLE = 0.5  # rad of a vibration in one step, up to which radau follows it
+RESOLVED_ANGLE = 0.5  # rad of a vibration in one step, up to which the implicit method follows it
 RATE_SPAN = 1e-3  # of a piece, over which the rate of a force is taken
 
 
-def integrate_radau_to_samples(motion: Motion, options: RunOptions) -> RawTrajectory:
-    """Integrate by radau, its steps tightened until the estimated error of every sample is within tolerance.
+def integrate_implicit_to_samples(motion: Motion, options: RunOptions) -> RawTrajectory:
+    """Integrate implicitly, steps tightened until the estimated error of every sample is within tolerance.
 
     Vibrations that it damps out count in the error of positions: where they are too large for them, the steps
     are tightened until they resolve them. For velocities they are told, as `auto` does. Where cables go slack
     and taut without end, as overdamped ones do, and nobody asked to watch them, steps pass over that. Raises
-    as integrate_radau.
+    as integrate_implicit.
     """
     found = _tighten(motion, options)
     return _tighten(replace(motion, watch=Watch()), options) if is_held_up(motion, found) else found
@@ -60,24 +60,24 @@ def is_held_up(motion: Motion, found: RawTrajectory) -> bool:
 
 
 def _tighten(motion: Motion, options: RunOptions) -> RawTrajectory:
-    """Return runs of radau, tightened until their error at the samples is within the tolerance."""
+    """Return implicit runs, tightened until their error at the samples is within the tolerance."""
     model, state = motion.model, motion.state
     size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
     stiff, min_counted = find_integrator(model.manifest, STIFF_INTEGRATOR).tensions, find_min_counted(motion)
     tolerance = tolerance_of_options(model.manifest, options)
     if not stiff:  # nothing that vibrates by itself
         return tighten_until_converged(
-            lambda rtol, atol: integrate_radau(motion, options.within(rtol, atol)),
+            lambda rtol, atol: integrate_implicit(motion, options.within(rtol, atol)),
             tolerance,
             Checks(min_counted=min_counted),
         )
     rates = find_rates(model, stiff, motion.arguments)
-    assert rates is not None  # a library with radau has what it takes
+    assert rates is not None  # a library with the implicit method has what it takes
     with np.errstate(all="ignore"):  # members without a length have no direction
         vibration = find_vibration(model, state, stiff, rates, motion.arguments)
 
     def run(rtol: float, atol: float) -> RawTrajectory:
-        raw = integrate_radau(motion, options.within(rtol, atol))
+        raw = integrate_implicit(motion, options.within(rtol, atol))
         return note_vibration(motion, raw, vibration.damped_out(atol + rtol * size), stiff, rates.frequency)
 
     rounding = Rounding(lambda: rates.frequency, model.manifest.is_centre)

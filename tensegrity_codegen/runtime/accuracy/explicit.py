@@ -23,13 +23,13 @@ from tensegrity_codegen.runtime.accuracy.scales import tolerance_of_options
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.event_log import Watch
-from tensegrity_codegen.runtime.integrate.methods import find_method
+from tensegrity_codegen.runtime.integrate.methods import SCIPY_EXPLICIT, SCIPY_IMPLICIT, find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import MIN_SCIPY_RTOL, RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.integrate.scipy_methods import integrate_scipy
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.tables.tableaus import TABLEAUS
+from tensegrity_codegen.tables.integrators import INTEGRATORS
 
 WHY_SCIPY = (
     "methods in C take values over time from a Profile of inputs only, so this schedule runs through SciPy"
@@ -56,7 +56,7 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
     if not find_method(options.method).scipy:
         lost = _LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
         checks = Checks(
-            least_atol=TABLEAUS[options.method].noise_share * noise,
+            least_atol=INTEGRATORS[options.method].noise_share * noise,
             rounding=rounding,
             lost=partial(lost.estimate, tolerance=tolerance),
         )
@@ -64,7 +64,7 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
             lambda rtol, atol: integrate_adaptive(motion, options.within(rtol, atol)), tolerance, checks
         )
     has_kinks = structure is None or bool(np.any(structure.tension_only | structure.has_switch))
-    like = "rk853" if options.method == "scipy_dop853" else "rk54"
+    like = "rk853" if options.method == SCIPY_EXPLICIT.name else "rk54"
     lost = _LostVibration(motion, options, find_frequency, integrate_scipy, like)
     checks = Checks(
         least_atol=noise,
@@ -81,11 +81,11 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
 
 
 def integrate_scheduled(motion: Motion, options: RunOptions) -> RawTrajectory:
-    """Integrate a motion with a schedule by SciPy's DOP853 or Radau, whichever meets the tolerance.
+    """Integrate a motion with a schedule by SciPy's DOP853 or implicit method, whichever meets the tolerance.
 
-    Radau has its turn first where the fastest vibration or damping would take the explicit method more than
-    MAX_EXPLICIT_STEPS steps. The estimated error at the samples is within atol + rtol |x|, unless `control`
-    is "steps"; status "not_converged" where neither method meets that.
+    The implicit one has its turn first where the fastest vibration or damping would take the explicit method
+    more than MAX_EXPLICIT_STEPS steps. The estimated error at the samples is within atol + rtol |x|, unless
+    `control` is "steps"; status "not_converged" where neither method meets that.
     """
     begun = begin_motion(motion)
     frequency = find_fastest(begun)
@@ -98,12 +98,12 @@ def integrate_scheduled(motion: Motion, options: RunOptions) -> RawTrajectory:
             return integrate_scipy(motion, replace(options, method=name, atol=atol))
         return integrate_explicit_to_samples(motion, replace(options, method=name))
 
+    names = (SCIPY_EXPLICIT.name, SCIPY_IMPLICIT.name)
     if steps > MAX_EXPLICIT_STEPS:
-        names = ("scipy_radau", "scipy_dop853")
-        why = f"{WHY_SCIPY}: scipy_radau, since an explicit method needs about {steps:,.0f} steps"
+        names = names[::-1]
+        why = f"{WHY_SCIPY}: {names[0]}, since an explicit method needs about {steps:,.0f} steps"
     else:
-        names = ("scipy_dop853", "scipy_radau")
-        why = f"{WHY_SCIPY}: scipy_dop853" + (f", for about {steps:,.0f} steps" if steps >= 1 else "")
+        why = f"{WHY_SCIPY}: {names[0]}" + (f", for about {steps:,.0f} steps" if steps >= 1 else "")
     found = run(names[0])
     if found.status != "ok":
         other = run(names[1])
@@ -122,20 +122,20 @@ def begin_motion(motion: Motion) -> Motion:
 class _LostVibration:
     """What runs of a motion lose.
 
-    find_frequency: returns the fastest frequency [rad/s]; integrate: does one run; tableau: name of the
-    explicit method whose steps lose as much.
+    find_frequency: returns the fastest frequency [rad/s]; integrate: does one run; like: name of the
+    integrator whose steps lose as much.
     """
 
     motion: Motion
     options: RunOptions
     find_frequency: Callable[[], float]
     integrate: Callable[[Motion, RunOptions], RawTrajectory]
-    tableau: str
+    like: str
 
     def estimate(self, run: RawTrajectory, tolerance: Tolerance) -> float:
         """Return the error over the tolerance by vibrations that a run has lost, 0 where it shows them."""
         frequency, last = self.find_frequency(), float(run.time[-1])
-        factor, power = TABLEAUS[self.tableau].vibration_loss
+        factor, power = INTEGRATORS[self.like].vibration_loss
         angle = frequency * last / max(run.n_steps, 1)
         changed = run.n_steps * factor * angle**power
         if changed <= NEGLIGIBLE_LOSS:

@@ -3,16 +3,16 @@
 from dataclasses import replace
 
 from tensegrity_codegen.runtime.accuracy.automatic import integrate_auto
-from tensegrity_codegen.runtime.accuracy.damped_vibration import integrate_radau_to_samples
+from tensegrity_codegen.runtime.accuracy.damped_vibration import integrate_implicit_to_samples
 from tensegrity_codegen.runtime.accuracy.explicit import integrate_explicit_to_samples
 from tensegrity_codegen.runtime.accuracy.rates import find_fastest
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_motion
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_by_doubling
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
+from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress
 from tensegrity_codegen.runtime.integrate.options import RunOptions
-from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.runtime.integrate.raw_results import NOT_ESTIMATED, RawTrajectory
 from tensegrity_codegen.runtime.integrate.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.integrate.scipy_methods import integrate_scipy
@@ -22,13 +22,13 @@ ONCE = {
     "auto": integrate_auto,
     "fixed": integrate_rk4,
     "adaptive": integrate_adaptive,
-    "implicit": integrate_radau,
+    "implicit": integrate_implicit,
     "scipy": integrate_scipy,
 }
 TO_SAMPLES = {
     "auto": integrate_auto,
     "adaptive": integrate_explicit_to_samples,
-    "implicit": integrate_radau_to_samples,
+    "implicit": integrate_implicit_to_samples,
     "scipy": integrate_explicit_to_samples,
 }
 # How many runs it takes until the error is within the tolerance is not known before. Measured on the prism,

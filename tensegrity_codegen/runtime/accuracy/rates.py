@@ -32,7 +32,7 @@ DISPLACEMENT = 1e-6  # of the largest coordinate, by which coordinates are moved
 class Rates:
     """Bounds from above. frequency, decay: of all members [rad/s], [1/s]; slow_*: of all but the stiff ones.
 
-    Stiff are the two-sided members whose tensions the integrator radau takes as unknowns. stiffness_ratio:
+    Stiff are the two-sided members whose tensions the implicit method takes as unknowns. stiffness_ratio:
     the largest mu of these over the largest of the others, infinite where there are no others; meeting: how
     many of them meet in one node at most; has_jumps: whether a cable is damped, so that its force jumps.
     """

@@ -23,7 +23,7 @@ from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 TENSION_COMPLIANCE = 1e-12  # compliance over w, of members whose tensions their lengths do not determine
 AMPLITUDE_SAFETY = 1.5  # amplitudes are those of the start, to first order: a half of them more may come
-DAMPED_MARGIN = 2.0  # times an amplitude that radau damps out: it sees it a little differently
+DAMPED_MARGIN = 2.0  # times an amplitude that implicit steps damp out: it sees it a little differently
 MAX_DAMPING_RATIO = 0.5  # damping over critical, below which a member counts as vibrating
 
 

@@ -26,7 +26,7 @@ class EventRun:
         self.watch = choose_watch(bound.spec, self.manifest, motion.watch)
         self.raised: list[BaseException] = []
         self.has_events = bool(bound.spec.events)
-        # rk4 and radau without events or profiles are called without counters, which their header may lack.
+        # Others without events or profiles are called without counters, which their header may lack.
         is_adaptive = find_method(bound.spec.name).kind == "adaptive"
         self.is_counted = self.has_events or is_adaptive or bool(self.manifest.driven)
         counts: Any = ffi.new("integrator_run *") if self.is_counted else None

@@ -79,6 +79,8 @@ def _scipy(name: str, sentence: str, order: int = 0) -> Method:
     )
 
 
+SCIPY_EXPLICIT = _scipy("DOP853", "explicit DOP853", 8)
+SCIPY_IMPLICIT = _scipy("Radau", "implicit Radau", 5)
 _ALL = (
     Method(
         "auto",
@@ -89,10 +91,10 @@ _ALL = (
         takes_schedule=True,
     ),
     *sorted((_in_c(item) for item in INTEGRATORS.values()), key=lambda item: item.kind),
-    _scipy("DOP853", "explicit DOP853", 8),
+    SCIPY_EXPLICIT,
     _scipy("RK45", "explicit RK45", 5),
     _scipy("LSODA", "LSODA"),
-    _scipy("Radau", "implicit Radau", 5),
+    SCIPY_IMPLICIT,
 )
 METHODS: Mapping[str, Method] = MappingProxyType({item.name: item for item in _ALL})
 

@@ -1,6 +1,6 @@
 """A profile bound to a model: its arguments over time, in Python and as the C integrators read them.
 
-A profile must not change lengths of rigid bars and, for radau, laws of members with own tensions.
+A profile must not change lengths of rigid bars, nor laws of members with own tensions in the implicit method.
 """
 
 from collections.abc import Mapping, Sequence
@@ -171,9 +171,9 @@ def _find_places(manifest: Manifest) -> dict[str, int]:
 
 
 def find_changing(model: CompiledModel, schedule: DrivenArguments) -> tuple[str, ...]:
-    """Return the members whose laws radau holds constant and this profile changes.
+    """Return the members whose laws the implicit method holds constant and this profile changes.
 
-    "masses" where these change; () for a library without radau.
+    "masses" where these change; () for a library without it.
     """
     tensions = next(
         (spec.tensions for spec in model.manifest.integrators if spec.name == STIFF_INTEGRATOR), ()
@@ -192,12 +192,13 @@ def find_changing(model: CompiledModel, schedule: DrivenArguments) -> tuple[str,
 
 
 def check_laws(model: CompiledModel, schedule: Any) -> None:
-    """Raise InvalidValueError where radau cannot follow a profile, naming the members that it changes."""
+    """Raise InvalidValueError where the implicit method cannot follow a profile; names the members."""
     names = find_changing(model, schedule)
     if names:
         shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
         raise InvalidValueError(
-            "radau holds masses, and rest lengths and stiffnesses of members without slack, constant",
+            f"{STIFF_INTEGRATOR} holds masses, and rest lengths and stiffnesses of members without slack, "
+            "constant",
             where="schedule",
             given=f"a profile that changes {shown}",
             allowed="profiles of cables that can go slack, loads and forces",

@@ -62,8 +62,8 @@ def simulate(
         Number of equally spaced sample times, 0 and t_end included; or the times themselves [s], increasing
         from 0 to t_end.
     method : str
-        ``"auto"``, ``"rk853"``, ``"rk54"``, ``"tsit5"``, ``"radau"``, ``"rk4"`` or a SciPy method
-        (``"scipy_dop853"``, ``"scipy_rk45"``, ``"scipy_lsoda"``, ``"scipy_radau"``).
+        ``"auto"``, the name of an integrator of the library (``"rk853"``, ``"rk54"``, ``"rk4"``, the stiff
+        one, ...) or of a method of SciPy (``"scipy_dop853"``, ...): docs/model.md lists them.
     step : float, optional
         Step of ``"rk4"`` [s].
     rtol : float

@@ -29,7 +29,7 @@ STEPS = tuple(10.0 ** (-k / 2) for k in range(2, 11))  # of the time span
 ADAPTIVE = ("rk54", "rk853")
 FIXED = ("rk4",)
 IMPLICIT = (STIFF_INTEGRATOR,)
-RADAU_TOLERANCES = TOLERANCES[:8]  # of order 5, with more work a step: below, others are faster
+IMPLICIT_TOLERANCES = TOLERANCES[:8]  # of order 5, with more work a step: below, others are faster
 ATOL_OF_RTOL = 1e-2  # absolute tolerance [m, m/s] over the relative one
 
 
@@ -112,7 +112,7 @@ def _make(problem: MotionProblem, title: str, method: str, flags: str, compiler:
         raw = integrate_once(Motion(model, state, problem.sample_time), options)
         return lambda: _look(model, raw)
 
-    settings = STEPS if fixed else RADAU_TOLERANCES if method in IMPLICIT else TOLERANCES
+    settings = STEPS if fixed else IMPLICIT_TOLERANCES if method in IMPLICIT else TOLERANCES
     kind = "step" if fixed else "tolerance"
     return Contender(f"{title}, {method}", "own", title, method, kind, settings, run)
 

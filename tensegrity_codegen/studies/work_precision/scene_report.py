@@ -25,6 +25,7 @@ from tensegrity_codegen.studies.work_precision.own import describe_simulation, o
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
 from tensegrity_codegen.system.journal import Journal, Resumption
 from tensegrity_codegen.system.progress import part_of
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 Progress = Callable[[float], None]
 WANTED = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
@@ -38,7 +39,7 @@ BUILDING, CERTIFYING = 0.2, 0.2
 BEFORE = BUILDING + CERTIFYING
 REFERENCE = "reference"  # its name in the journal
 # Contenders that may certify: of the physics of the scene, without approximation.
-EXACT = ("node_position, ", "rigid_bar, rk", "rigid_bar, radau")
+EXACT = ("node_position, ", "rigid_bar, rk", f"rigid_bar, {STIFF_INTEGRATOR}")
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,10 @@ def _from_tableau(name: str, table: Tableau) -> Integrator:
         table.title,
         table.order,
         table,
+        rates=table.rates,
+        dense_order=table.dense_order if table.dense else 0,
+        noise_share=table.noise_share,
+        vibration_loss=table.vibration_loss,
         in_batches=True,
         keeps_energy=bool(table.errors),
     )

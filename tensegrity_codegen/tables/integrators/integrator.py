@@ -20,7 +20,8 @@ class Integrator:
     kind : str
         How it is called: with error control ("adaptive"), with a fixed step ("fixed"), or with error control
         and the tensions of stiff members as unknowns ("implicit"). A fixed one without tableau has the struct
-        NAME_work and the function NAME_advance, as templates/c/rk4.h has.
+        NAME_work and the function NAME_advance, as templates/c/rk4.h has; one with error control the struct
+        NAME_memory, the functions NAME_try and NAME_prepare and the constants of templates/c/tableau.h.
     title : str
         What the method is.
     order : int
@@ -28,7 +29,17 @@ class Integrator:
     tableau : Tableau, optional
         Coefficients of an explicit Runge-Kutta method.
     quantities : tuple of str
-        Quantities that it calls besides those of all integrators.
+        Quantities that it calls besides those of all integrators; with error control each one as the function
+        motion_QUANTITY, its number of entries as N_QUANTITY.
+    rates : int
+        With error control: how many vectors of the length of a state its steps keep.
+    dense_order : int
+        With error control: order of its own dense output, and number of its terms; 0: quintic Hermite
+        interpolation.
+    noise_share, vibration_loss
+        With error control: as of a tableau.
+    counts : tuple of str
+        What an implicit one counts, in the order of C.
     in_batches : bool
         Whether it integrates several motions side by side.
     keeps_energy : bool
@@ -45,10 +56,21 @@ class Integrator:
     order: int
     tableau: Tableau | None = None
     quantities: tuple[str, ...] = ()
+    rates: int = 0
+    dense_order: int = 0
+    noise_share: float = 0.0
+    vibration_loss: tuple[float, int] = (0.0, 0)
+    counts: tuple[str, ...] = ()
     in_batches: bool = False
     keeps_energy: bool = False
     follows_events: bool = True
     in_single: bool = True
+
+    @property
+    def dense_title(self) -> str:
+        """What its dense output is called."""
+        order = self.dense_order
+        return f"a polynomial of order {order}" if order else "quintic Hermite interpolation"
 
     @property
     def has_step_control(self) -> bool:

@@ -9,5 +9,6 @@ INTEGRATOR = Integrator(
     "stiff bars are",
     order=5,
     quantities=("cable_force", "member_law", "mass_matrix"),
+    counts=("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations"),
     in_single=False,
 )

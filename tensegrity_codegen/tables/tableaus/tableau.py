@@ -57,11 +57,6 @@ class Tableau:
     vibration_loss: tuple[float, int] = (0.0, 0)
 
     @property
-    def dense_title(self) -> str:
-        """What dense output is called."""
-        return f"a polynomial of order {self.dense_order}" if self.dense else "quintic Hermite interpolation"
-
-    @property
     def nodes(self) -> tuple[float, ...]:
         """Time of the state of each row, over the step."""
         return tuple(round(math.fsum(row.values()), 15) for row in self.rows)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
-from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.subjects import everything
 from tests.runtime.stiff_bars import class_two
@@ -38,5 +38,5 @@ def test_radau_runs_over_tables_to_the_same_bits() -> None:
         model = build_library(class_two(1e7), replace(request, emitter=emitter)).load()
         state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
         motion = Motion(model, state, np.array([0.0, 0.2]))
-        runs.append(integrate_radau(motion, RunOptions("radau", 1e-6, 1e-6)))
+        runs.append(integrate_implicit(motion, RunOptions("radau", 1e-6, 1e-6)))
     np.testing.assert_array_equal(runs[0].state, runs[1].state)

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.tableaus import EXPLICIT
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "embedding.md"
@@ -11,7 +12,8 @@ PLACE = re.compile(r"(<!-- explicit methods: .*? -->\n).*?(<!-- end of explicit 
 
 def table() -> str:
     rows = [
-        f"| `{name}` | {item.title} | {item.order} | {item.stages} | {item.dense_title} | {item.source} |"
+        f"| `{name}` | {item.title} | {item.order} | {item.stages} | {INTEGRATORS[name].dense_title} "
+        f"| {item.source} |"
         for name, item in EXPLICIT.items()
     ]
     head = "| name | method | order | evaluations a step | samples between steps by | source |"

@@ -11,10 +11,10 @@ import pytest
 from tensegrity_codegen.codegen.integrators import radau as generated
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate import c_run
+from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
-from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -54,7 +54,7 @@ def run(model: CompiledModel, tolerance: float, time: np.ndarray = TIME, **argum
     known = {item.name for item in model.manifest.arguments}
     state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
     given = {name: value for name, value in arguments.items() if name in known}
-    return integrate_radau(Motion(model, state, time, given), RunOptions("radau", tolerance, tolerance))
+    return integrate_implicit(Motion(model, state, time, given), RunOptions("radau", tolerance, tolerance))
 
 
 def run_at(
@@ -327,7 +327,7 @@ def test_states_that_are_not_finite_are_refused() -> None:
     model = model_of(prism_of_ratio)
     state = np.full(2 * len(model.manifest.coordinate_name), np.nan)
     with pytest.raises(NonFiniteError):
-        integrate_radau(Motion(model, state, TIME), RunOptions("radau"))
+        integrate_implicit(Motion(model, state, TIME), RunOptions("radau"))
 
 
 def test_a_tolerance_below_rounding_is_not_called_met() -> None:

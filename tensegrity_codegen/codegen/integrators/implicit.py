@@ -1,4 +1,4 @@
-"""The integrator `radau`: which functions it needs, its tables and its work memory.
+"""The implicit integrator: which functions it needs, its tables and its work memory.
 
 Mixed form: the tension of every two-sided member that joins a free coordinate is an unknown, the multiplier
 of that member's law. Newton matrices hold masses and directions of these members; cables, soft beside them,
@@ -26,13 +26,13 @@ from tensegrity_codegen.tables.integrators import INTEGRATORS, STIFF_INTEGRATOR
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest, Pattern
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 
-RADAU_QUANTITIES = INTEGRATORS[STIFF_INTEGRATOR].quantities
-COUNTS = ("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations")
+IMPLICIT = INTEGRATORS[STIFF_INTEGRATOR]
+PREFIX = STIFF_INTEGRATOR.upper()  # of its constants in C
 NEWTON_SHARE = 1e-4  # of the tolerance, that Newton's method may leave
 NO_PLACE = 2**30
 
 
-def radau_spec(
+def implicit_spec(
     name: str,
     model: EmittedModel,
     functions: Sequence[FunctionSpec],
@@ -46,10 +46,10 @@ def radau_spec(
     Raises FormulationError for a model without its functions.
     """
     by_name, subject, frame = {item.quantity: item for item in functions}, model.subject, model.frame
-    if not all(item in by_name for item in RADAU_QUANTITIES) or not isinstance(subject, Structure):
+    if not all(item in by_name for item in IMPLICIT.quantities) or not isinstance(subject, Structure):
         in_nodes = " or ".join(repr(item.name) for item in FORMULATIONS.values() if item.in_nodes)
         raise FormulationError(
-            "the integrator 'radau' needs node coordinates and member forces",
+            f"the integrator {name!r} needs node coordinates and member forces",
             where=f"{model.name}: model.integrators",
             given=name,
             allowed=f"formulation {in_nodes}, emitters 'unrolled' and 'table'",
@@ -69,10 +69,12 @@ def radau_spec(
         subject.has_much_damping | (subject.tension_only & np.isin(subject.member_name, changing))
     )
     used = {
-        argument for item in (*RADAU_QUANTITIES, *events.quantities) for argument in by_name[item].arguments
+        argument
+        for item in (*IMPLICIT.quantities, *events.quantities)
+        for argument in by_name[item].arguments
     }
     passed = tuple(item for item in ARGUMENTS if item in used - {"coordinate", "velocity"})
-    tables = radau_tables(members, damped, frame, by_name, events.memory, driven)
+    tables = implicit_tables(members, damped, frame, by_name, events.memory, driven)
     return IntegratorSpec(
         name,
         f"{model.name}_integrate_{name}",
@@ -86,7 +88,7 @@ def radau_spec(
     )
 
 
-def radau_tables(
+def implicit_tables(
     members: Sequence[int],
     damped: Sequence[int],
     frame: Frame | Manifest,
@@ -117,12 +119,12 @@ def radau_tables(
         "AXES": len(axes),
         "N_UNKNOWNS": saddle.size,
         "TENSION_ROOM": max(len(members), 1),
-        "WITH_RADAU_DAMPED": len(damped),
+        f"WITH_{PREFIX}_DAMPED": len(damped),
         "N_DAMPED": len(damped),
-        "RADAU_LAW": law,
-        "RADAU_MASSES": len(masses),
-        "RADAU_ENTRY_ROOM": max(entries, 1),
-        "RADAU_FACTOR_ROOM": max(factors, 1),
+        f"{PREFIX}_LAW": law,
+        f"{PREFIX}_MASSES": len(masses),
+        f"{PREFIX}_ENTRY_ROOM": max(entries, 1),
+        f"{PREFIX}_FACTOR_ROOM": max(factors, 1),
         "WITH_EVENTS": margins,
         "event_memory": 8 * margins,
         "WITH_PROFILE": driven,
@@ -148,25 +150,25 @@ def radau_tables(
         ],
         **{item.name: getattr(saddle, item.name) for item in fields(saddle)},
         "law_size": law,
-        "work_size": count_bytes("radau_work", "radau_work.h", sizes) // 8,
+        "work_size": count_bytes(f"{STIFF_INTEGRATOR}_work", f"{STIFF_INTEGRATOR}_work.h", sizes) // 8,
     }
 
 
-def radau_context(
+def implicit_context(
     spec: IntegratorSpec, manifest: Manifest, functions: Mapping[str, FunctionSpec]
 ) -> dict[str, Any]:
     """Return what the templates of the integrator read, besides what every integrator has."""
     margins = event_memory(spec.events, functions.values(), len(manifest.coordinate_name))
-    tables = radau_tables(spec.tensions, spec.damped, manifest, functions, margins)
+    tables = implicit_tables(spec.tensions, spec.damped, manifest, functions, margins)
     return {
         **tables,
         "settings": {
-            "WITH_RADAU_DIAGONAL_MASS": tables["is_mass_diagonal"],
-            "WITH_RADAU_DAMPED": bool(spec.damped),
+            f"WITH_{PREFIX}_DIAGONAL_MASS": tables["is_mass_diagonal"],
+            f"WITH_{PREFIX}_DAMPED": bool(spec.damped),
         },
-        "counts": COUNTS,
+        "counts": IMPLICIT.counts,
         "newton_share": NEWTON_SHARE,
-        "kernels": {name: functions[name].arguments for name in RADAU_QUANTITIES},
+        "kernels": {name: functions[name].arguments for name in IMPLICIT.quantities},
     }
 
 

@@ -9,9 +9,9 @@ from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate import c_run
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.event_log import Watch
+from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
-from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -54,7 +54,7 @@ def motion_of(model: CompiledModel, time: Any, watch: Watch | None = None) -> Mo
 
 
 def run(model: CompiledModel, time: Any, tol: float, watch: Watch | None = None) -> RawTrajectory:
-    return integrate_radau(motion_of(model, time, watch), RunOptions("radau", tol, tol))
+    return integrate_implicit(motion_of(model, time, watch), RunOptions("radau", tol, tol))
 
 
 def best_of(model: CompiledModel, time: Any) -> RawTrajectory:

@@ -1,4 +1,4 @@
-"""Radau IIA-5 for the mixed form, tensions of two-sided members being unknowns: the loop runs in C."""
+"""The implicit method for the mixed form, tensions of two-sided members being unknowns: its loop is in C."""
 
 from dataclasses import replace
 
@@ -8,14 +8,13 @@ from tensegrity_codegen.runtime.integrate.c_run import CRun
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, is_within_reach
-from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
+from tensegrity_codegen.tables.integrators import INTEGRATORS, STIFF_INTEGRATOR
 
-# What the C function counts, in its order.
-RADAU_COUNTS = ("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations")
+COUNTS = INTEGRATORS[STIFF_INTEGRATOR].counts
 STEPS_BEFORE_FORECAST = 5_000  # steps after which a run that would need ten times that many is given up
 
 
-def integrate_radau(motion: Motion, options: RunOptions, *, quiet: float = 0.0) -> RawTrajectory:
+def integrate_implicit(motion: Motion, options: RunOptions, *, quiet: float = 0.0) -> RawTrajectory:
     """Integrate a motion in the mixed form.
 
     Every step's estimated error is at most atol + rtol |x|, component by component; where stiff members
@@ -29,7 +28,7 @@ def integrate_radau(motion: Motion, options: RunOptions, *, quiet: float = 0.0) 
 
 
 def listen_to_members(motion: Motion) -> dict[str, float]:
-    """Return the amplitudes with which stiff members vibrate at the start, see integrate_radau."""
+    """Return the amplitudes with which stiff members vibrate at the start, see integrate_implicit."""
     run = _Run(
         replace(motion, sample_time=np.array([0.0, motion.t_end])),
         RunOptions(STIFF_INTEGRATOR, 1e-3, 1e-3),
@@ -46,7 +45,7 @@ class _Run(CRun):
         super().__init__(STIFF_INTEGRATOR, motion)
         self.options, self.quiet = options, quiet
         ffi = self.bound.ffi
-        self.step, self.count = ffi.new("double *", 0.0), ffi.new("long long[]", len(RADAU_COUNTS))
+        self.step, self.count = ffi.new("double *", 0.0), ffi.new("long long[]", len(COUNTS))
         self.vibration = ffi.new("double[]", 3)
 
     def may_go_on(self) -> bool:
@@ -71,7 +70,7 @@ class _Run(CRun):
         """Return the samples reached so far, and how the run ended."""
         status, message = self.ending()
         times, states = self.events.samples(self.motion.sample_time, float(self.time[0]))
-        evidence = dict(zip(RADAU_COUNTS, (int(n) for n in self.count), strict=True))
+        evidence = dict(zip(COUNTS, (int(n) for n in self.count), strict=True))
         told = f"{evidence['accepted']} steps, {evidence['rejected'] + evidence['newton_failures']} rejected"
         return RawTrajectory(
             time=times,
