@@ -18,11 +18,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from harness.turns import EXAMPLES
 
 from tensegrity_codegen import build_library, load_scene, symbolic_functions
 from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions
 
-EXAMPLES = Path(__file__).resolve().parents[1] / "tensegrity_codegen" / "scene" / "examples"
 REPEATS = 5
 QUIET = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-10}
 

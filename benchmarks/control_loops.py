@@ -6,14 +6,13 @@ Wall time a draw from lengths with noise, one thread; medians over rounds that t
 compiling the loop is timed apart, for it happens once for all draws.
 """
 
-import statistics
-import sys
 import time
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+import numpy as np
+from harness.turns import markdown_head, markdown_row, measure_call, take_turns
 
 from tensegrity_codegen import design_kalman, simulate_control, simulate_control_batch
 from tests.control.feedback.pinned_prism import build_prism, design_gains, draw_errors, move_prism
@@ -46,41 +45,31 @@ def prepare_tower() -> tuple[Any, ...]:
     return model, motion, gains.at_knots(), estimator, draws, 12.0
 
 
-def measure(run: Callable[[], object]) -> float:
-    """Return the wall time of a call [s]."""
-    start = time.perf_counter()
-    run()
-    return time.perf_counter() - start
-
-
 def compare(name: str, parts: Sequence[Any]) -> None:
     """Print one row."""
     model, motion, gains, estimator, draws, t_end = parts
 
+    given = {"estimator": estimator, "t_end": t_end}
+
     def in_c(count: int) -> float:
-        chosen = draws[:count]
-        return measure(
-            lambda: simulate_control_batch(
-                model, motion, gains, draws=chosen, estimator=estimator, t_end=t_end, threads=1
-            )
-        )
+        call = partial(simulate_control_batch, model, motion, gains, draws=draws[:count], threads=1, **given)
+        return measure_call(call, clock=time.perf_counter)
 
     def in_python() -> float:
-        return measure(
-            lambda: simulate_control(model, motion, gains, estimator=estimator, t_end=t_end, **draws[0])
-        )
+        call = partial(simulate_control, model, motion, gains, **given, **draws[0])
+        return measure_call(call, clock=time.perf_counter)
 
     first = in_c(1)
-    rows = [(in_python(), in_c(1), in_c(DRAWS)) for _ in range(ROUNDS)]
-    python = statistics.median(row[0] for row in rows)
-    c = statistics.median((row[2] - row[1]) / (DRAWS - 1) for row in rows)
-    print(f"| {name} | {1e3 * python:.0f} | {1e3 * c:.2f} | {python / c:.0f} | {first:.1f} |")
+    turns = take_turns({"Python": in_python, "one": partial(in_c, 1), "all": partial(in_c, DRAWS)}, ROUNDS)
+    python = np.median(turns["Python"])
+    c = np.median(turns["all"] - turns["one"]) / (DRAWS - 1)
+    print(markdown_row(name, f"{1e3 * python:.0f}", f"{1e3 * c:.2f}", f"{python / c:.0f}", f"{first:.1f}"))
 
 
 def main() -> None:
     """Print the table."""
-    print("| loop | Python [ms a draw] | C [ms a draw] | ratio | first call in C, with compiling [s] |")
-    print("|---|---|---|---|---|")
+    heads = ("loop", "Python [ms a draw]", "C [ms a draw]", "ratio", "first call in C, with compiling [s]")
+    print(markdown_head(*heads))
     compare("prism, 3 s at 200 Hz", prepare_prism())
     compare("tower, 12 s at 100 Hz", prepare_tower())
 

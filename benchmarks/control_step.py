@@ -9,15 +9,12 @@ other programs disturbed least: with the smallest ratio of the 99 % to the media
 
 import argparse
 import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tensegrity_codegen.codegen.compilation.flags import build_program_command, find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler

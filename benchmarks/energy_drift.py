@@ -9,9 +9,9 @@ bar's length over that length.
 
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
+from harness.turns import EXAMPLES
 
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
@@ -21,7 +21,7 @@ from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulati
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest
 
-SCENE = Path(__file__).parent.parent / "tensegrity_codegen" / "scene" / "examples" / "prism.toml"
+SCENE = EXAMPLES / "prism.toml"
 RATIO = 1e3
 SAMPLES = 1001
 RUNS = (("rk54", 1e-6), ("rk853", 1e-6), ("rk853", 1e-9))

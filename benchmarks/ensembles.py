@@ -17,9 +17,9 @@ import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from harness.turns import EXAMPLES
 from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.analyses import equilibrium_quantities
@@ -38,7 +38,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 FloatArray = NDArray[np.float64]
 
-SCENE = Path(__file__).parent.parent / "tensegrity_codegen" / "scene" / "examples" / "prism.toml"
+SCENE = EXAMPLES / "prism.toml"
 DISPLACED, MOVING = 5e-3, 0.1  # [m], [m/s]
 ROUNDS = 5
 GOAL = {"MuJoCo": 100.0, "IDAS": 150.0}

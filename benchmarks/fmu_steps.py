@@ -9,15 +9,12 @@ share is in the times (about 0.5 us a call). Medians of rounds that take turns.
 
 import argparse
 import ctypes as c
-import statistics
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+from harness.turns import EXAMPLES, measure_call, take_turns
 
 from tensegrity_codegen.export.export_fmu import export_fmu
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
@@ -25,9 +22,9 @@ from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tests.export.importer import Unit2
 
-EXAMPLES = Path(__file__).resolve().parent.parent / "tensegrity_codegen" / "scene" / "examples"
 N_STEPS = 1000
 
 
@@ -43,19 +40,25 @@ def compare(scene: Path, t_end: float, rtol: float, rounds: int, folder: Path) -
     names = [name for name in unit.reference if name.startswith("coordinate.")]
     do_step, instance, size = unit.library.fmi2DoStep, unit.instance, c.c_double(t_end / N_STEPS)
     points = [c.c_double(k * t_end / N_STEPS) for k in range(N_STEPS)]
-    loop, steps = [], []
-    for _ in range(rounds):
-        started = time.perf_counter()
-        raw = integrate_adaptive(Motion(model, state, np.linspace(0.0, t_end, N_STEPS + 1), {}), options)
-        loop.append(time.perf_counter() - started)
-        unit.good("Reset")
-        unit.start(rtol)
-        started = time.perf_counter()
+
+    def integrate() -> RawTrajectory:
+        return integrate_adaptive(Motion(model, state, np.linspace(0.0, t_end, N_STEPS + 1), {}), options)
+
+    def step_through() -> None:
         for point in points:
             do_step(instance, point, size, 1)
-        steps.append(time.perf_counter() - started)
+
+    def time_steps() -> float:
+        unit.good("Reset")
+        unit.start(rtol)
+        return measure_call(step_through, clock=time.perf_counter)
+
+    times = take_turns(
+        {"loop": lambda: measure_call(integrate, clock=time.perf_counter), "unit": time_steps}, rounds
+    )
+    raw = integrate()
     error = float(np.abs(unit.get(*names) - raw.state[-1, : len(names)]).max())
-    ours, theirs = statistics.median(loop), statistics.median(steps)
+    ours, theirs = (float(np.median(seconds)) for seconds in times.values())
     print(
         f"{scene.stem}: {method}, {t_end:g} s, rtol {rtol:g}: "
         f"loop {1e3 * ours:.2f} ms ({raw.n_steps} steps), "

@@ -14,11 +14,8 @@ import sys
 import time
 import traceback
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tensegrity_codegen.studies.stability.judge import Limits
 from tests.studies.test_fuzz import draw_example, run_example

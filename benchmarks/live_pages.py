@@ -26,14 +26,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
+from harness.turns import EXAMPLES, ROOT, markdown_head, markdown_row
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+from tensegrity_codegen.system.provenance import name_processor
+from tests.report.driver import Tab, running_browser
 
-from tensegrity_codegen.system.provenance import name_processor  # noqa: E402
-from tests.report.driver import Tab, running_browser  # noqa: E402
-
-EXAMPLES = ROOT / "tensegrity_codegen" / "scene" / "examples"
 SIDE = 70  # nodes of a side of the net
 TOWER = """\
 name = "tower"
@@ -177,30 +175,18 @@ def measure(tab: Tab, page: Path, seconds: float) -> dict[str, Any]:
     }
 
 
-def find_graphics(browser: int) -> int:
-    """Return the number of the graphics process of a browser."""
-    parents, graphics = {}, []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            number = int(folder.name)
-            parents[number] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-            if b"--type=gpu-process" in (folder / "cmdline").read_bytes():
-                graphics.append(number)
-        except OSError:
-            continue  # a process that has ended
-    for number in graphics:
-        parent: int | None = number
-        while parent is not None and parent != browser:
-            parent = parents.get(parent)
-        if parent == browser:
-            return number
+def find_graphics(browser: int) -> psutil.Process:
+    """Return the graphics process of a browser."""
+    for process in psutil.Process(browser).children(recursive=True):
+        if "--type=gpu-process" in process.cmdline():
+            return process
     raise SystemExit("the browser has no graphics process")
 
 
-def read_processor_time(process: int) -> float:
+def read_processor_time(process: psutil.Process) -> float:
     """Return the processor time of a process [s]."""
-    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    times = process.cpu_times()
+    return times.user + times.system
 
 
 def read_metrics(tab: Tab) -> dict[str, float]:
@@ -210,17 +196,16 @@ def read_metrics(tab: Tab) -> dict[str, float]:
 
 def write_table(rows: list[dict[str, Any]]) -> str:
     """Return the table of the documentation."""
-    lines = [
-        "| page | members | samples | file | page's thread | update, 99 % | frames a second | frame, 99 % "
-        "| drawing | pixels |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    heads = ("page", "members", "samples", "file", "page's thread", "update, 99 %", "frames a second")
+    lines = [markdown_head(*heads, "frame, 99 %", "drawing", "pixels")]
     for row in rows:
         (update, slow_update), (frame, slow_frame) = row["update"], row["frame"]
         lines.append(
-            f"| {row['scene']} | {row['members']:,} | {row['frames']} | {row['bytes'] / 1e6:.2f} MB "
-            f"| {row['script']:.1f} ms | {update:.1f}, {slow_update:.1f} ms | {row['rate']:.0f} "
-            f"| {frame:.0f}, {slow_frame:.0f} ms | {row['draw']:.0f} ms | {row['ratio']:.2g} |"
+            markdown_row(
+                *(row["scene"], f"{row['members']:,}", row["frames"], f"{row['bytes'] / 1e6:.2f} MB"),
+                *(f"{row['script']:.1f} ms", f"{update:.1f}, {slow_update:.1f} ms", f"{row['rate']:.0f}"),
+                *(f"{frame:.0f}, {slow_frame:.0f} ms", f"{row['draw']:.0f} ms", f"{row['ratio']:.2g}"),
+            )
         )
     return "\n".join(lines)
 

@@ -10,26 +10,23 @@ controls the error at the samples, methods by name that of each step.
 """
 
 import argparse
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from harness.turns import markdown_head, markdown_row, time_in_turns
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
-from tensegrity_codegen import CompiledModel, Profile, build_library, simulate
+from tensegrity_codegen import CompiledModel, Profile, simulate
 from tensegrity_codegen.runtime.integrate.scipy_methods import build_derivative
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
-from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.studies.papers.scs.figures import load_paper_tower, plan_paper_motions
-from tensegrity_codegen.studies.papers.scs.printed import drive
+from tensegrity_codegen.studies.papers.scs.printed import compile_tower, drive
 from tensegrity_codegen.studies.papers.scs.reconfiguration import Reconfiguration
-from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
-from tensegrity_codegen.tables.request import ModelRequest
 
 FloatArray = NDArray[np.float64]
 
@@ -58,18 +55,9 @@ def main() -> None:
     rounds = parser.parse_args().rounds
     tower = load_paper_tower()
     plan = plan_paper_motions(tower)["with_torque"]
-    model = compile_tower(tower)
+    model = compile_tower(tower, IN_C)
     for kind, degree in (("linear", 1), ("cubic", 3)):
         compare(model, plan, kind, degree, rounds)
-
-
-def compile_tower(tower: SymmetricTower) -> CompiledModel:
-    """Return the model of all 18 coordinates with the methods in C."""
-    everything = {"rest_length": tuple(range(tower.system.n_members))}
-    request = ModelRequest(
-        simulation_quantities("bodies"), everything, formulation="bodies", integrators=IN_C
-    )
-    return build_library(tower.system, request).load()
 
 
 def compare(model: CompiledModel, plan: Reconfiguration, kind: str, degree: int, rounds: int) -> None:
@@ -87,7 +75,7 @@ def compare(model: CompiledModel, plan: Reconfiguration, kind: str, degree: int,
         return {name: curve(t) for name, curve in curves.items()}
 
     print(f"\n{kind} profile of {KNOTS} knots, 18 rest lengths and 6 inputs\n")
-    print("| error | method | tolerance | error found | CPU time [ms] |", "|---|---|---|---|---|", sep="\n")
+    print(markdown_head("error", "method", "tolerance", "error found", "CPU time [ms]"))
     least, closest = [], {"C": np.inf, "SciPy": np.inf}
     for error in ERRORS:
         found: dict[str, Found] = {}
@@ -103,19 +91,13 @@ def compare(model: CompiledModel, plan: Reconfiguration, kind: str, degree: int,
                     break
         times = time_in_turns({name: item.run for name, item in found.items()}, rounds)
         for name, item in found.items():
-            row = (
-                f"{error:.0e}",
-                name,
-                f"{item.tolerance:.1e}",
-                f"{item.error:.1e}",
-                f"{1e3 * times[name]:.2f}",
-            )
-            print(f"| {' | '.join(row)} |")
+            row = (f"{item.tolerance:.1e}", f"{item.error:.1e}", f"{1e3 * times[name]:.2f}")
+            print(markdown_row(f"{error:.0e}", name, *row))
         ours, theirs = (min(times[name] for name in found if name in group) for group in (OURS, SCIPY))
         by_auto = times["auto, function"] / times["auto"] if {"auto", SCIPY[-1]} <= found.keys() else np.nan
-        least.append(f"| {error:.0e} | {theirs / ours:.0f} | {by_auto:.0f} |")
-    head = "| error | C, fastest beside SciPy's fastest | C, auto beside auto with a function |"
-    print("", head, "|---|---|---|", *least, sep="\n")
+        least.append(markdown_row(f"{error:.0e}", f"{theirs / ours:.0f}", f"{by_auto:.0f}"))
+    heads = ("error", "C, fastest beside SciPy's fastest", "C, auto beside auto with a function")
+    print("", markdown_head(*heads), *least, sep="\n")
     print(f"\nsmallest error found: {closest['C']:.1e} in C, {closest['SciPy']:.1e} by SciPy")
 
 
@@ -146,17 +128,6 @@ def find_reference(model: CompiledModel, profile: Profile, start: dict[str, Floa
         if last in times:
             found.append(state)
     return np.array(found)
-
-
-def time_in_turns(runs: dict[str, Callable[[], Any]], rounds: int) -> dict[str, float]:
-    """Return the median CPU time of each run [s]."""
-    times: dict[str, list[float]] = {name: [] for name in runs}
-    for _ in range(rounds):
-        for name, run in runs.items():
-            begun = time.process_time()
-            run()
-            times[name].append(time.process_time() - begun)
-    return {name: float(np.median(values)) for name, values in times.items()}
 
 
 if __name__ == "__main__":

@@ -11,9 +11,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from harness.turns import ROOT, markdown_head, markdown_row, replace_figures
+
 from tensegrity_codegen.report.pages.page import CAUSES
 
-ROOT = Path(__file__).resolve().parent.parent
 DOCUMENT = ROOT / "docs" / "reproduction.md"
 BEGIN, END = "<!-- figures: benchmarks/reproduction_page.py -->", "<!-- end of figures -->"
 PAPERS = {
@@ -27,7 +28,7 @@ WORDS = {
     "unstated": "no numbers printed",
     "new": "not in the paper",
 }
-HEAD = "| in the paper | what | finding | in numbers |\n|---|---|---|---|"
+HEAD = markdown_head("in the paper", "what", "finding", "in numbers")
 
 
 def write_tables(finding: str, papers: Mapping[str, Sequence[Mapping[str, str]]]) -> str:
@@ -42,7 +43,7 @@ def write_tables(finding: str, papers: Mapping[str, Sequence[Mapping[str, str]]]
         for row in rows:
             finding = ": ".join(filter(None, (WORDS[row["verdict"]], CAUSES.get(row["cause"]))))
             cells = (row["source"], row["title"], finding, row["result"])
-            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+            lines.append(markdown_row(*(cell.replace("|", "\\|") for cell in cells)))
         parts.append("\n".join(lines))
     return "\n\n".join(parts)
 
@@ -50,11 +51,7 @@ def write_tables(finding: str, papers: Mapping[str, Sequence[Mapping[str, str]]]
 def main(arguments: Sequence[str]) -> None:
     """Replace what stands between the two marks of the page."""
     found: dict[str, Any] = json.loads(Path(arguments[0]).read_text(encoding="utf-8"))
-    text = DOCUMENT.read_text(encoding="utf-8")
-    before, after = text.partition(BEGIN)[0], text.partition(END)[2]
-    DOCUMENT.write_text(
-        f"{before}{BEGIN}\n{write_tables(found['finding'], found['papers'])}\n{END}{after}", encoding="utf-8"
-    )
+    replace_figures(DOCUMENT, BEGIN, END, write_tables(found["finding"], found["papers"]))
 
 
 if __name__ == "__main__":

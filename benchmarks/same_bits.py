@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from harness.turns import EXAMPLES
 
-ROOT = Path(__file__).resolve().parent.parent
 SHIPPED = ("icosahedron", "lin_prism", "planar", "prism", "prism12", "svd_tower", "tower", "two_nodes")
 SHAPES = ("elastic", "rigid", "distances", "planar")
 EMITTERS = ("unrolled", "lanes", "table")
@@ -156,7 +156,7 @@ def write_results(out: Path, count: int, first: int) -> None:
     results: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        scenes = [ROOT / "tensegrity_codegen" / "scene" / "examples" / f"{name}.toml" for name in SHIPPED]
+        scenes = [EXAMPLES / f"{name}.toml" for name in SHIPPED]
         scenes += [write_random_scene(folder, number) for number in range(first, first + count)]
         for number, scene in enumerate(scenes):
             found = compute_scene(scene, number, folder)

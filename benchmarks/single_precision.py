@@ -8,13 +8,13 @@ rounding of the coordinates makes of the exact one.
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+from harness.turns import EXAMPLES
 
 from tensegrity_codegen import build_library, load_scene
 
-PRISM = Path(__file__).resolve().parents[1] / "tensegrity_codegen" / "scene" / "examples" / "prism.toml"
+PRISM = EXAMPLES / "prism.toml"
 OFFSETS = (0.0, 1.0, 10.0, 100.0, 1000.0)
 QUANTITIES = ("member_tension",)
 

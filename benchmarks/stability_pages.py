@@ -18,16 +18,14 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+from harness.turns import EXAMPLES, ROOT, markdown_head, markdown_row, replace_figures
 
-from tensegrity_codegen.studies.stability.judge import VERDICTS  # noqa: E402
-from tensegrity_codegen.studies.stability.page import WORDS  # noqa: E402
-from tensegrity_codegen.system.provenance import name_processor  # noqa: E402
-from tests.common_prism import BARS, PLACES, STRINGS, span  # noqa: E402
+from tensegrity_codegen.studies.stability.judge import VERDICTS
+from tensegrity_codegen.studies.stability.page import WORDS
+from tensegrity_codegen.system.provenance import name_processor
+from tests.common_prism import BARS, PLACES, STRINGS, span
 
 DOCUMENT = ROOT / "docs" / "stability.md"
-EXAMPLES = ROOT / "tensegrity_codegen" / "scene" / "examples"
 SCENES = ("prism", "planar", "icosahedron", "tower")
 BEGIN, END = "<!-- figures: benchmarks/stability_pages.py -->", "<!-- end of figures -->"
 MOST_WRONG = 40  # listed one by one
@@ -53,7 +51,7 @@ def main() -> None:
     text = write_figures(found)
     print(text)
     if not words.no_write:
-        replace_figures(DOCUMENT, text)
+        replace_figures(DOCUMENT, BEGIN, END, text)
 
 
 def import_common_prism(folder: Path) -> Path:
@@ -123,10 +121,10 @@ def write_figures(found: dict[str, dict[str, Any]]) -> str:
         "by the bound that the run states, or not at all.",
         "",
     ]
-    lines += head(("scene", *(WORDS[verdict] for verdict in used), "stated bound", "positions"))
+    lines.append(markdown_head("scene", *(WORDS[verdict] for verdict in used), "stated bound", "positions"))
     for name, rows in own.items():
         counts, rules = Counter(r["verdict"] for r in rows), Counter(r["rule"] for r in rows)
-        lines.append(row_of(name, *(counts[v] for v in used), rules["told"], rules["positions"]))
+        lines.append(markdown_row(name, *(counts[v] for v in used), rules["told"], rules["positions"]))
     lines += ["", "Other programs, all scenes together.", ""]
     lines += peer_lines([row for data in found.values() for row in data["rows"] if not row["is_own"]])
     lines += ["", *wrong_lines(found)]
@@ -149,10 +147,10 @@ def describe_own(rows: Sequence[dict[str, Any]]) -> str:
 def peer_lines(rows: list[dict[str, Any]]) -> list[str]:
     """Return the table of verdicts by peer."""
     used = [verdict for verdict in VERDICTS if any(row["verdict"] == verdict for row in rows)]
-    lines = head(("program", *(WORDS[verdict] for verdict in used)))
+    lines = [markdown_head("program", *(WORDS[verdict] for verdict in used))]
     for name in dict.fromkeys(row["contender"] for row in rows):
         counts = Counter(row["verdict"] for row in rows if row["contender"] == name)
-        lines.append(row_of(name, *(counts[verdict] for verdict in used)))
+        lines.append(markdown_row(name, *(counts[verdict] for verdict in used)))
     return lines
 
 
@@ -167,30 +165,11 @@ def wrong_lines(found: dict[str, dict[str, Any]]) -> list[str]:
     if not wrong:
         return []
     lines = ["Results that our methods call good and that are wrong (error over tolerance, ten allowed):", ""]
-    lines += head(("scene", "case", "method", "error"))
+    lines.append(markdown_head("scene", "case", "method", "error"))
     for name, row in wrong[:MOST_WRONG]:
         error = "" if row["error"] is None else f"{row['error']:.2g}"
-        lines.append(row_of(name, f"{row['group']}: {row['case']}", row["contender"], error))
+        lines.append(markdown_row(name, f"{row['group']}: {row['case']}", row["contender"], error))
     return lines
-
-
-def head(names: Sequence[str]) -> list[str]:
-    """Return the first two lines of a table."""
-    return [row_of(*names), "|" + "---|" * len(names)]
-
-
-def row_of(*cells: object) -> str:
-    """Return a line of a table."""
-    return "| " + " | ".join(map(str, cells)) + " |"
-
-
-def replace_figures(document: Path, text: str) -> None:
-    """Write the figures between their two marks."""
-    before, _, rest = document.read_text(encoding="utf-8").partition(BEGIN)
-    _, mark, after = rest.partition(END)
-    if not mark:
-        raise SystemExit(f"{document}: the marks {BEGIN} and {END} are not there")
-    document.write_text(f"{before}{BEGIN}\n{text}{END}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -14,17 +14,17 @@ the patience at four settings is given up, and what is printed is a lower bound.
 
 import argparse
 import multiprocessing
-import statistics
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from large_scenes import write_scene_of
+from harness.turns import EXAMPLES, markdown_head, markdown_row, measure_call, take_turns
 
 from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.structure.structure import Structure
@@ -35,11 +35,11 @@ from tensegrity_codegen.studies.work_precision.measure import (
     Reference,
     Run,
     Unavailable,
+    find_agreement,
 )
 from tensegrity_codegen.studies.work_precision.own import own_contenders
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
 
-EXAMPLES = Path(__file__).parent.parent / "tensegrity_codegen" / "scene" / "examples"
 EXPLICIT = ("node_position, rk54", "node_position, rk853", "node_position, rk4")
 RADAU, CORRECTED = (
     "node_position, radau",
@@ -54,6 +54,27 @@ A_DECADE = 8  # settings tried
 CANDIDATES = 4  # settings that reach the error, of which the fastest counts; one where runs are long
 TRIALS = 5  # runs of which the fastest counts, to choose among settings
 LONG = 1.0  # seconds of a run from which on it is made once
+
+
+TOWER = """\
+name = "tower"
+gravity = [0, 0, -9.81]
+[classes.bar]
+kind = "bar"
+axial_stiffness = 2e5
+radius = 0.01
+[classes.cable]
+kind = "cable"
+axial_stiffness = 1e4
+prestress = 10.0
+[shape]
+kind = "tower"
+stages = 51
+radius = 0.5
+height = 1.0
+node_mass = 0.1
+anchor_bottom = true
+"""
 
 
 @dataclass(frozen=True)
@@ -104,7 +125,8 @@ def load(case: Case) -> Structure:
     with tempfile.TemporaryDirectory() as folder:
         path = EXAMPLES / f"{case.name}.toml"
         if case.name == "tower":
-            path = write_scene_of("tower", 912, Path(folder), ("acceleration",))
+            path = Path(folder) / "tower.toml"
+            path.write_text(TOWER, encoding="utf-8")
         structure = as_springs(load_nodes(path))
     mass = structure.node_mass.copy()
     np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
@@ -142,11 +164,7 @@ def certify(case: Case, contenders: dict[str, Contender]) -> Reference:
             continue
         runs[name] = contenders[name].run(LARGE[name] if case.name == "tower" else setting)()
     good = {name: run.node_position for name, run in runs.items() if run.status == "ok"}
-    names = sorted(good)
-    pairs = [(a, b) for n, a in enumerate(names) for b in names[n + 1 :]]
-    apart = {pair: float(np.abs(good[pair[0]] - good[pair[1]]).max()) for pair in pairs}
-    first, second = min(apart, key=lambda pair: apart[pair])
-    return Reference(good[first], first, second, apart[first, second])
+    return find_agreement(sorted(good.items()))
 
 
 def settings_of(contender: Contender) -> Iterator[float]:
@@ -209,17 +227,14 @@ def _fastest(contender: Contender, setting: float) -> tuple[float, Run]:
 def time_in_turns(found: Sequence[Found]) -> None:
     """Put medians over rounds in place of the times of single runs; long runs are made once."""
     short = [item for item in found if item.seconds < LONG and not item.is_bound]
-    taken: dict[str, list[float]] = {item.contender.name: [] for item in short}
+    runs = {}
     for item in short:
         item.contender.prepare(item.setting)
-    for _ in range(ROUNDS):
-        for item in short:
-            count, started = max(1, min(100, int(2e-2 / item.seconds))), time.process_time()
-            for _ in range(count):
-                item.contender.run(item.setting)
-            taken[item.contender.name].append((time.process_time() - started) / count)
+        count = max(1, min(100, int(2e-2 / item.seconds)))
+        runs[item.contender.name] = partial(measure_call, partial(item.contender.run, item.setting), count)
+    taken = take_turns(runs, ROUNDS)
     for item in short:
-        item.seconds = statistics.median(taken[item.contender.name])
+        item.seconds = float(np.median(taken[item.contender.name]))
 
 
 def run_case(case: Case, patience: float) -> tuple[list[str], list[str]]:
@@ -240,11 +255,11 @@ def run_case(case: Case, patience: float) -> tuple[list[str], list[str]]:
         item = find_setting(contenders[name], reference, case.error, patience)
         found |= {} if item is None else {name: item}
     time_in_turns(list(found.values()))
-    rows = [
-        f"| {title} | {name} | {item.setting:.1e} | {'more than ' if item.is_bound else ''}"
-        f"{1e3 * item.seconds:.3f} | {item.error:.1e} |"
-        for name, item in found.items()
-    ]
+    rows = []
+    for name, item in found.items():
+        bound = "more than " if item.is_bound else ""
+        taken = f"{bound}{1e3 * item.seconds:.3f}"
+        rows.append(markdown_row(title, name, f"{item.setting:.1e}", taken, f"{item.error:.1e}"))
     return [judge(title, ask, found) for ask in case.asks], rows
 
 
@@ -252,14 +267,14 @@ def judge(title: str, ask: Ask, found: dict[str, Found]) -> str:
     """Return the row of what is asked: the fastest of ours over the fastest of the others."""
     ours = min((found[n] for n in ask.ours if n in found), key=lambda item: item.seconds, default=None)
     others = [item for name, item in found.items() if name.startswith(ask.others)]
-    asked = f"| {title}: {ask.factor:g} times {SHORT.get(ask.others, ask.others[0].split(',')[0])} |"
+    asked = f"{title}: {ask.factor:g} times {SHORT.get(ask.others, ask.others[0].split(',')[0])}"
     if ours is None or not others:
-        return f"{asked} not reached by {'ours' if ours is None else 'the others'} | no |"
+        return markdown_row(asked, f"not reached by {'ours' if ours is None else 'the others'}", "no")
     other = min(others, key=lambda item: item.seconds)
     ratio = other.seconds / ours.seconds
     bound = "more than " if other.is_bound else ""
     told = f"{bound}{ratio:.1f} ({ours.contender.name}; {other.contender.name})"
-    return f"{asked} {told} | {'yes' if ratio >= ask.factor else 'no'} |"
+    return markdown_row(asked, told, "yes" if ratio >= ask.factor else "no")
 
 
 def main() -> None:
@@ -278,10 +293,10 @@ def main() -> None:
             print("\n".join([*more, *measured]), flush=True)
             asked += more
             rows += measured
-    head = ["| asked | measured | holds |", "|---|---|---|"]
-    whole = ["| case | method | setting | CPU time [ms] | error [m] |", "|---|---|---|---|---|"]
+    head = markdown_head("asked", "measured", "holds")
+    whole = markdown_head("case", "method", "setting", "CPU time [ms]", "error [m]")
     text = "\n".join(
-        ["# Stiff bars", "", (__doc__ or "").split("\n\n")[2], "", *head, *asked, "", *whole, *rows]
+        ["# Stiff bars", "", (__doc__ or "").split("\n\n")[2], "", head, *asked, "", whole, *rows]
     )
     print("\n" + text)
     if words.document:

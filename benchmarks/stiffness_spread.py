@@ -11,6 +11,7 @@ import argparse
 from dataclasses import replace
 
 import stiff_bars
+from harness.turns import markdown_head, markdown_row, print_table
 from stiff_bars import RADAU, Ask, Case, Found, certify, find_setting, make_contenders, time_in_turns
 
 RATIOS = (1e3, 1e5, 1e7, 1e9)
@@ -25,25 +26,20 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=9)
     words = parser.parse_args()
     stiff_bars.ROUNDS = words.rounds
-    print(
-        "| structure | error [m] | ratio | setting | error found [m] | CPU time [ms] |",
-        "|---|---|---|---|---|---|",
-        sep="\n",
-    )
+    print(markdown_head("structure", "error [m]", "ratio", "setting", "error found [m]", "CPU time [ms]"))
     spreads = []
     for name in words.names or NAMES:
         found = measure(name)
         for error in ERRORS:
             rows = {ratio: item for (ratio, wanted), item in found.items() if wanted == error}
             for ratio, item in rows.items():
-                print(
-                    f"| {name} | {error:.0e} | {ratio:.0e} | {item.setting:.1e} | {item.error:.1e} "
-                    f"| {1e3 * item.seconds:.3f} |"
-                )
+                cells = (f"{item.setting:.1e}", f"{item.error:.1e}", f"{1e3 * item.seconds:.3f}")
+                print(markdown_row(name, f"{error:.0e}", f"{ratio:.0e}", *cells))
             times = [item.seconds for item in rows.values()]
             spread = max(times) / min(times)
-            spreads.append(f"| {name} | {error:.0e} | {spread:.2f} | {'yes' if spread <= 1.3 else 'no'} |")
-    print("\n| structure | error [m] | spread | at most 1.3 |", "|---|---|---|---|", *spreads, sep="\n")
+            spreads.append((name, f"{error:.0e}", f"{spread:.2f}", "yes" if spread <= 1.3 else "no"))
+    print()
+    print_table(("structure", "error [m]", "spread", "at most 1.3"), spreads)
 
 
 def measure(name: str) -> dict[tuple[float, float], Found]:

@@ -26,6 +26,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from harness.turns import EXAMPLES
 from numpy.typing import NDArray
 from scipy import integrate, optimize
 
@@ -38,7 +39,7 @@ from tensegrity_codegen.sweeps.tasks.operations import build_operation
 
 FloatArray = NDArray[np.float64]
 
-SCENE = Path(__file__).parent.parent / "tensegrity_codegen" / "scene" / "examples" / "prism.toml"
+SCENE = EXAMPLES / "prism.toml"
 ERROR = 1e-5  # [m] of positions at the end of motions
 CHECKED = 16  # motions whose error is looked at
 STEPS = (1e-4, 5e-5, 2.5e-5, 1e-5, 5e-6)  # [s] of MuJoCo

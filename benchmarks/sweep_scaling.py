@@ -21,9 +21,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 import numpy as np
+from harness.turns import EXAMPLES
 
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
@@ -39,7 +38,6 @@ from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
 from tensegrity_codegen.sweeps.tasks.simulate import Simulate
 from tensegrity_codegen.system.provenance import name_processor
 
-ROOT = Path(__file__).resolve().parent.parent
 WORKERS = (1, 10, 100, 1000)
 SIZES = (64, 256, 1024, 4096, 16384)
 TASKS_OF_A_WORKER = 50
@@ -190,7 +188,7 @@ def measure_calls(run: Callable[[], object], rounds: int) -> tuple[float, float]
 
 def prepare_operations() -> Iterator[tuple[str, Operation, CompiledModel]]:
     """Yield name, operation and library of the example prism."""
-    structure, request = load_scene(ROOT / "tensegrity_codegen" / "scene" / "examples" / "prism.toml")
+    structure, request = load_scene(EXAMPLES / "prism.toml")
     for name, operation in (
         ("evaluate, tensions", Evaluate(keep=("member_tension",))),
         ("equilibrium, largest tension", FindEquilibrium(keep=("max(member_tension)",))),

@@ -1,11 +1,9 @@
 """The machine by what matters to a reader: CPU model and compilers; and one core to stay on."""
 
 import contextlib
-import importlib
 import os
 import platform
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 
@@ -47,27 +45,14 @@ def all_cores() -> Iterator[None]:
 
 def describe_machine(compilers: Sequence[Compiler], pinned: str) -> dict[str, str]:
     """Return CPU model, compilers and packages by version, and whether the process stays on one core."""
-    versions = {name: _version(name) for name in PACKAGES}
+    from tensegrity_codegen.studies.study import find_version  # imports NumPy
+    from tensegrity_codegen.system.provenance import name_processor
+
+    versions = {name: find_version(name) for name in PACKAGES}
     return {
-        "CPU": _cpu_model(),
+        "CPU": name_processor(),
         "compilers": "; ".join(compiler.version for compiler in compilers),
         "packages": ", ".join(f"{name} {version}" for name, version in versions.items()),
         "Python": platform.python_version(),
         "pinned": pinned,
     }
-
-
-def _cpu_model() -> str:
-    with contextlib.suppress(OSError):
-        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
-        for line in text.splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
-
-
-def _version(package: str) -> str:
-    try:
-        return str(importlib.import_module(package).__version__)
-    except ImportError:
-        return "not installed"

@@ -6,11 +6,13 @@ import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import psutil
 from rich.console import Console
 from rich.table import Table
 
@@ -29,7 +31,6 @@ from tensegrity_codegen.studies.study import hash_run
 from tensegrity_codegen.system.journal import Journal, Resumption
 
 INTERVAL = 0.03  # s from one look to the next
-PROC = Path("/proc")
 
 
 class Watched(subprocess.CompletedProcess[str]):
@@ -62,40 +63,21 @@ def run_watched(command: Sequence[str], timeout: float) -> Watched:
 
 
 def _watch(pid: int, ended: threading.Event, peaks: list[int]) -> None:
+    process = psutil.Process(pid)
     while not ended.wait(INTERVAL):
         started = time.perf_counter()
-        peaks[0] = max(peaks[0], _resident(pid))
+        peaks[0] = max(peaks[0], _measure_memory(process))
         time.sleep(min(1.0, 5 * (time.perf_counter() - started)))  # where there are many processes
 
 
-def _resident(pid: int) -> int:
-    """Return the resident sets of a process and its descendants [byte], 0 where the system does not tell."""
-    family, size = {pid}, 0
-    parents = _read_parents()
-    found = family
-    while found:
-        found = {child for child, parent in parents.items() if parent in found}
-        family |= found
-    for member in family:
-        try:
-            text = (PROC / str(member) / "status").read_text(encoding="utf-8", errors="replace")
-        except OSError:  # it has ended
-            continue
-        size += next((int(line.split()[1]) for line in text.splitlines() if line.startswith("VmRSS:")), 0)
-    return size * 1024
-
-
-def _read_parents() -> Mapping[int, int]:
-    """Return process -> its parent."""
-    parents: dict[int, int] = {}
-    for entry in PROC.glob("[0-9]*/stat"):
-        try:
-            text = entry.read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            continue
-        # The command's name, in brackets, may hold blanks and brackets itself.
-        parents[int(entry.parent.name)] = int(text.rpartition(")")[2].split()[1])
-    return parents
+def _measure_memory(process: psutil.Process) -> int:
+    """Return the resident sets of a process and its descendants [byte]; 0 for those that have ended."""
+    size = 0
+    with suppress(psutil.NoSuchProcess):
+        for member in (process, *process.children(recursive=True)):
+            with suppress(psutil.NoSuchProcess):
+                size += member.memory_info().rss
+    return size
 
 
 SCRIPTS = Path(__file__).resolve().parent.parent

@@ -20,6 +20,7 @@ from tensegrity_codegen.codegen.compilation.child import run_limited
 from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet
 from tensegrity_codegen.codegen.compilation.toolchain import find_compilers
+from tensegrity_codegen.studies.work_precision.measure import Unavailable as Unavailable
 from tensegrity_codegen.system.errors import CompileError
 
 _CODE, _TABLES = (".text",), (".rodata", ".data.rel.ro")
@@ -151,10 +152,6 @@ FloatArray = NDArray[np.float64]
 ROUNDS = 15
 TARGET = 4e-3  # s that one turn takes
 MOST_CALLS = 1_000_000
-
-
-class Unavailable(Exception):
-    """A candidate that is not there; the text says why, and is shown in its row."""
 
 
 @dataclass

@@ -5,7 +5,13 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from tensegrity_codegen.system.errors import DuplicateNameError, InvalidNameError
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InvalidNameError,
+    UnknownKeyError,
+    UnknownNameError,
+    suggest,
+)
 
 NAME_PATTERN = "^[A-Za-z][A-Za-z0-9_]{0,62}$"
 NAME_RULE = "a letter, then up to 62 letters, digits or _; no C or C++ keyword"
@@ -93,6 +99,24 @@ def check_names(names: Sequence[str], what: str, where: str = "") -> None:
             given=next(name for name, count in Counter(names).items() if count > 1),
             allowed="each name once",
         )
+
+
+def check_known(name: str, known: Iterable[str], problem: str, allowed: str, *place: str | int) -> None:
+    """Raise UnknownNameError, with similar names as its hint, for a name that is not `known`.
+
+    place: the file, and the keys that lead to the name, see key_path.
+    """
+    if name not in known:
+        hint = suggest(name[:80], known)
+        where = key_path(str(place[0]), *place[1:])
+        raise UnknownNameError(problem, where=where, given=name[:80], allowed=allowed, hint=hint)
+
+
+def unknown_key(key: str, known: Iterable[str], where: str, problem: str = "unknown key") -> UnknownKeyError:
+    """Return the error for a key of a table that is not `known`, with similar ones as its hint."""
+    key, known = key[:80], list(known)
+    hint = suggest(key, known)
+    return UnknownKeyError(problem, where=where, given=key, allowed=", ".join(known), hint=hint)
 
 
 def key_path(where: str, *parts: str | int) -> str:

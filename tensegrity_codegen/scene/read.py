@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from tensegrity_codegen.scene.checks.limits import LARGEST_FILE, check_document, check_regular, check_text
 from tensegrity_codegen.scene.checks.validate import validate
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import key_path, unknown_key
 from tensegrity_codegen.scene.plain_sections import cut_plain_sections
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.translate import translate
@@ -22,8 +22,6 @@ from tensegrity_codegen.system.errors import (
     SceneError,
     SceneSyntaxError,
     StructureError,
-    UnknownKeyError,
-    suggest,
 )
 
 _POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
@@ -199,14 +197,7 @@ def _refuse_nonsense(text: str, known: frozenset[str], where: str) -> None:
     """Refuse in linear time what the TOML reader would chew on for long."""
     first = _FIRST_KEY.match(text)
     if known and first and first[1] not in known:
-        key = first[1][:80]
-        raise UnknownKeyError(
-            "unknown key",
-            where=key_path(where, key),
-            given=key,
-            allowed=", ".join(sorted(known)),
-            hint=suggest(key, known),
-        )
+        raise unknown_key(first[1], sorted(known), key_path(where, first[1][:80]))
     for pattern, mark, problem, allowed in (
         (_LONG_KEY, ".", "a dotted key has too many parts", "up to 32 parts"),
         (

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from tensegrity_codegen.scene.names import FILE_NAME_RULE, NAME_RULE, key_path
+from tensegrity_codegen.scene.names import FILE_NAME_RULE, NAME_RULE, key_path, unknown_key
 from tensegrity_codegen.scene.schema.body_schema import LOAD_TAGS
 from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
 from tensegrity_codegen.system.errors import (
@@ -16,7 +16,6 @@ from tensegrity_codegen.system.errors import (
     InvalidValueError,
     NonFiniteError,
     SceneError,
-    UnknownKeyError,
     UnknownNameError,
     suggest,
 )
@@ -76,11 +75,7 @@ def _translate_one(detail: ErrorDetails, where: str) -> SceneError:
     place = key_path(where, *path)
     given = loc[-2] if is_key else _shown(detail["input"])
     if kind == "extra_forbidden":
-        known = list(_schema_at(loc[:-1]).get("properties", {}))
-        key = str(loc[-1])[:80]
-        return UnknownKeyError(
-            "unknown key", where=place, given=key, allowed=", ".join(known), hint=suggest(key, known)
-        )
+        return unknown_key(str(loc[-1]), _schema_at(loc[:-1]).get("properties", {}), place)
     if kind in ("string_pattern_mismatch", "name_keyword", "name_of_file"):
         problem = "not a valid name" if kind == "string_pattern_mismatch" else detail["msg"]
         allowed = FILE_NAME_RULE if kind == "name_of_file" else NAME_RULE

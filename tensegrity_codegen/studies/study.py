@@ -72,10 +72,11 @@ def make_folder(folder: str | Path, names: Sequence[str], *, overwrite: bool) ->
 def _surroundings() -> tuple[str, ...]:
     machine = (platform.system(), platform.machine(), platform.node(), name_processor())
     source = hash_package(Path(__file__).resolve().parent.parent, template_folder())
-    return (VERSION, source, platform.python_version(), *machine, *map(_version, PACKAGES))
+    return (VERSION, source, platform.python_version(), *machine, *map(find_version, PACKAGES))
 
 
-def _version(package: str) -> str:
+def find_version(package: str) -> str:
+    """Return the version of an installed package, or that it is not installed or has none."""
     if importlib.util.find_spec(package) is None:
         return "not installed"
     try:

@@ -38,11 +38,11 @@ def test_every_verdict_that_was_given_has_its_count() -> None:
 def test_figures_are_written_between_the_marks_alone(tmp_path: Path) -> None:
     file = tmp_path / "a.md"
     file.write_text(DOCUMENT.read_text(encoding="utf-8"), encoding="utf-8")
-    replace_figures(file, "new figures\n")
+    replace_figures(file, stability_pages.BEGIN, stability_pages.END, "new figures\n")
     text, before = file.read_text(encoding="utf-8"), DOCUMENT.read_text(encoding="utf-8")
     assert f"{stability_pages.BEGIN}\nnew figures\n{stability_pages.END}" in text
     assert text.startswith(before.partition(stability_pages.BEGIN)[0])
     assert text.endswith(before.partition(stability_pages.END)[2])
     file.write_text("no marks", encoding="utf-8")
     with pytest.raises(SystemExit):
-        replace_figures(file, "")
+        replace_figures(file, stability_pages.BEGIN, stability_pages.END, "")

@@ -1,7 +1,7 @@
 """Tables of a page: paper, ours and difference side by side or one above the other, numbers aligned."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -183,3 +183,36 @@ def compare_cells(paper: float | None, ours: float | None, spec: str) -> tuple[C
 
 def _difference(paper: float | None, ours: float | None) -> float | None:
     return None if paper is None or ours is None else ours - paper
+
+
+def make_table(
+    caption: str, columns: Mapping[str, str], rows: Iterable[Sequence[Any]], **options: Any
+) -> Table:
+    """Return a table of values.
+
+    Parameters
+    ----------
+    caption : str
+        The caption.
+    columns : mapping of str to str
+        Heading with its unit ("error [m]") -> format of the column's numbers, "" for a column of words.
+    rows : iterable of sequences
+        A value for each column: a number or None, words, or a Cell, which is taken as it is.
+    **options
+        The other fields of Table: note, head, head_note, folded.
+    """
+    made = []
+    for heading, spec in columns.items():
+        name, _, unit = heading.partition(" [")
+        made.append(Column(name, unit.removesuffix("]"), numeric=bool(spec)))
+    specs = tuple(columns.values())
+    cells = tuple(
+        tuple(_make_cell(value, spec) for value, spec in zip(row, specs, strict=True)) for row in rows
+    )
+    return Table(caption, tuple(made), cells, **options)
+
+
+def _make_cell(value: Any, spec: str) -> Cell:
+    if isinstance(value, Cell):
+        return value
+    return text_cell(value) if isinstance(value, str) else number_cell(value, spec)

@@ -1,5 +1,8 @@
 """From a Scene to a Structure and a ModelRequest: references resolved, laws applied, all checked."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 from pydantic import ValidationError
 
@@ -151,8 +154,17 @@ def _build_request(scene: Scene, structure: Structure, targets: Targets) -> Mode
         axes=structure.axes,
     )
     formulation = _choose_formulation(scene, structure)
+    quantities = scene.model.quantities or _choose_quantities(structure, formulation)
+    request = build_request(scene, quantities, parameters, formulation)
+    return replace(request, options=scene.model.options)
+
+
+def build_request(
+    scene: Scene, quantities: tuple[str, ...], parameters: Mapping[str, tuple[int, ...]], formulation: str
+) -> ModelRequest:
+    """Return what a scene wants, without options of its formulation."""
     return ModelRequest(
-        quantities=scene.model.quantities or _choose_quantities(structure, formulation),
+        quantities=quantities,
         parameters=parameters,
         integrators=tuple(dict.fromkeys(scene.model.integrators)),
         solvers=tuple(dict.fromkeys(scene.model.solvers)),
@@ -164,7 +176,6 @@ def _build_request(scene: Scene, structure: Structure, targets: Targets) -> Mode
         flags=scene.model.flags,
         batch_width=scene.model.batch_width,
         interfaces=tuple(dict.fromkeys(scene.model.interfaces)),
-        options=scene.model.options,
     )
 
 

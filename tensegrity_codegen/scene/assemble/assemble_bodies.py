@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from tensegrity_codegen.scene.assemble.actuators import build_actuators, build_sensors
+from tensegrity_codegen.scene.assemble.assemble import build_request
 from tensegrity_codegen.scene.assemble.bodies import BuiltBodies, build_bodies_of_scene
 from tensegrity_codegen.scene.assemble.body_loads import (
     BodyFinder,
@@ -19,7 +20,7 @@ from tensegrity_codegen.scene.assemble.limits import build_limits
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
 from tensegrity_codegen.scene.assemble.targets import Targets, build_parameters
 from tensegrity_codegen.scene.checks.check_laws import check_laws
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.schema.body_schema import (
     Tendon,
 )
@@ -36,8 +37,6 @@ from tensegrity_codegen.system.errors import (
     InvalidValueError,
     SceneError,
     StructureError,
-    UnknownNameError,
-    suggest,
 )
 from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
@@ -173,14 +172,11 @@ def _with_tendons(
         values = {key: getattr(tendon, key) for key in type(tendon).model_fields if key != "points"}
         values["kind"] = None if tendon.class_name else "cable"
         for point in tendon.points:
-            if point not in built.node:
-                raise UnknownNameError(
-                    "the tendon joins a point that does not exist",
-                    where=key_path(where, "tendons", name, "points"),
-                    given=point,
-                    allowed='"body.point"; a bar has A and B',
-                    hint=suggest(point, built.node),
-                )
+            problem, allowed = (
+                "the tendon joins a point that does not exist",
+                '"body.point"; a bar has A and B',
+            )
+            check_known(point, built.node, problem, allowed, where, "tendons", name, "points")
         nodes = tuple(system.node_name[built.node[point]] for point in tendon.points)
         members[name] = Member.model_construct(**values, nodes=nodes)
     position = compute_node_position(system)
@@ -226,17 +222,4 @@ def _request(scene: Scene, system: BodySystem, targets: Targets) -> ModelRequest
         anchored=np.repeat(held[:, None], 3, axis=1),
         axes=system.axes,
     )
-    return ModelRequest(
-        quantities=scene.model.quantities or DEFAULT_QUANTITIES,
-        parameters=parameters,
-        integrators=tuple(dict.fromkeys(scene.model.integrators)),
-        solvers=tuple(dict.fromkeys(scene.model.solvers)),
-        formulation=BODIES,
-        emitter=scene.model.emitter,
-        precision=scene.model.precision,
-        events=scene.model.events,
-        keep=scene.model.keep,
-        flags=scene.model.flags,
-        batch_width=scene.model.batch_width,
-        interfaces=tuple(dict.fromkeys(scene.model.interfaces)),
-    )
+    return build_request(scene, scene.model.quantities or DEFAULT_QUANTITIES, parameters, BODIES)

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.schema.body_schema import BarBody, FixedPart, RigidPart
 from tensegrity_codegen.structure.bodies import Bar, Body, Chart, FixedBody, RigidBody
 from tensegrity_codegen.system.arrays import FloatArray
@@ -16,8 +16,6 @@ from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     StructureError,
-    UnknownNameError,
-    suggest,
 )
 
 Table: TypeAlias = FixedPart | BarBody | RigidPart
@@ -161,14 +159,9 @@ def _bar(
             "anchor or centre, not both",
             "remove it",
         )
-        if table.anchor not in node:
-            raise UnknownNameError(
-                "the bar is held at a point that does not exist",
-                where=f"{place}.anchor",
-                given=table.anchor,
-                allowed='"body.point"',
-                hint=suggest(table.anchor, [point for point in node if not point.startswith(f"{name}.")]),
-            )
+        others = [point for point in node if not point.startswith(f"{name}.") or point == table.anchor]
+        problem = "the bar is held at a point that does not exist"
+        check_known(table.anchor, others, problem, '"body.point"', f"{place}.anchor")
     chart, polar, azimuth = _chart(table, place)
     bar = Bar(
         name,

@@ -6,7 +6,7 @@ import numpy as np
 
 from tensegrity_codegen.scene.assemble.bodies import BuiltBodies
 from tensegrity_codegen.scene.assemble.targets import Targets, normalise
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.schema.body_schema import (
     BodyTorque,
     JointFrictionTable,
@@ -26,7 +26,7 @@ from tensegrity_codegen.structure.bodies import (
     Vector3,
 )
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
 
 class BodyFinder:
@@ -71,14 +71,7 @@ class BodyFinder:
     def _look(
         self, table: Mapping[str, int], name: str, problem: str, allowed: str, place: tuple[str | int, ...]
     ) -> int:
-        if name not in table:
-            raise UnknownNameError(
-                problem,
-                where=key_path(self.where, *place),
-                given=name,
-                allowed=allowed,
-                hint=suggest(name, table),
-            )
+        check_known(name, table, problem, allowed, self.where, *place)
         return table[name]
 
 

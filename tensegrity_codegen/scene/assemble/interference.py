@@ -2,9 +2,9 @@
 
 from collections.abc import Collection, Mapping
 
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.schema.part_schema import Interference
-from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
 
 def find_bar_pairs(
@@ -46,10 +46,7 @@ def find_bar_pairs(
 
 
 def _check_bar(name: str, bars: Mapping[str, int], radius: Mapping[str, float], place: str) -> None:
-    if name not in bars:
-        raise UnknownNameError(
-            "the name is no bar", where=place, given=name, allowed="names of bars", hint=suggest(name, bars)
-        )
+    check_known(name, bars, "the name is no bar", "names of bars", place)
     if not radius[name] > 0:
         raise InvalidValueError(
             "the bar has no radius, so that its distance to others is not known",

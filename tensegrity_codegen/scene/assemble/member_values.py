@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.laws import LAWS
 
 Columns = dict[str, FloatArray]  # one value a row, NaN where the scene gives none
@@ -58,14 +58,9 @@ def _class_index(
         if (row.class_name is None) != (row.kind is None) and (row.kind or row.class_name in index):
             continue
         place = key_path(where, "members", name)
-        if row.class_name is not None and row.class_name not in index:
-            raise UnknownNameError(
-                "the member class is not defined",
-                where=f"{place}.class",
-                given=row.class_name,
-                allowed="the name of a table [classes.<name>]",
-                hint=suggest(row.class_name, index),
-            )
+        if row.class_name is not None:
+            problem, allowed = "the member class is not defined", "the name of a table [classes.<name>]"
+            check_known(row.class_name, index, problem, allowed, f"{place}.class")
         both = row.kind is not None
         raise InvalidValueError(
             "a member of a class takes its kind from the class" if both else "neither a class nor a kind",

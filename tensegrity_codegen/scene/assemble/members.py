@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.assemble.member_values import STIFFNESS, Columns, resolve_values
 from tensegrity_codegen.scene.checks.geometry import check_connectivity, compute_member_length
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.laws import LAWS, LINEAR
 from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
 
@@ -80,16 +80,10 @@ def _connectivity(
     try:
         pairs = [(index[row.nodes[0]], index[row.nodes[1]]) for row in rows]
     except KeyError:
+        problem = "the member joins a node that is not defined"
         for name, row in zip(names, rows, strict=True):
             for node in row.nodes:
-                if node not in index:
-                    raise UnknownNameError(
-                        "the member joins a node that is not defined",
-                        where=key_path(where, "members", name, "nodes"),
-                        given=node,
-                        allowed="names of nodes",
-                        hint=suggest(node, index),
-                    ) from None
+                check_known(node, index, problem, "names of nodes", where, "members", name, "nodes")
         raise
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 

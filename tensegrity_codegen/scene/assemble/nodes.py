@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.schema.part_schema import Load, Node
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import InvalidValueError
 
 
 def build_node_arrays(
@@ -82,14 +82,8 @@ def _node_load(
 ) -> FloatArray:
     index = {name: row for row, name in enumerate(names)}
     for number, load in enumerate(loads):
-        if load.node not in index:
-            raise UnknownNameError(
-                "a load on a node that is not defined",
-                where=key_path(where, "loads", number, "node"),
-                given=load.node,
-                allowed="the name of a node",
-                hint=suggest(load.node, index),
-            )
+        problem, allowed = "a load on a node that is not defined", "the name of a node"
+        check_known(load.node, index, problem, allowed, where, "loads", number, "node")
     places = [("loads", number, "force") for number in range(len(loads))]
     total = np.zeros((len(names), 3))
     target = np.array([index[load.node] for load in loads], dtype=np.int64)

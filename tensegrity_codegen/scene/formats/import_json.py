@@ -19,15 +19,12 @@ from tensegrity_codegen.scene.formats.files.json_file import read_json
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
 from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends, check_member, note_defaults
-from tensegrity_codegen.scene.names import check_scene_name, key_path
+from tensegrity_codegen.scene.names import check_known, check_scene_name, key_path, unknown_key
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     NonFiniteError,
     StructureError,
-    UnknownKeyError,
-    UnknownNameError,
-    suggest,
 )
 
 SECTIONS = ("name", "gravity", "nodes", "members", "anchors", "loads", *CONTROL_SECTIONS)
@@ -98,13 +95,7 @@ class _Place:
             raise self.wrong("not a table", "an object, { ... }")
         for key in self.value if known else ():
             if key not in known:
-                raise UnknownKeyError(
-                    "unknown key",
-                    where=self.where,
-                    given=key,
-                    allowed=", ".join(known),
-                    hint=suggest(key[:80], known),
-                )
+                raise unknown_key(key, known, self.where)
         return {key: self.inner(key) for key in self.value}
 
     def items(self) -> "Iterator[tuple[str | int, _Place]]":
@@ -198,14 +189,7 @@ def _find_node(place: _Place, names: Mapping[str, str]) -> str:
     """Return the scene's name of the node that a value names, by its name or its number in a list."""
     value = place.value
     key = str(value) if isinstance(value, int) and not isinstance(value, bool) else place.text()
-    if key not in names:
-        raise UnknownNameError(
-            "unknown node",
-            where=place.where,
-            given=key[:80],
-            allowed="a node of the file",
-            hint=suggest(key[:80], names),
-        )
+    check_known(key, names, "unknown node", "a node of the file", place.where)
     return names[key]
 
 

@@ -20,7 +20,8 @@ from tensegrity_codegen.scene.formats.mjcf.defaults import read_defaults
 from tensegrity_codegen.scene.formats.mjcf.links import Link, read_links
 from tensegrity_codegen.scene.formats.mjcf.tendons import read_coupled_masses, read_tendons
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.scene.names import check_known
+from tensegrity_codegen.system.errors import InvalidValueError
 
 WHAT = "a model of MuJoCo (MJCF)"
 GRAVITY = "0 0 -9.81"  # of MuJoCo where a model gives none
@@ -49,10 +50,7 @@ def import_mjcf(
     members = read_tendons(root, defaults, {site: link.sites[site] for site, link in sites.items()}, file)
     used = list(dict.fromkeys(end for item in members for end in item.ends))
     for end in used:
-        if end not in sites:
-            raise UnknownNameError(
-                "unknown site", where=file, given=end[:80], allowed="a site", hint=suggest(end[:80], sites)
-            )
+        check_known(end, sites, "unknown site", "a site", file)
     bars = [bar for link in links if (bar := _add_link(network, link, set(used), file)) is not None]
     network.members = [*bars, *members]
     _couple(network, read_coupled_masses(root, file), down)

@@ -14,12 +14,11 @@ from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
 from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends, check_member, note_defaults
+from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     StructureError,
-    UnknownNameError,
-    suggest,
 )
 
 NODE_COLUMNS = ("node", "x", "y", "z", "vx", "vy", "vz", "mass", "anchored", "fx", "fy", "fz")
@@ -196,15 +195,8 @@ def _is_two_sided(row: Row, kind: str) -> bool:
 
 
 def _find_node(row: Row, column: str, node_names: dict[str, str]) -> str:
-    foreign = row.text(column)
-    if foreign not in node_names:
-        raise UnknownNameError(
-            "the member joins a node that is not in the table of nodes",
-            where=row.where(column),
-            given=foreign,
-            allowed="names of nodes",
-            hint=suggest(foreign, node_names),
-        )
+    foreign, problem = row.text(column), "the member joins a node that is not in the table of nodes"
+    check_known(foreign, node_names, problem, "names of nodes", row.where(column))
     return node_names[foreign]
 
 

@@ -20,7 +20,8 @@ from tensegrity_codegen.scene.formats.files.xml_file import (
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
-from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.scene.names import check_known
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
 WHAT = "a tensegrity document (TDF)"
 KINDS = {"rod": "bar", "cable": "cable"}
@@ -100,14 +101,9 @@ def _read_members(
             repeated += 1
             continue
         seen[pair] = own
-        if own is not None and own not in classes[element.tag]:
-            raise UnknownNameError(
-                "unknown class",
-                where=f"{place}.class",
-                given=own[:80],
-                allowed=f"a {element.tag}_class of the file",
-                hint=suggest(own[:80], classes[element.tag]),
-            )
+        if own is not None:
+            allowed = f"a {element.tag}_class of the file"
+            check_known(own, classes[element.tag], "unknown class", allowed, f"{place}.class")
         values = {} if own is None else classes[element.tag][own]
         member = {"kind": KINDS[element.tag], **values}
         name = network.name_member(f"{element.tag}_{first}_{second}")

@@ -7,7 +7,8 @@ from typing import Any
 
 from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
 from tensegrity_codegen.scene.formats.member_rules import check_ends, check_member, note_defaults
-from tensegrity_codegen.system.errors import DuplicateNameError, StructureError, UnknownNameError, suggest
+from tensegrity_codegen.scene.names import check_known
+from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
 
 
 @dataclass(frozen=True)
@@ -112,14 +113,7 @@ def _build_members(
     seen: dict[frozenset[str], str] = {}
     for item in members:
         for end in item.ends:
-            if end not in nodes:
-                raise UnknownNameError(
-                    "unknown node",
-                    where=item.where,
-                    given=end[:80],
-                    allowed="a node of the file",
-                    hint=suggest(end[:80], nodes),
-                )
+            check_known(end, nodes, "unknown node", "a node of the file", item.where)
         check_ends(*item.ends, item.ends[1], item.where)
         pair = frozenset(item.ends)
         if pair in seen:

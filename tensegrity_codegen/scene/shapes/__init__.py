@@ -5,11 +5,12 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
+from tensegrity_codegen.scene.names import unknown_key
 from tensegrity_codegen.scene.shapes.icosahedron import IcosahedronShape
 from tensegrity_codegen.scene.shapes.prism import PrismShape
 from tensegrity_codegen.scene.shapes.tower import TowerShape
 from tensegrity_codegen.scene.shapes.two_nodes import TwoNodeShape
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
+from tensegrity_codegen.system.errors import InvalidValueError
 
 Shape: TypeAlias = Annotated[
     PrismShape | TowerShape | IcosahedronShape | TwoNodeShape, Field(discriminator="kind")
@@ -37,14 +38,8 @@ def _validate(shape: Mapping[str, Any], where: str) -> BaseModel:
         first = min(error.errors(include_url=False), key=lambda item: item["type"] != "extra_forbidden")
         key = str(first["loc"][-1]) if first["loc"] else "kind"
         if first["type"] == "extra_forbidden":
-            known = _known_keys(str(first["loc"][0]))
-            raise UnknownKeyError(
-                "unknown key", where=where, given=key, allowed=", ".join(known), hint=suggest(key, known)
-            ) from None
+            models = (PrismShape, TowerShape, IcosahedronShape, TwoNodeShape)
+            made = [model for model in models if model.kind_name() == str(first["loc"][0])]
+            raise unknown_key(key, [key for model in made for key in model.model_fields], where) from None
         raise InvalidValueError(first["msg"], where=f"{where}.{key}", given=first["input"]) from None
     return model
-
-
-def _known_keys(kind: str) -> list[str]:
-    models = (PrismShape, TowerShape, IcosahedronShape, TwoNodeShape)
-    return [key for model in models if model.kind_name() == kind for key in model.model_fields]

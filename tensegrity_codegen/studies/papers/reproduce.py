@@ -1,17 +1,18 @@
 """The papers beside what comes out here: one page and one data file."""
 
 import json
+import tomllib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tensegrity_codegen.report.number_text import format_number
-from tensegrity_codegen.report.pages.page import CAUSES, Chapter, Page, Section, render_page
-from tensegrity_codegen.studies.papers.errata import ERRATA, ERRATA_TITLE
+from tensegrity_codegen.report.pages.page import CAUSES, Chapter, Entry, Page, Section, render_page
 from tensegrity_codegen.studies.papers.lin.chapter import build_lin_chapter
 from tensegrity_codegen.studies.papers.scs.chapter import build_scs_chapter
 from tensegrity_codegen.studies.papers.sk.chapter import build_sk_chapter
@@ -129,7 +130,7 @@ def build_page(
     journal: Journal | None = None,
 ) -> Page:
     """Return the page on the papers, without writing it; journal: see build_sections."""
-    total = sum(PAPERS[name].share for name in papers)
+    total, errata = sum(PAPERS[name].share for name in papers), read_errata()
     done, chapters = 0.0, []
     for name in papers:
         paper = PAPERS[name]
@@ -141,10 +142,16 @@ def build_page(
         subject=f"Papers on tensegrity structures, computed again: {', '.join(c.name for c in chapters)}",
         lead=_lead(chapters),
         chapters=tuple(chapters),
-        entries_title=ERRATA_TITLE,
-        entries=tuple(entry for name in papers for entry in ERRATA[name]),
+        entries_title="Errata: what was found in print",
+        entries=tuple(entry for name in papers for entry in errata[name]),
         facts=_facts(quick),
     )
+
+
+def read_errata() -> dict[str, tuple[Entry, ...]]:
+    """Return paper -> errors and unclear points in print, to which remarks point; docs/errata.md has them."""
+    text = files(__package__).joinpath("data", "errata.toml").read_text(encoding="utf-8")
+    return {name: tuple(Entry(**entry) for entry in found) for name, found in tomllib.loads(text).items()}
 
 
 def _describe_finding(chapters: Sequence[Chapter]) -> str:

@@ -16,7 +16,7 @@ from tensegrity_codegen.report.pages.page import (
     Verdict,
     diagram_figure,
 )
-from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import Cell, Table, make_table, text_cell
 from tensegrity_codegen.studies.stability.judge import ALLOWED, NOT_RUN, RULES, VERDICTS, Limits, Outcome
 from tensegrity_codegen.system.errors import MissingExtraError
 from tensegrity_codegen.system.extras import require_plot
@@ -99,48 +99,26 @@ def build_verdicts(rows: Sequence[Outcome]) -> Table:
         word for word in VERDICTS if word in ("survived", "wrong") or any(r.verdict == word for r in rows)
     ]
     own = {row.contender: row.is_own for row in sorted(rows, key=lambda row: not row.is_own)}
-    columns = (
-        Column("method", numeric=False),
-        Column("code", numeric=False),
-        *(Column(WORDS[word]) for word in used),
-    )
-    cells = tuple(
-        (
-            text_cell(name),
-            text_cell("ours" if is_own else "other"),
-            *(text_cell(str(counts[name, word])) for word in used),
-        )
+    columns = {"method": "", "code": ""} | {WORDS[word]: "d" for word in used}
+    cells = (
+        (name, "ours" if is_own else "other", *(str(counts[name, word]) for word in used))
         for name, is_own in own.items()
     )
-    return Table("Number of cases by verdict", columns, cells)
+    return make_table("Number of cases by verdict", columns, cells)
 
 
 def build_worst(own: Sequence[Outcome]) -> Table:
     """Return the largest certified errors of our methods, wrong results first."""
     worst = sort_worst(own)[:MOST_WORST]
-    columns = (
-        Column("case", numeric=False),
-        Column("value", numeric=False),
-        Column("method", numeric=False),
-        Column("error over tolerance"),
-        Column("error of tensions", "%"),
-        Column("verdict", numeric=False),
-    )
-    cells = tuple(
-        (
-            text_cell(row.group),
-            text_cell(row.case),
-            text_cell(row.contender),
-            number_cell(row.error, ".3g"),
-            number_cell(None if row.tension_error is None else 100 * row.tension_error, ".1e"),
-            text_cell(_verdict(row)),
-        )
-        for row in worst
-    )
+    columns = {"case": "", "value": "", "method": "", "error over tolerance": ".3g"}
+    columns |= {"error of tensions [%]": ".1e", "verdict": ""}
+    cells = []
+    for row in worst:
+        tension_error = None if row.tension_error is None else 100 * row.tension_error
+        cells.append((row.group, row.case, row.contender, row.error, tension_error, _verdict(row)))
     count = sum(row.error is not None for row in own)
-    return Table(
-        f"The {len(worst)} largest of {count:,} certified errors", columns, cells, note=_explain(worst)
-    )
+    caption = f"The {len(worst)} largest of {count:,} certified errors"
+    return make_table(caption, columns, cells, note=_explain(worst))
 
 
 def build_grid(rows: Sequence[Outcome], what: str) -> Table:
@@ -149,33 +127,26 @@ def build_grid(rows: Sequence[Outcome], what: str) -> Table:
     by_case: dict[tuple[str, str], dict[str, Outcome]] = {}
     for row in rows:
         by_case.setdefault((row.group, row.case), {})[row.contender] = row
-    columns = (
-        Column("case", numeric=False),
-        Column("value", numeric=False),
-        *(Column(name, numeric=False) for name in contenders),
-    )
-    cells = tuple(
-        (text_cell(group), text_cell(case), *(_cell(found.get(name)) for name in contenders))
+    columns = dict.fromkeys(("case", "value", *contenders), "")
+    cells = [
+        (group, case, *(_cell(found.get(name)) for name in contenders))
         for (group, case), found in by_case.items()
-    )
+    ]
     order = list(dict.fromkeys((row.group, row.case) for row in sort_worst(rows)))
     places = {case: k for k, case in enumerate(by_case)}
     head = tuple(places[case] for case in order[:MOST_HEAD])
     wrong = len({(row.group, row.case) for row in rows if row.verdict == "wrong"})
     note = f"{len(head)} with the largest errors" + (f", {wrong} with wrong results first" if wrong else "")
-    return Table(
+    return make_table(
         f"Verdict and {what}", columns, cells, note=_explain(rows), head=head, head_note=note if head else ""
     )
 
 
 def build_messages(rows: Sequence[Outcome], caption: str) -> Table:
     """Return what runs reported."""
-    columns = tuple(Column(name, numeric=False) for name in ("case", "value", "method", "verdict", "message"))
-    cells = tuple(
-        tuple(text_cell(word) for word in (r.group, r.case, r.contender, _verdict(r), r.message))
-        for r in rows
-    )
-    return Table(caption, columns, cells)
+    columns = dict.fromkeys(("case", "value", "method", "verdict", "message"), "")
+    cells = ((row.group, row.case, row.contender, _verdict(row), row.message) for row in rows)
+    return make_table(caption, columns, cells)
 
 
 def _verdict(row: Outcome) -> str:
@@ -299,8 +270,7 @@ def _list_not_run(rows: Sequence[Outcome], anchor: str) -> Iterator[Section]:
     """Yield a section of the cases that were not run, none if all were."""
     cases = dict.fromkeys((row.group, row.case, row.message) for row in rows if row.verdict == NOT_RUN)
     if cases:
-        columns = tuple(Column(name, numeric=False) for name in ("case", "value", "reason"))
-        table = Table("Cases without a result", columns, tuple(tuple(map(text_cell, case)) for case in cases))
+        table = make_table("Cases without a result", {"case": "", "value": "", "reason": ""}, cases)
         result = f"{len(cases)} cases; the same command runs them, if it may replace this page"
         yield Section(anchor, "all", "Not run", "plain", result, (table,))
 

@@ -231,6 +231,11 @@ def certify(contenders: list[Contender], progress: Callable[[float], None] | Non
             where="report",
             hint="a shorter `t_end`",
         )
+    return find_agreement(found)
+
+
+def find_agreement(found: Sequence[tuple[str, FloatArray]]) -> Reference:
+    """Return the pair that agrees best of two or more (name, positions), the first one taken as true."""
     pairs = [(float(np.abs(a[1] - b[1]).max()), a, b) for n, a in enumerate(found) for b in found[n + 1 :]]
     apart, first, second = min(pairs, key=lambda pair: pair[0])
     return Reference(first[1], first[0], second[0], apart)

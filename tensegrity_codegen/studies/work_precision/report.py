@@ -22,7 +22,7 @@ from tensegrity_codegen.report.pages.page import (
     diagram_figure,
     render_page,
 )
-from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import make_table
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.study import prepare_study
 from tensegrity_codegen.studies.work_precision.finding import (
@@ -110,20 +110,12 @@ def _advice(report: SceneReport, anchor: str) -> Section:
     t_end = report.problem.t_end
     chosen = [row for row in report.recommendations.values() if row is not None]
     best = say_recommendation(1e-6, report.recommendations[1e-6], t_end)
-    table = Table(
+    table = make_table(
         "The fastest of our methods for an error, and the fastest other program",
-        (
-            Column("error wanted", "m"),
-            Column("formulation", numeric=False),
-            Column("method", numeric=False),
-            Column("setting"),
-            Column("error", "m"),
-            Column("CPU time", "ms/s"),
-            Column("fastest other program", numeric=False),
-            Column("its CPU time", "ms/s"),
-            Column("its time over ours"),
-        ),
-        tuple(_advice_row(wanted, row, report) for wanted, row in report.recommendations.items()),
+        {"error wanted [m]": ".0e", "formulation": "", "method": "", "setting": ".1e", "error [m]": ".1e"}
+        | {"CPU time [ms/s]": ".3g", "fastest other program": "", "its CPU time [ms/s]": ".3g"}
+        | {"its time over ours": ".3g"},
+        (_advice_row(wanted, row, report) for wanted, row in report.recommendations.items()),
         note="The setting is the relative tolerance, or the step over the whole time. ms/s: milliseconds a "
         "simulated second.",
     )
@@ -133,23 +125,14 @@ def _advice(report: SceneReport, anchor: str) -> Section:
     return Section(f"{anchor}-advice", "advice", "What to use", "plain", result, (table, *same))
 
 
-def _advice_row(wanted: float, row: Row | None, report: SceneReport) -> tuple[Cell, ...]:
+def _advice_row(wanted: float, row: Row | None, report: SceneReport) -> tuple[float | str | None, ...]:
     t_end = report.problem.t_end
     peer = find_fastest_peer(report.rows, wanted)
     own_time = None if row is None else 1e3 * row.seconds / t_end
     peer_time = None if peer is None else 1e3 * peer.seconds / t_end
     ratio = peer_time / own_time if own_time and peer_time else None
-    return (
-        number_cell(wanted, ".0e"),
-        text_cell(row.formulation if row else "none"),
-        text_cell(row.method if row else ""),
-        number_cell(row.setting if row else None, ".1e"),
-        number_cell(row.error if row else None, ".1e"),
-        number_cell(own_time, ".3g"),
-        text_cell(peer.contender if peer else "none"),
-        number_cell(peer_time, ".3g"),
-        number_cell(ratio, ".3g"),
-    )
+    own = (row.formulation, row.method, row.setting, row.error) if row else ("none", "", None, None)
+    return (wanted, *own, own_time, peer.contender if peer else "none", peer_time, ratio)
 
 
 def _pictures(report: SceneReport, anchor: str) -> Section:
@@ -207,34 +190,20 @@ def _figure(groups: Mapping[str, Sequence[Row]], report: SceneReport, name: str,
 
 
 def _all_rows(report: SceneReport, anchor: str) -> Section:
-    columns = (
-        Column("method or program", numeric=False),
-        Column("setting"),
-        Column("error", "m"),
-        Column("CPU time", "ms"),
-        Column("steps"),
-        Column("evaluations"),
-        Column("energy drift", "J"),
-        Column("length error", "m"),
-        Column("status", numeric=False),
-    )
-    rows = tuple(
+    columns = {"method or program": "", "setting": ".1e", "error [m]": ".1e", "CPU time [ms]": ".3g"}
+    columns |= {"steps": "d", "evaluations": "d", "energy drift [J]": ".1e", "length error [m]": ".1e"}
+    rows = [
         (
-            text_cell(row.contender),
-            number_cell(row.setting, ".1e"),
-            number_cell(row.error if np.isfinite(row.error) else None, ".1e"),
-            number_cell(1e3 * row.seconds, ".3g"),
-            number_cell(row.n_steps, "d") if row.n_steps else text_cell("–"),
-            number_cell(row.n_evaluations, "d") if row.n_evaluations else text_cell("–"),
-            number_cell(row.energy_drift, ".1e"),
-            number_cell(row.length_error, ".1e"),
-            text_cell(row.status.replace("_", " ")),
+            *(row.contender, row.setting, row.error if np.isfinite(row.error) else None, 1e3 * row.seconds),
+            *(row.n_steps or "–", row.n_evaluations or "–", row.energy_drift, row.length_error),
+            row.status.replace("_", " "),
         )
         for row in report.rows
-    )
+    ]
     best = sorted(report.front, key=lambda row: row.error)
-    table = Table(
-        "Every run", columns, rows, note="A dash: not known, or this motion does not keep it.",
+    table = make_table(
+        "Every run", columns | {"status": ""}, rows,
+        note="A dash: not known, or this motion does not keep it.",
         head=tuple(report.rows.index(row) for row in best[:MOST_BEST]),
         head_note=f"{min(len(best), MOST_BEST)} of the {len(best)} that no other beats in error and time",
     )  # fmt: skip
@@ -253,12 +222,9 @@ def _who(report: SceneReport, anchor: str) -> Section:
     )
     blocks: list[Block] = [Paragraph(text)]
     if report.absent:
-        rows = tuple((text_cell(name), text_cell(why)) for name, why in report.absent.items())
-        columns = (
-            Column("method or program", numeric=False),
-            Column("why it is not measured", numeric=False),
-        )
-        blocks.append(Table("Methods and programs without runs", columns, rows, folded="Not measured"))
+        columns = {"method or program": "", "why it is not measured": ""}
+        caption = "Methods and programs without runs"
+        blocks.append(make_table(caption, columns, report.absent.items(), folded="Not measured"))
     return Section(
         f"{anchor}-who", "reference", "The reference, and what is not measured", "plain",
         f"certified to {format_number(reference.uncertainty, '.1e')} m", tuple(blocks),

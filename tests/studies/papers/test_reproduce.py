@@ -26,14 +26,19 @@ from tensegrity_codegen.report.pages.page import (
 )
 from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.studies.papers import reproduce as module
-from tensegrity_codegen.studies.papers.errata import ERRATA
 from tensegrity_codegen.studies.papers.lin.chapter import (
     error_section,
     extension_section,
     measured_section,
 )
 from tensegrity_codegen.studies.papers.lin.tables import compare_tables
-from tensegrity_codegen.studies.papers.reproduce import PAPERS, build_page, choose_papers, reproduce
+from tensegrity_codegen.studies.papers.reproduce import (
+    PAPERS,
+    build_page,
+    choose_papers,
+    read_errata,
+    reproduce,
+)
 from tensegrity_codegen.studies.papers.scs.chapter import equilibrium_section
 from tensegrity_codegen.studies.papers.scs.figures import load_paper_tower
 from tensegrity_codegen.studies.papers.scs.maps import map_section
@@ -305,7 +310,7 @@ def test_the_page_is_data_without_holes(page: Page) -> None:
 def test_the_errata_are_those_of_the_document() -> None:
     document = (ROOT / "docs" / "errata.md").read_text(encoding="utf-8")
     headings = re.findall(r"^### ((?:S&K|LIN|SCS) \d+: .+)$", document, re.MULTILINE)
-    assert [entry.name for paper in ERRATA.values() for entry in paper] == headings
+    assert [entry.name for paper in read_errata().values() for entry in paper] == headings
 
 
 @pytest.mark.parametrize(

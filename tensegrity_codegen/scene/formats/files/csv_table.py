@@ -15,13 +15,12 @@ from pathlib import Path
 
 from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
 from tensegrity_codegen.scene.formats.imported import read_text
+from tensegrity_codegen.scene.names import unknown_key
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     NonFiniteError,
     SceneSyntaxError,
-    UnknownKeyError,
-    suggest,
 )
 
 LARGEST_TABLE = 64 * 2**20  # bytes
@@ -148,13 +147,7 @@ def _check_header(
     where = f"{path}: line {number}"
     for name in header:
         if name not in columns:
-            raise UnknownKeyError(
-                "unknown column",
-                where=where,
-                given=name,
-                allowed=", ".join(columns),
-                hint=suggest(name, columns),
-            )
+            raise unknown_key(name, columns, where, "unknown column")
         if header.count(name) > 1:
             raise DuplicateNameError(
                 "a column appears twice", where=where, given=name, allowed="each column once"

@@ -11,13 +11,12 @@ from typing import Any
 import yaml
 
 from tensegrity_codegen.scene.formats.imported import read_text
+from tensegrity_codegen.scene.names import unknown_key
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     NonFiniteError,
     SceneSyntaxError,
-    UnknownKeyError,
-    suggest,
 )
 
 LARGEST_YAML = 2**20  # bytes
@@ -107,9 +106,7 @@ def check_keys(table: dict[str, Any], known: Sequence[str], where: str) -> None:
     """Raise UnknownKeyError for a key that is not `known`."""
     for key in table:
         if key not in known:
-            raise UnknownKeyError(
-                "unknown key", where=where, given=key, allowed=", ".join(known), hint=suggest(key, known)
-            )
+            raise unknown_key(key, known, where)
 
 
 def parse_number(value: Any, where: str) -> float:

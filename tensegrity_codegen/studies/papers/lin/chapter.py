@@ -7,18 +7,12 @@ import numpy as np
 
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Chapter, Figure, Paragraph, Remark, Section, diagram_figure
-from tensegrity_codegen.report.pages.page_table import (
-    Column,
-    Table,
-    compare_cell,
-    compare_cells,
-    number_cell,
-    text_cell,
-)
+from tensegrity_codegen.report.pages.page_table import Table, compare_cell, compare_cells, make_table
 from tensegrity_codegen.studies.papers.lin.events import maximum_section
 from tensegrity_codegen.studies.papers.lin.stiffness import FACTORS, stiffness_section
 from tensegrity_codegen.studies.papers.lin.tables import compare_sensitivity, compare_tables, compare_unloaded
 from tensegrity_codegen.studies.study import build_sections, run_study
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.progress import ProgressFunction
 
@@ -46,7 +40,9 @@ def measured_section(data: dict[str, Any]) -> Section:
                 "printed parameters: a = 0.41 m, L = 0.578 m, K = 173.2 N/m, rest lengths 0.336 m at the "
                 "sides and 0.356 m at the top."
             ),
-            _extension_table("Table 1 (measured) and ours [mm].", data, "measured", "measured"),
+            _compare_table(
+                "Table 1 (measured) and ours [mm].", data, (data["measured"], data["ours"]), ".3f", "measured"
+            ),
             Remark(
                 "differs",
                 "Even without load the three springs of each "
@@ -65,28 +61,12 @@ def extension_section(data: dict[str, Any]) -> Section:
     """Return Table 2: extensions computed in print beside ours."""
     worst = data["largest_difference_to_paper"]
     found = list(compare_sensitivity())
-    rows = tuple(
-        (
-            text_cell(row["name"]),
-            number_cell(row["side"], ".4f"),
-            number_cell(row["bar_length"], ".4f"),
-            number_cell(row["largest_difference"], ".2f"),
-            number_cell(row["nearest"], ".2f"),
-            number_cell(100 * row["mean_error"], ".2f"),
-        )
-        for row in found
-    )
-    sensitivity = Table(
+    keys = ("name", "side", "bar_length", "largest_difference", "nearest")
+    sensitivity = make_table(
         "What other parameters would give.",
-        (
-            Column("parameters", numeric=False),
-            Column("a", "m"),
-            Column("L", "m"),
-            Column("largest difference to Table 2", "mm"),
-            Column("first row: nearest symmetrical", "mm away"),
-            Column("mean error to Table 1", "%"),
-        ),
-        rows,
+        {"parameters": "", "a [m]": ".4f", "L [m]": ".4f", "largest difference to Table 2 [mm]": ".2f"}
+        | {"first row: nearest symmetrical [mm away]": ".2f", "mean error to Table 1 [%]": ".2f"},
+        ((*(row[key] for key in keys), 100 * row["mean_error"]) for row in found),
     )
     return Section(
         "lin-table-2",
@@ -95,7 +75,13 @@ def extension_section(data: dict[str, Any]) -> Section:
         "differs",
         f"up to {worst:.2f} mm, because the printed parameters are not those that were computed with",
         (
-            _extension_table("Table 2 (computed in print) and ours [mm].", data, "paper", "paper"),
+            _compare_table(
+                "Table 2 (computed in print) and ours [mm].",
+                data,
+                (data["paper"], data["ours"]),
+                ".3f",
+                "paper",
+            ),
             Remark(
                 "differs",
                 f"{_describe_growth(data)} With the printed a and L no symmetrical configuration at all "
@@ -131,16 +117,8 @@ def unloaded_section() -> Section:
     """Return what holds without a load: extensions, angles, stability."""
     compared = compare_unloaded()
     differences = [row["difference"] for row in compared if row["difference"] is not None]
-    rows = tuple(
-        (
-            text_cell(row["name"]),
-            text_cell(row["unit"]),
-            *compare_cells(row["paper"], row["ours"], ".3f"),
-        )
-        for row in compared
-    )
-    names = ("what", "unit", "paper", "ours", "difference")
-    columns = tuple(Column(name, numeric=name not in ("what", "unit")) for name in names)
+    rows = [(row["name"], row["unit"], *compare_cells(row["paper"], row["ours"], ".3f")) for row in compared]
+    columns = {"what": "", "unit": "", "paper": ".3f", "ours": ".3f", "difference": ".3f"}
     return Section(
         "lin-unloaded",
         "Table 2, first row",
@@ -148,7 +126,7 @@ def unloaded_section() -> Section:
         "differs",
         "side springs {:.2f} mm and top springs {:.2f} mm longer than printed".format(*differences),
         (
-            Table(
+            make_table(
                 "Without load; the paper's extensions are means over the springs of a kind.", columns, rows
             ),
             Remark(
@@ -165,18 +143,6 @@ def unloaded_section() -> Section:
 
 def error_section(data: dict[str, Any]) -> Section:
     """Return Table 3: relative errors printed, recomputed from the printed tables, and ours."""
-    rows = tuple(
-        (
-            number_cell(load, ".0f"),
-            *(
-                compare_cell(100 * printed, 100 * ours, ".2f")
-                for printed, ours in zip(row_printed, row_ours, strict=True)
-            ),
-        )
-        for load, row_printed, row_ours in zip(
-            data["load"], data["error_printed"], data["error_ours"], strict=True
-        )
-    )
     worst = 100 * data["largest_difference_of_table_3"]
     mean, printed = 100 * data["mean_error_ours"], 100 * data["mean_error_paper"]
     most, most_printed = (100 * float(data[f"error_{who}"].max()) for who in ("ours", "paper"))
@@ -189,11 +155,12 @@ def error_section(data: dict[str, Any]) -> Section:
         f"paper {printed:.2f} % in the mean and {most_printed:.2f} % at most, ours {mean:.2f} % and "
         f"{most:.2f} %",
         (
-            Table(
+            _compare_table(
                 "|computed − measured| / computed [%].",
-                (Column("F₃z", "N"), *_spring_columns(data)),
-                rows,
-                note=HOW_TO_READ.format(above="paper"),
+                data,
+                (100 * data["error_printed"], 100 * data["error_ours"]),
+                ".2f",
+                "paper",
             ),
             Remark(
                 "agrees",
@@ -226,25 +193,17 @@ def figure_section(data: dict[str, Any]) -> Section:
     )
 
 
-def _extension_table(caption: str, data: dict[str, Any], key: str, above: str) -> Table:
-    rows = tuple(
-        (
-            number_cell(load, ".0f"),
-            *(compare_cell(a, b, ".3f") for a, b in zip(theirs, ours, strict=True)),
-        )
-        for load, theirs, ours in zip(data["load"], data[key], data["ours"], strict=True)
+def _compare_table(
+    caption: str, data: dict[str, Any], compared: tuple[FloatArray, FloatArray], spec: str, above: str
+) -> Table:
+    """Return two arrays (11, 6) above each other: a row a load, a column a spring and its symbol."""
+    columns = {"F₃z [N]": ".0f"}
+    columns |= {f"{name} [ΔL{k}]".translate(SUBSCRIPT): spec for k, name in enumerate(data["columns"], 1)}
+    rows = (
+        (load, *(compare_cell(a, b, spec) for a, b in zip(theirs, ours, strict=True)))
+        for load, theirs, ours in zip(data["load"], *compared, strict=True)
     )
-    columns = (Column("F₃z", "N"), *_spring_columns(data))
-    return Table(caption, columns, rows, note=HOW_TO_READ.format(above=above))
-
-
-def _spring_columns(data: dict[str, Any]) -> tuple[Column, ...]:
-    """Return a column a spring, with the paper's symbol below its ends."""
-    symbols = [f"ΔL{k}".translate(SUBSCRIPT) for k in range(1, 7)]
-    return tuple(
-        Column(name.translate(SUBSCRIPT), symbol)
-        for name, symbol in zip(data["columns"], symbols, strict=True)
-    )
+    return make_table(caption, columns, rows, note=HOW_TO_READ.format(above=above))
 
 
 def _spring_figure(data: dict[str, Any], k: int) -> Figure:

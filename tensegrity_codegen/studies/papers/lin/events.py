@@ -6,22 +6,18 @@ limit point is what the prism would carry if they could.
 """
 
 from collections.abc import Iterable
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Figure, Paragraph, Remark, Section, diagram_figure
-from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import Table, make_table, number_cell
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_contact, watch_slack
-from tensegrity_codegen.runtime.paths.path_solver import PathSolver
 from tensegrity_codegen.studies.papers.lin.tables import compile_prism, place_load, settle
-from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import ConvergenceError
 
 LAWS = {"linear": False, "tension_only": True}  # springs, and whether they go slack
 DIRECTIONS = {
@@ -107,88 +103,10 @@ def survey_directions(
     ]
 
 
-def reach_load(load: float, *, tension_only: bool = False, top: int = 3, direction: str = "-z") -> FloatArray:
-    """Return the coordinates (6,) under a load [N], on the branch that begins without load.
-
-    Raises ConvergenceError for a load beyond the first contact or the first limit point, with the largest
-    load and what happens there as evidence.
-    """
-    model = compile_prism(tension_only=tension_only)
-    _, path = follow_load(model, top, direction, most=load)
-    ends = path.find_events("contact", "limit")
-    if path.status == "completed" and not ends:
-        return np.asarray(path.coordinate[-1])
-    evidence = path.as_evidence()
-    if ends:
-        evidence |= {
-            "maximum": ends[0].load_factor,
-            "because": f"{ends[0].kind} of {', '.join(ends[0].names)}",
-        }
-    raise ConvergenceError(
-        f"the prism does not carry {load:.10g} N on B{top} along {direction}",
-        evidence=evidence,
-        where="lin_prism",
-        hint="a smaller load",
-    )
-
-
 def _describe(events: tuple[PathEvent, ...]) -> dict[str, Any] | None:
     if not events:
         return None
     return {"load": events[0].load_factor, "of": events[0].names}
-
-
-# The work of a load along a path of equilibria against the change of potential.
-#
-# W = integral of lambda F . dx over the path, by Gauss quadrature on each stretch between two points of the
-# continuation, with an equilibrium solved for at every node of the quadrature. A stretch is parametrised by
-# the distance along its chord in (q, lambda), which goes through limit points; points lie at every kink.
-
-
-NODES = 12  # of the quadrature on each stretch
-
-
-def compare_work(problem: ModelPath, path: LoadPath, *, nodes: int = NODES) -> dict[str, Any]:
-    """Return the load's work along a path, the change of strain energy and weight, and their difference [J].
-
-    Raises ConvergenceError where a point between two points of the path is not found.
-    """
-    solver = PathSolver(problem, (1.0, float(np.abs(path.load_factor).max()) or 1.0))
-    places = [solver.join(q, load) for q, load in zip(path.coordinate, path.load_factor, strict=True)]
-    work = sum(_stretch(solver, first, last, nodes) for first, last in pairwise(places))
-    ends = [float(problem.compute("potential_energy", path.coordinate[k], 0.0)) for k in (0, -1)]
-    change = ends[1] - ends[0]
-    return {
-        "work": float(work),
-        "potential_change": change,
-        "difference": float(work) - change,
-        "n_points": len(places) + nodes * (len(places) - 1),
-    }
-
-
-def _stretch(solver: PathSolver, first: FloatArray, last: FloatArray, nodes: int) -> float:
-    """Return the integral of lambda f . dq from one point of the path to the next [J]."""
-    chord = last - first
-    length = float(np.linalg.norm(chord))
-    if length == 0.0:
-        return 0.0
-    along = chord / length
-    place, weight = np.polynomial.legendre.leggauss(nodes)
-    total = 0.0
-    for part, share in zip((place + 1) / 2, weight / 2, strict=True):
-        state = solver.solve(first + part * chord, along, float(along @ first) + part * length)
-        tangent = None if state is None else solver.tangent(state, along)
-        if state is None or tangent is None:
-            raise ConvergenceError(
-                "a point between two points of the path was not found",
-                evidence={"load_factor": float(first[-1] * solver.load_scale)},
-                where="compare_work",
-                hint="follow the path with shorter steps",
-            )
-        moved = tangent[:-1] * (length / float(along @ tangent)) * solver.coordinate_scale
-        load = solver.problem.load_vector(state.coordinate, state.load_factor)
-        total += share * state.load_factor * float(load @ moved)
-    return total
 
 
 LAW = {"linear": "linear springs", "tension_only": "springs that go slack"}
@@ -261,52 +179,39 @@ def _path_figures(contact: float, slack: float) -> tuple[Figure, ...]:
 
 def _event_table(rows: list[dict[str, Any]]) -> Table:
     """Return the loads of the three events along -z on B_3, with both laws of the springs."""
-    table = tuple(
+    heads = ("first slack spring [N]", "first contact of bars [N]", "limit point [N]")
+    table = (
         (
-            text_cell(LAW[row["law"]]),
-            *(_load(row[kind], ".6f") for kind in ("slack", "contact", "limit")),
-            number_cell(None, "g", "paper"),
-            number_cell(row["maximum"], ".6f", "ours"),
+            *(LAW[row["law"]], *map(_load, (row["slack"], row["contact"], row["limit"]))),
+            *(number_cell(None, "g", "paper"), number_cell(row["maximum"], ".6f", "ours")),
         )
         for row in rows
     )
-    return Table(
+    return make_table(
         "Loads on B₃ along −z.",
-        (
-            Column("springs", numeric=False),
-            Column("first slack spring", "N"),
-            Column("first contact of bars", "N"),
-            Column("limit point", "N"),
-            Column("paper: maximum", "N"),
-            Column("ours: maximum", "N"),
-        ),
+        {"springs": ""} | dict.fromkeys((*heads, "paper: maximum [N]", "ours: maximum [N]"), ".6f"),
         table,
     )
 
 
 def _survey_table(rows: list[dict[str, Any]]) -> Table:
-    table = tuple(
+    table = (
         (
-            text_cell(f"B{'₁₂₃'[row['top'] - 1]}"),
-            text_cell(row["direction"].replace("-", "−")),
-            text_cell(SHORT_LAW[row["law"]]),
-            *(_load(row[kind], ".3f") for kind in ("slack", "contact", "limit")),
+            *(f"B{'₁₂₃'[row['top'] - 1]}", row["direction"].replace("-", "−"), SHORT_LAW[row["law"]]),
+            *map(_load, (row["slack"], row["contact"], row["limit"])),
             number_cell(row["maximum"] if row["because"] in ENDS else None, ".3f", "ours"),
-            text_cell(KIND[row["because"]]),
+            KIND[row["because"]],
         )
         for row in rows
     )
-    return Table(
+    numbers = ("slack [N]", "contact [N]", "limit point [N]", "maximum [N]")
+    return make_table(
         "Loads on each top along each axis, up to 60 N.",
-        (
-            *(Column(name, numeric=False) for name in ("on", "along", "springs")),
-            *(Column("slack", "N"), Column("contact", "N"), Column("limit point", "N")),
-            *(Column("maximum", "N"), Column("because", numeric=False)),
-        ),
+        {"on": "", "along": "", "springs": ""} | dict.fromkeys(numbers, ".3f") | {"because": ""},
         table,
         note="A dash: does not happen up to 60 N. A contact after a limit point may have a smaller load.",
     )
 
 
-def _load(event: dict[str, Any] | None, spec: str) -> Cell:
-    return number_cell(None if event is None else event["load"], spec)
+def _load(event: dict[str, Any] | None) -> float | None:
+    return None if event is None else float(event["load"])

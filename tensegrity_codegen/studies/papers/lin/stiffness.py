@@ -14,7 +14,7 @@ import numpy as np
 
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, diagram_figure
-from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell
+from tensegrity_codegen.report.pages.page_table import Table, make_table
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.studies.papers.lin.events import follow_load
@@ -178,17 +178,12 @@ def _diagram(data: dict[str, Any], key: str, label: str) -> Diagram:
 
 
 def _table(data: dict[str, Any]) -> Table:
-    columns = [Column("K / printed"), Column("K", "N/m")]
-    columns += [Column(f"force, {name}", "N") for name in NAMES.values()]
-    columns += [Column(f"largest, {name}", "N") for name in NAMES.values()]
-    rows = tuple(
-        (
-            number_cell(factor, ".2f"),
-            number_cell(data["spring_constant"][k], ".1f"),
-            *(number_cell(data[kind]["force_10"][k], ".3f") for kind in NAMES),
-            *(number_cell(data[kind]["maximum"][k], ".3f") for kind in NAMES),
-        )
+    columns = {"K / printed": ".2f", "K [N/m]": ".1f"}
+    columns |= {f"{what}, {name} [N]": ".3f" for what in ("force", "largest") for name in NAMES.values()}
+    curves = [data[kind][key] for key in ("force_10", "maximum") for kind in NAMES]
+    rows = (
+        (factor, data["spring_constant"][k], *(curve[k] for curve in curves))
         for k, factor in enumerate(data["factor"])
     )
     caption = f"Force for a descent of {1e3 * data['descent_10']:.1f} mm, and the largest load."
-    return Table(caption, tuple(columns), rows)
+    return make_table(caption, columns, rows)

@@ -9,14 +9,7 @@ import numpy as np
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Chapter, Paragraph, Remark, Section, Verdict, diagram_figure
-from tensegrity_codegen.report.pages.page_table import (
-    Cell,
-    Column,
-    Table,
-    compare_cells,
-    number_cell,
-    text_cell,
-)
+from tensegrity_codegen.report.pages.page_table import Cell, Table, compare_cells, make_table, number_cell
 from tensegrity_codegen.studies.papers.scs.figures import (
     check_errata,
     compare_equilibria,
@@ -86,11 +79,9 @@ def equilibrium_section(tower: SymmetricTower) -> Section:
 
 def formula_section(tower: SymmetricTower) -> Section:
     """Return how far the printed and the corrected formulas are from the full model."""
-    rows = tuple(
+    rows = (
         (
-            text_cell(row["name"]),
-            text_cell(row["equation"]),
-            text_cell(row["unit"]),
+            *(row["name"], row["equation"], row["unit"]),
             number_cell(row["error_as_printed"], ".2g", "paper"),
             number_cell(row["error_as_corrected"], ".1e", "ours"),
         )
@@ -103,12 +94,9 @@ def formula_section(tower: SymmetricTower) -> Section:
         "differs",
         "four corrections; each makes the formula equal to the full model within rounding",
         (
-            Table(
+            make_table(
                 "Largest difference from the full model over random symmetrical motions.",
-                (
-                    *(Column("what", numeric=False), Column("equation", numeric=False)),
-                    *(Column("unit", numeric=False), Column("as printed"), Column("as corrected")),
-                ),
+                {"what": "", "equation": "", "unit": "", "as printed": ".2g", "as corrected": ".1e"},
                 rows,
             ),
             Remark(
@@ -124,23 +112,17 @@ def formula_section(tower: SymmetricTower) -> Section:
 
 
 def _equilibrium_table(rows: list[dict[str, Any]]) -> Table:
-    table = tuple(
+    table = (
         (
-            text_cell(row["equation"]),
-            text_cell(NAMES[row["quantity"]]),
-            text_cell(UNITS.get(row["unit"], row["unit"])),
-            *_printed_cells(row),
-            number_cell(row.get("with_printed_data"), ".2f"),
+            *(row["equation"], NAMES[row["quantity"]], UNITS.get(row["unit"], row["unit"])),
+            *(*_printed_cells(row), row.get("with_printed_data")),
         )
         for row in rows
     )
-    return Table(
+    numbers = ("paper", "ours", "difference", "from rounded data")
+    return make_table(
         "Tensions of the printed equilibria, and the declination that the motion without torque ends at.",
-        (
-            *(Column("equation", numeric=False), Column("quantity", numeric=False)),
-            *(Column("unit", numeric=False), Column("paper"), Column("ours"), Column("difference")),
-            Column("from rounded data"),
-        ),
+        {"equation": "", "quantity": "", "unit": ""} | dict.fromkeys(numbers, ".2f"),
         table,
     )
 
@@ -225,21 +207,12 @@ def _table(data: dict[str, Any], unit: str) -> Table:
     time = np.asarray(data["time"])
     picked = np.linspace(0, len(time) - 1, 6).round().astype(int)
     spec = {"N m": ".5f", "m": ".5f"}.get(unit, ".3f")
-    rows = tuple(
-        (
-            text_cell(NAMES[name]),
-            *(number_cell(float(values[row]), spec) for row in picked),
-            number_cell(float(values.min()), spec),
-            number_cell(float(values.max()), spec),
-        )
+    rows = (
+        (NAMES[name], *(float(value) for value in (*values[picked], values.min(), values.max())))
         for name, values in data["curves"].items()
     )
-    columns = (
-        Column("quantity", unit, numeric=False),
-        *(Column(f"{time[row]:g} s") for row in picked),
-        *(Column("least"), Column("largest")),
-    )
-    return Table("Values of the curves.", columns, rows)
+    heads = (*(f"{time[row]:g} s" for row in picked), "least", "largest")
+    return make_table("Values of the curves.", {f"quantity [{unit}]": ""} | dict.fromkeys(heads, spec), rows)
 
 
 # Degrees between two points of the maps.

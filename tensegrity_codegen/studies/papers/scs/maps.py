@@ -8,7 +8,7 @@ import numpy as np
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.diagram import TEXT_SIZE, dress_axes
 from tensegrity_codegen.report.pages.page import Figure, Paragraph, Remark, Section
-from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import Table, make_table
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.palette import INK, MUTED, SEQUENCE
@@ -148,18 +148,12 @@ def _prestress_table(tower: SymmetricTower) -> Table:
             continue
         for found in find_prestressable(tower, math.radians(delta), height):
             ratio = found.tension / found.tension[0]
-            rows.append(
-                (
-                    number_cell(delta, ".0f"),
-                    number_cell(found.pose.in_degrees[0], ".4f"),
-                    *(number_cell(float(value), ".4f") for value in ratio[1:]),
-                )
-            )
-    return Table(
+            rows.append((delta, found.pose.in_degrees[0], *(float(value) for value in ratio[1:])))
+    return make_table(
         f"Configurations at Z = {height:.5g} m that stand without load (F₃ = 0), and ratios of their "
         "tensions.",
-        (Column("δ", "°"), Column("α", "°"), Column("T_V / T_S"), Column("T_D / T_S")),
-        tuple(rows),
+        {"δ [°]": ".0f", "α [°]": ".4f", "T_V / T_S": ".4f", "T_D / T_S": ".4f"},
+        rows,
     )
 
 
@@ -206,22 +200,16 @@ def tracking_section(tower: SymmetricTower, quick: bool) -> Section:
 
 
 def _table(rows: list[dict[str, Any]]) -> Table:
-    cells = tuple(
+    cells = (
         (
-            text_cell(MOTIONS[row["motion"]]),
-            text_cell("ours" if row["controls"] == "ours" else "(34) as printed"),
-            number_cell(row["angle_error_deg"], ".1e"),
-            number_cell(row["other_error"], ".1e"),
-            number_cell(row["asymmetry"], ".1e"),
+            *(MOTIONS[row["motion"]], "ours" if row["controls"] == "ours" else "(34) as printed"),
+            *(row[key] for key in ("angle_error_deg", "other_error", "asymmetry")),
         )
         for row in rows
     )
-    return Table(
+    heads = ("angles of the bars [°]", "coordinates of the top [rad, m]", "asymmetry of the bars [rad]")
+    return make_table(
         "Largest errors over the whole motion.",
-        (
-            *(Column("motion", numeric=False), Column("controls", numeric=False)),
-            *(Column("angles of the bars", "°"), Column("coordinates of the top", "rad, m")),
-            Column("asymmetry of the bars", "rad"),
-        ),
+        {"motion": "", "controls": ""} | dict.fromkeys(heads, ".1e"),
         cells,
     )

@@ -204,10 +204,12 @@ class Tracking:
         }
 
 
-def compile_tower(tower: SymmetricTower) -> CompiledModel:
+def compile_tower(tower: SymmetricTower, integrators: tuple[str, ...] = ()) -> CompiledModel:
     """Return the full model in C, with all rest lengths changeable and the inputs M_1 to F_3."""
     everything = {"rest_length": tuple(range(tower.system.n_members))}
-    request = ModelRequest(simulation_quantities("bodies"), everything, formulation="bodies")
+    request = ModelRequest(
+        simulation_quantities("bodies"), everything, formulation="bodies", integrators=integrators
+    )
     return build_library(tower.system, request).load()
 
 

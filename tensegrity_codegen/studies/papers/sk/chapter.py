@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.report.pages.diagram import Diagram, Series, dress_axes
 from tensegrity_codegen.report.pages.page import Chapter, Figure, Paragraph, Remark, Section, diagram_figure
-from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell
+from tensegrity_codegen.report.pages.page_table import Table, make_table
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.palette import INK, SEQUENCE
@@ -183,16 +183,15 @@ def _pattern_figure(order: str, pattern: NDArray[np.int8]) -> Figure:
 
 
 def _counts_table(data: dict[str, Any]) -> Table:
-    columns = (
-        *(Column("nodes", "n"), Column("members", "k"), Column("actuated", "a")),
-        *(Column(name, unit) for name, unit in WAYS.values()),
+    heads = (
+        "nodes [n]",
+        "members [k]",
+        "actuated [a]",
+        *(f"{name} [{unit}]" for name, unit in WAYS.values()),
     )
     keys = ("n_nodes", "n_members", "n_actuated", *WAYS)
-    rows = tuple(
-        tuple(number_cell(int(data[key][index]), ",d") for key in keys)
-        for index in range(len(data["n_nodes"]))
-    )
-    return Table("Stored numbers a time point.", columns, rows)
+    rows = (tuple(int(data[key][index]) for key in keys) for index in range(len(data["n_nodes"])))
+    return make_table("Stored numbers a time point.", dict.fromkeys(heads, ",d"), rows)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from tensegrity_codegen.codegen.compilation.child import run_limited
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, diagram_figure
-from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import Table, make_table
 from tensegrity_codegen.system.errors import TensegrityError
 
 # Method of the study -> its name here, its name in the paper's legend.
@@ -236,27 +236,17 @@ def _diagram(data: dict[str, Any], kind: str, label: str) -> Diagram:
 
 def _table(data: dict[str, Any], largest: int) -> Table:
     """Return the table of times at the largest size and of growth exponents."""
-    rows = tuple(
+    rows = (
         (
-            text_cell(name),
-            text_cell(printed),
-            number_cell(1e6 * data["form"][method][-1], ".1f"),
-            number_cell(data["form_exponent"][method], ".1f"),
-            number_cell(1e6 * data["apply"][method][-1], ".1f"),
-            number_cell(data["apply_exponent"][method], ".1f"),
+            *(name, printed, 1e6 * data["form"][method][-1], data["form_exponent"][method]),
+            *(1e6 * data["apply"][method][-1], data["apply_exponent"][method]),
         )
         for method, (name, printed) in METHODS.items()
     )
-    return Table(
+    return make_table(
         f"Times at n = {largest} and growth: time ~ nᵖ, p fitted from n = 12 on where there are three sizes.",
-        (
-            Column("method", numeric=False),
-            Column("in the paper's legend", numeric=False),
-            Column("form", "µs"),
-            Column("p", "form"),
-            Column("apply", "µs"),
-            Column("p", "apply"),
-        ),
+        {"method": "", "in the paper's legend": ""}
+        | dict.fromkeys(("form [µs]", "p [form]", "apply [µs]", "p [apply]"), ".1f"),
         rows,
     )
 

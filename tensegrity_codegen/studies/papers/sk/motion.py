@@ -10,7 +10,7 @@ from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Figure, Paragraph, Remark, Section, diagram_figure
-from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import Cell, Table, make_table, number_cell
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.rk4 import integrate_rk4
@@ -301,28 +301,20 @@ def _trajectory_figures(data: dict[str, Any]) -> tuple[Figure, ...]:
 
 def _trajectory_table(data: dict[str, Any]) -> Table:
     step = format_number(data["step"], "g")
-    rows: list[tuple[Cell, ...]] = [
-        (
-            text_cell(f"equal steps of {step} s, Runge-Kutta 4 in C"),
-            *_values(None, float(data["equal_steps"].max())),
-        )
+    rows = [
+        (f"equal steps of {step} s, Runge-Kutta 4 in C", *_values(None, float(data["equal_steps"].max())))
     ]
     for kind, name in (("adaptive", "adaptive Runge-Kutta 4(5)"), ("auto", "halved steps in C")):
         for tolerance, found in data[kind].items():
             error = max(float(values.max()) for values in found["error"].values())
-            label = text_cell(f"{name}, tolerance {_power(tolerance)}")
+            label = f"{name}, tolerance {_power(tolerance)}"
             rows.append(
                 (label, *_values(error, float(found["difference"].max()), printed=kind == "adaptive"))
             )
-    return Table(
+    return make_table(
         "Largest discrepancy between the two models, and error of the worse of them against a run at 10⁻¹².",
-        (
-            Column("integration", numeric=False),
-            Column("paper", "m"),
-            Column("ours: discrepancy", "m"),
-            Column("ours: error", "m"),
-        ),
-        tuple(rows),
+        {"integration": "", "paper [m]": "g", "ours: discrepancy [m]": ".1e", "ours: error [m]": ".1e"},
+        rows,
     )
 
 

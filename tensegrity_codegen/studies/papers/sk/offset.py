@@ -15,7 +15,7 @@ from tensegrity_codegen.codegen.prune import PrunedFunction, prune
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.diagram import Diagram, Series, find_style
 from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, diagram_figure
-from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import Table, make_table
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.papers.sk.motion import compile_in, sample_prism
@@ -269,23 +269,14 @@ def _motion_diagram(motion: dict[str, Any]) -> Diagram:
 
 
 def _error_table(rows: list[dict[str, Any]]) -> Table:
-    columns = [Column("offset", "m"), Column("precision", numeric=False)]
-    columns += [
-        Column(f"{what}, {name}", "relative error")
-        for what in QUANTITIES.values()
-        for name in FORMULATIONS.values()
-    ]
-    table = []
-    for row in rows:
-        cells: list[Cell] = [number_cell(row["offset"], ",.0f"), text_cell(row["precision"])]
-        cells += [
-            number_cell(row[f"{key}_{quantity}"], ".1e") for quantity in QUANTITIES for key in FORMULATIONS
-        ]
-        table.append(tuple(cells))
-    return Table(
+    columns = {"offset [m]": ",.0f", "precision": ""}
+    for what in QUANTITIES.values():
+        columns |= {f"{what}, {name} [relative error]": ".1e" for name in FORMULATIONS.values()}
+    keys = [f"{key}_{quantity}" for quantity in QUANTITIES for key in FORMULATIONS]
+    return make_table(
         "Errors far from the origin.",
-        tuple(columns),
-        tuple(table),
+        columns,
+        ((row["offset"], row["precision"], *(row[key] for key in keys)) for row in rows),
         note="A dash: nodes coincide in this precision, so that there is no result.",
     )
 

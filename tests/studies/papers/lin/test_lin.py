@@ -13,13 +13,10 @@ import pytest
 from scipy import optimize
 
 from tensegrity_codegen.runtime.paths.continuation import StepControl
-from tensegrity_codegen.studies.papers.lin.errata import check_errata
 from tensegrity_codegen.studies.papers.lin.events import (
     DIRECTIONS,
-    compare_work,
     find_load_events,
     follow_load,
-    reach_load,
     survey_directions,
 )
 from tensegrity_codegen.studies.papers.lin.stiffness import compare_stiffness, find_force
@@ -31,7 +28,7 @@ from tensegrity_codegen.studies.papers.lin.tables import (
     compute_extensions,
     read_tables,
 )
-from tensegrity_codegen.system.errors import ConvergenceError
+from tests.studies.papers.lin.prism_checks import check_errata, compare_work
 
 ROOT = Path(__file__).resolve().parents[4]
 START = np.repeat(np.radians([-165.5, 39.6]), 3)
@@ -230,18 +227,6 @@ def test_up_to_the_first_slack_spring_the_law_does_not_matter() -> None:
     for top, direction in ((1, "+x"), (2, "-y"), (3, "-z")):
         pair = [find_load_events(tension_only=law, top=top, direction=direction) for law in (False, True)]
         assert pair[0]["slack"]["load"] == pytest.approx(pair[1]["slack"]["load"], rel=1e-10)
-
-
-def test_a_load_beyond_the_largest_is_refused_with_evidence() -> None:
-    assert reach_load(13.5).shape == (6,)
-    with pytest.raises(ConvergenceError, match=r"does not carry 14 N on B3 along -z") as caught:
-        reach_load(14.0)
-    assert caught.value.exit_code == 3
-    assert caught.value.evidence["because"] == "contact of bar2_bar3"
-    assert caught.value.evidence["maximum"] == pytest.approx(13.611547, abs=6e-7)
-    with pytest.raises(ConvergenceError) as caught:
-        reach_load(60.0, top=1, direction="+x")
-    assert caught.value.evidence["because"] == "limit of load"
 
 
 # --- work --------------------------------------------------------------------------------------------

@@ -1,11 +1,14 @@
-"""Errors and gaps in print, each as a check that anyone can run again."""
+"""Errors and gaps in the print of LIN, each as a check to run again; the work of a load along a path."""
 
-from itertools import permutations
+from itertools import pairwise, permutations
 from typing import Any
 
 import numpy as np
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.paths.load_path import LoadPath
+from tensegrity_codegen.runtime.paths.model_path import ModelPath
+from tensegrity_codegen.runtime.paths.path_solver import PathSolver
 from tensegrity_codegen.studies.papers.lin.tables import (
     COLUMNS,
     LOADS,
@@ -17,6 +20,8 @@ from tensegrity_codegen.studies.papers.lin.tables import (
     read_tables,
     settle,
 )
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import ConvergenceError
 
 # The order that Appendix A and section 2 suggest: L_1..L_3 side springs (A.1-A.3), L_4..L_6 top springs.
 STATED = ("A1B2", "A2B3", "A3B1", "B1B2", "B2B3", "B3B1")
@@ -109,3 +114,56 @@ def _bar_length(model: CompiledModel) -> float:
     place = model.compute("node_position")
     nodes = model.manifest.node_name
     return float(np.linalg.norm(place[nodes.index("bar1_B")] - place[nodes.index("bar1_A")]))
+
+
+# The work of a load along a path of equilibria against the change of potential.
+#
+# W = integral of lambda F . dx over the path, by Gauss quadrature on each stretch between two points of the
+# continuation, with an equilibrium solved for at every node of the quadrature. A stretch is parametrised by
+# the distance along its chord in (q, lambda), which goes through limit points; points lie at every kink.
+
+
+NODES = 12  # of the quadrature on each stretch
+
+
+def compare_work(problem: ModelPath, path: LoadPath, *, nodes: int = NODES) -> dict[str, Any]:
+    """Return the load's work along a path, the change of strain energy and weight, and their difference [J].
+
+    Raises ConvergenceError where a point between two points of the path is not found.
+    """
+    solver = PathSolver(problem, (1.0, float(np.abs(path.load_factor).max()) or 1.0))
+    places = [solver.join(q, load) for q, load in zip(path.coordinate, path.load_factor, strict=True)]
+    work = sum(_stretch(solver, first, last, nodes) for first, last in pairwise(places))
+    ends = [float(problem.compute("potential_energy", path.coordinate[k], 0.0)) for k in (0, -1)]
+    change = ends[1] - ends[0]
+    return {
+        "work": float(work),
+        "potential_change": change,
+        "difference": float(work) - change,
+        "n_points": len(places) + nodes * (len(places) - 1),
+    }
+
+
+def _stretch(solver: PathSolver, first: FloatArray, last: FloatArray, nodes: int) -> float:
+    """Return the integral of lambda f . dq from one point of the path to the next [J]."""
+    chord = last - first
+    length = float(np.linalg.norm(chord))
+    if length == 0.0:
+        return 0.0
+    along = chord / length
+    place, weight = np.polynomial.legendre.leggauss(nodes)
+    total = 0.0
+    for part, share in zip((place + 1) / 2, weight / 2, strict=True):
+        state = solver.solve(first + part * chord, along, float(along @ first) + part * length)
+        tangent = None if state is None else solver.tangent(state, along)
+        if state is None or tangent is None:
+            raise ConvergenceError(
+                "a point between two points of the path was not found",
+                evidence={"load_factor": float(first[-1] * solver.load_scale)},
+                where="compare_work",
+                hint="follow the path with shorter steps",
+            )
+        moved = tangent[:-1] * (length / float(along @ tangent)) * solver.coordinate_scale
+        load = solver.problem.load_vector(state.coordinate, state.load_factor)
+        total += share * state.load_factor * float(load @ moved)
+    return total
