@@ -33,9 +33,9 @@ from scipy import integrate, optimize
 from tensegrity_codegen import find_equilibrium, simulate, symbolic_functions
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.engines.work import library_request, select_arguments
+from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.sweep import PreparedSweep, prepare_sweep
 from tensegrity_codegen.sweeps.tasks.operation import Operation
-from tensegrity_codegen.sweeps.tasks.operations import build_operation
 
 FloatArray = NDArray[np.float64]
 

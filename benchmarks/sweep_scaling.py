@@ -29,13 +29,13 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
+from tensegrity_codegen.sweeps.operations.equilibrium import FindEquilibrium
+from tensegrity_codegen.sweeps.operations.evaluate import Evaluate
+from tensegrity_codegen.sweeps.operations.simulate import Simulate
 from tensegrity_codegen.sweeps.store.contents import StoreContents
 from tensegrity_codegen.sweeps.store.create import create_store
 from tensegrity_codegen.sweeps.store.store import SweepStore
-from tensegrity_codegen.sweeps.tasks.equilibrium import FindEquilibrium
-from tensegrity_codegen.sweeps.tasks.evaluate import Evaluate
 from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
-from tensegrity_codegen.sweeps.tasks.simulate import Simulate
 from tensegrity_codegen.system.provenance import name_processor
 
 WORKERS = (1, 10, 100, 1000)

@@ -1,39 +1,38 @@
 """Commands that write the scene of one case of a sweep and run it alone."""
 
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import check_result, write_page
+from tensegrity_codegen.cli.sweep_options import name_option
 from tensegrity_codegen.cli.verb import quote_command
 
 if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.summary.results import SweepResults
+    from tensegrity_codegen.sweeps.tasks.operation import Operation
 
-CONTROL = "steps"  # what tolerances of batches bound by default; one motion has another default
-# Options of an operation that its verb has too.
-VERBS = {
-    "simulate": ("t_end", "samples", "method", "step", "rtol", "atol", "max_steps", "control"),
-    "equilibrium": ("tolerance", "method"),
-    "linearize": ("settle",),
-}
 PROGRAM, INPUT = "tensegrity-codegen", "input."
 
 
 def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
     """Return the commands that write the scene of a case and run it alone."""
+    from tensegrity_codegen.sweeps.operations import OPERATIONS
+
+    kind = OPERATIONS.get(results.operation)
     file = f"case{case}.toml"
     write = [PROGRAM, "sweep", "case", str(results.path), str(case), "--out", file]
     keys = {
         key: repr(value) for key, value in zip(results.keys, results.key_values[case].tolist(), strict=True)
     }
     inputs = {key: text for key, text in keys.items() if key.startswith(INPUT)}
-    words = [PROGRAM, results.operation, file, *_list_options(results)]
-    if results.operation in VERBS:
+    words = [PROGRAM, results.operation, file, *_list_options(kind, results.options)]
+    if kind is not None and kind.has_verb:
         for key, text in inputs.items():
             words += ["--input", f"{key.removeprefix(INPUT)}={text}"]
     else:  # no verb: a sweep of one case
@@ -46,18 +45,18 @@ def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
     return (shlex.join(write), shlex.join(words))
 
 
-def _list_options(results: "SweepResults") -> list[str]:
+def _list_options(kind: "type[Operation] | None", options: Mapping[str, Any]) -> list[str]:
     """Return the options of the operation as words of its verb."""
-    options = dict(results.options) | {"settle": results.options.get("about") == "equilibrium"}
     words = []
-    for name in VERBS.get(results.operation, ()):
-        value, option = options.get(name), "--" + name.replace("_", "-")
-        if name == "control" and value is None:
-            value = CONTROL
-        if value is True:
-            words.append(option)
-        elif value not in (None, False, ""):
-            words += [option, repr(value) if isinstance(value, float) else str(value)]
+    for item in () if kind is None else kind.list_options():
+        value = options.get(item.name)
+        value = item.verb_default if value is None else value
+        if not item.in_verb or value in (None, ""):
+            continue
+        if item.flag is None:
+            words += [name_option(item.name), repr(value) if isinstance(value, float) else str(value)]
+        elif value == item.flag[1]:
+            words.append(name_option(item.argument))
     return words
 
 

@@ -1,11 +1,18 @@
 """The run of the verb `sweep`: its options, its plan, the run itself and its report."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.sweep_options import (
+    CaseOptions,
+    ResultOptions,
+    RunOptions,
+    name_option,
+    read_operation_options,
+)
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 if TYPE_CHECKING:
@@ -21,38 +28,32 @@ NAMES = {name: f"--{name}" for name in ("over", "sample", "table", "n", "seed", 
 
 @dataclass(frozen=True)
 class SweepCall:
-    """One call of the verb.
-
-    options: of the operation, None for its defaults; cases: what states the cases, by the names of options.
-    """
+    """One call of the verb; options: of all operations, by their arguments."""
 
     scene: Path
     do: str
     keep: tuple[str, ...]
-    options: Mapping[str, Any]
-    cases: Mapping[str, Any]
-    out: Path | None
-    format: str | None
-    workers: int | None
-    scheduler: str | None
-    wait: float | None
-    task_size: int | None
-    stop_after: int | None
-    yes: bool
-    overwrite: bool
+    options: dict[str, Any]
+    cases: CaseOptions
+    results: ResultOptions
+    where: RunOptions
 
-    def run(self, output: Output, *, dry_run: bool) -> bool:
+    def run(self, output: Output) -> bool:
         """Plan and run the sweep, and print how it ended; return whether some cases are good."""
         from tensegrity_codegen.sweeps.cases.build_cases import build_cases
-        from tensegrity_codegen.sweeps.tasks.operations import build_operation
+        from tensegrity_codegen.sweeps.operations import build_operation
 
-        self._check(dry_run)
-        cases = build_cases(**self.cases, yes=self.yes, options=NAMES)
+        self._check()
+        stated = self.cases
+        cases = build_cases(
+            stated.over or (), stated.sample or (), stated.table, n=stated.n, seed=stated.seed,
+            method=stated.sampling, yes=stated.yes, options=NAMES,
+        )  # fmt: skip
         self._check_options()
-        operation = build_operation(self.do, self.keep, **self.options)
+        operation = build_operation(self.do, self.keep, **read_operation_options(self.options))
         output.load(self.scene, settles=self.do == "equilibrium")
         prepared = self._prepare(cases, operation)
-        if dry_run:
+        if self.results.dry_run:
             planned = prepared.planned
             output.result({"status": "ok", **planned.describe()}, str(planned))
             return True
@@ -67,22 +68,23 @@ class SweepCall:
         output.result(data, *_list_lines(outcome, operation.name, table), *written)
         return outcome.good > 0
 
-    def _check(self, dry_run: bool) -> None:
+    def _check(self) -> None:
         """Check the options of files and engines before any work."""
         from tensegrity_codegen.sweeps.check_call import check_engine, check_stop_after
         from tensegrity_codegen.sweeps.store.folder import check_store_name
 
-        if self.out is None and not dry_run:
+        results = self.results
+        if results.out is None and not results.dry_run:
             raise InvalidValueError(
                 "the folder of results is missing",
                 where="--out",
                 allowed="a name that ends in .zarr; or --dry-run",
             )
-        if self.out is not None:
-            check_store_name(self.out)
-        check_engine(self.workers, self.scheduler, self.wait)
-        check_stop_after(self.stop_after)
-        if self.overwrite and self.format is None:
+        if results.out is not None:
+            check_store_name(results.out)
+        check_engine(self.where.workers, self.where.scheduler, self.where.wait)
+        check_stop_after(self.where.stop_after)
+        if results.overwrite and results.format is None:
             raise InvalidValueError(
                 "nothing that could be replaced",
                 where="--overwrite",
@@ -90,68 +92,64 @@ class SweepCall:
                 hint="a folder of results is never replaced: the same command goes on with it, and another "
                 "sweep needs another name in --out",
             )
-        if self.format is not None:
+        if results.format is not None:
             from tensegrity_codegen.sweeps.store.table import check_table
 
-            check_table(self._table, self.format, overwrite=self.overwrite)
+            check_table(self._table, results.format, overwrite=results.overwrite)
 
     def _check_options(self) -> None:
         """Raise InvalidValueError for an option of another operation."""
-        from dataclasses import fields
-
-        from tensegrity_codegen.sweeps.tasks.operations import OPERATIONS
+        from tensegrity_codegen.sweeps.operations import OPERATIONS
 
         check_choice(self.do, OPERATIONS, "operation", "--do")
-        known = [item.name for item in fields(OPERATIONS[self.do]) if item.name in self.options]
+        known = [item.argument for item in OPERATIONS[self.do].list_options()]
         for name, value in self.options.items():
-            if value is not None and name not in known:
+            if value not in (None, False) and name not in known:
                 raise InvalidValueError(
                     f"not an option of {self.do}",
-                    where=_name_option(name),
+                    where=name_option(name),
                     given=value,
-                    allowed=", ".join(map(_name_option, known)) or "no options of this kind",
+                    allowed=", ".join(map(name_option, known)) or "no options of this kind",
                 )
 
     @property
     def _table(self) -> Path:
         """The file of --format: the folder's name with another ending, beside it."""
-        return (self.out or Path("sweep.zarr")).with_suffix(f".{self.format}")
+        return (self.results.out or Path("sweep.zarr")).with_suffix(f".{self.results.format}")
 
     def _prepare(self, cases: "Cases", operation: "Operation") -> "PreparedSweep":
         from tensegrity_codegen.sweeps.sweep import prepare_sweep
 
         return prepare_sweep(
-            self.scene, cases, operation, out=self.out, workers=self.workers, task_size=self.task_size,
-            yes=self.yes, option="--yes",
+            self.scene, cases, operation, out=self.results.out, workers=self.where.workers,
+            task_size=self.where.task_size, yes=self.cases.yes, option="--yes",
         )  # fmt: skip
 
     def _run(
         self, output: Output, prepared: "PreparedSweep", move: Callable[[float], None]
     ) -> "SweepOutcome":
-        assert self.out is not None
+        out, where = self.results.out, self.where
+        assert out is not None
         try:
             return prepared.run(
-                self.out, scheduler=self.scheduler, wait=self.wait, stop_after=self.stop_after,
+                out, scheduler=where.scheduler, wait=where.wait, stop_after=where.stop_after,
                 on_progress=_follow(output, move),
             )  # fmt: skip
         except KeyboardInterrupt:
-            text = f"{self.out} keeps what is finished; the same command goes on where it stopped"
+            text = f"{out} keeps what is finished; the same command goes on where it stopped"
             output.aside.print(text, markup=False, soft_wrap=True)
             raise
 
     def _write_table(self, output: Output) -> Path | None:
-        if self.format is None or self.out is None:
+        out, format = self.results.out, self.results.format
+        if format is None or out is None:
             return None
         from tensegrity_codegen.sweeps.store.table import write_sweep_table
 
-        absent = write_sweep_table(self.out, self._table, self.format, overwrite=self.overwrite)
+        absent = write_sweep_table(out, self._table, format, overwrite=self.results.overwrite)
         if absent:
             output.warn(f"{self._table} has no columns for {', '.join(absent)}, which are no single numbers")
         return self._table
-
-
-def _name_option(argument: str) -> str:
-    return "--settle" if argument == "about" else "--" + argument.replace("_", "-")
 
 
 def _follow(output: Output, move: Callable[[float], None]) -> "Callable[[SweepProgress], None]":

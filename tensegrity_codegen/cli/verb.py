@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from tensegrity_codegen.cli.option_groups import expand_groups
 from tensegrity_codegen.system.errors import TensegrityError
 
 # Names of the library's Python arguments, as the options that the running verb has for them.
@@ -196,7 +197,7 @@ class VerbGroup(TyperGroup):
 def build_command(verb: Verb) -> Any:
     """Return the command of a verb, with its options."""
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    alone.command(verb.word, cls=verb.command)(verb.run)
+    alone.command(verb.word, cls=verb.command)(expand_groups(verb.run))
     return typer.main.get_command(alone)
 
 

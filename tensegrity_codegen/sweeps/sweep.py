@@ -20,13 +20,13 @@ from tensegrity_codegen.sweeps.describe import SceneSource, describe_facts, iden
 from tensegrity_codegen.sweeps.engines.dask_engine import DaskEngine
 from tensegrity_codegen.sweeps.engines.engine import Engine
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
+from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.plan_sweep import PlannedSweep, plan_sweep
 from tensegrity_codegen.sweeps.progress import ShowProgress, SweepOutcome
 from tensegrity_codegen.sweeps.run import check_zarr, run_sweep
 from tensegrity_codegen.sweeps.store.folder import check_store_folder, open_sweep
 from tensegrity_codegen.sweeps.store.identity import check_same_sweep
 from tensegrity_codegen.sweeps.tasks.operation import Operation
-from tensegrity_codegen.sweeps.tasks.operations import build_operation
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.forked import count_workers
 

@@ -9,8 +9,8 @@ import pytest
 
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.engines.work import compute_task
+from tensegrity_codegen.sweeps.operations.evaluate import Evaluate
 from tensegrity_codegen.sweeps.plan_sweep import PlannedSweep, format_bytes, format_seconds, plan_sweep
-from tensegrity_codegen.sweeps.tasks.evaluate import Evaluate
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "tensegrity_codegen/scene/examples"

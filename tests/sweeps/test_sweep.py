@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
+from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.sweep import sweep
-from tensegrity_codegen.sweeps.tasks.operations import build_operation
 from tensegrity_codegen.system.errors import (
     InvalidValueError,
     MissingExtraError,

@@ -5,15 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensegrity_codegen.sweeps.operations import OPERATIONS
 from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.results import SweepResults
+from tensegrity_codegen.sweeps.tasks.operation import Operation
 
-VERBS = {
-    "equilibrium": "converged",
-    "evaluate": "were evaluated",
-    "linearize": "were linearized",
-    "simulate": "ran to their end",
-}
 CLEAR = 1.36  # of the distance of Kolmogorov and Smirnov over its scale: by chance in 5 of 100 samples
 
 
@@ -56,7 +52,7 @@ def describe_count(results: SweepResults) -> str:
     """Return the finding in a few words: "9,987 of 10,000 cases converged, 13 did not"."""
     good, left = int(results.is_good.sum()), int((~results.is_computed).sum())
     failed = results.count - good - left
-    verb = VERBS.get(results.operation, "are ok")
+    verb = OPERATIONS.get(results.operation, Operation).ended
     text = f"{good:,} of {results.count:,} cases {verb}"
     if failed:
         text += f", {failed:,} {'failed' if verb.startswith(('were', 'are')) else 'did not'}"

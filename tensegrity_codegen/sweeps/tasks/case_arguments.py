@@ -1,6 +1,6 @@
 """Arguments of a chunk of cases, checked: rows with numbers that are not finite fail alone."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,13 +35,35 @@ class CaseArguments:
         """All arguments, as batch functions take them."""
         return {**self.shared, **self.rows}
 
-    def status(self) -> tuple[NDArray[np.int8], list[str]]:
-        """Return codes and messages of the cases before anything was computed: good but for bad values."""
-        codes = np.full(self.count, encode_status("ok"), dtype=np.int8)
-        said = [""] * self.count
+    def outcomes(self) -> "Outcomes":
+        """Return how the cases ended before anything was computed: good but for bad values."""
+        found = Outcomes(np.full(self.count, encode_status("ok"), dtype=np.int8), [""] * self.count)
         for k, message in self.messages.items():
-            codes[k], said[k] = encode_status("non_finite_input"), message
-        return codes, said
+            found.mark(k, "non_finite_input", message)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """How the cases of a chunk end: codes of `sweeps.statuses` (count,), and a sentence for each case."""
+
+    codes: NDArray[np.int8]
+    messages: list[str]
+
+    @property
+    def is_ok(self) -> NDArray[np.bool_]:
+        """Which cases nothing is known against, (count,)."""
+        return np.asarray(self.codes == encode_status("ok"))
+
+    def mark(self, case: int, word: str, message: str) -> None:
+        """Note the status of a case."""
+        self.codes[case], self.messages[case] = encode_status(word), message
+
+    def mark_ok(self, words: Sequence[str], messages: Sequence[str], first: int = 0) -> None:
+        """Note the statuses of consecutive cases, from case `first` on, where none is known yet."""
+        for k, (word, message) in enumerate(zip(words, messages, strict=True), first):
+            if self.codes[k] == encode_status("ok"):
+                self.mark(k, word, message)
 
 
 def read_case_arguments(model: CompiledModel, given: Mapping[str, Any], count: int) -> CaseArguments:

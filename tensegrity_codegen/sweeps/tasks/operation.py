@@ -2,8 +2,8 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from tensegrity_codegen.pipeline.analyses import Needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.statuses import is_good
+from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes, read_case_arguments
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -93,8 +94,42 @@ def build_result(
 
 
 @dataclass(frozen=True)
+class Option:
+    """What is said of an option of an operation, in the annotation of its field.
+
+    Attributes
+    ----------
+    help : str
+        What it is, for the command line, where it is an option too.
+    flag : (str, object), optional
+        Name of the option on the command line and the value that it stands for, where it takes no value.
+    in_verb : bool
+        Whether the verb of the operation's name has it too.
+    verb_default : object, optional
+        What that verb needs stated where this option is not, since its own default is another.
+    name, kind : str, type
+        Name and type of the field, which `Operation.list_options` fills in.
+    """
+
+    help: str
+    flag: tuple[str, Any] | None = None
+    in_verb: bool = True
+    verb_default: Any = None
+    name: str = ""
+    kind: type = str
+
+    @property
+    def argument(self) -> str:
+        """Its argument of the command line: its own name, or that of its flag."""
+        return self.flag[0] if self.flag else self.name
+
+
+@dataclass(frozen=True)
 class Operation(ABC):
     """What is done for every case; the same object serves all cases, and processes hand it on by pickling.
+
+    An operation is one module of `sweeps/operations/`, which defines one as its `OPERATION`. Its fields with
+    an `Option` in their annotations are its options in Python and on the command line.
 
     Attributes
     ----------
@@ -105,6 +140,8 @@ class Operation(ABC):
     keep: tuple[str, ...] = ()
 
     name: ClassVar[str]  # as in `--do NAME`
+    ended: ClassVar[str] = "are ok"  # what good cases did, as in "12 of 12 cases converged"
+    has_verb: ClassVar[bool] = True  # whether the command line has a verb of this name, for one case
 
     @abstractmethod
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:
@@ -123,6 +160,11 @@ class Operation(ABC):
         """Return what is kept of each case, in the order of the stored arrays; raises as `needs`."""
 
     @abstractmethod
+    def compute(
+        self, model: CompiledModel, given: CaseArguments, outcomes: Outcomes, threads: int
+    ) -> Mapping[str, NDArray[Any]]:
+        """Return the arrays of a chunk of cases by the names of outputs, and note how each case ended."""
+
     def run(
         self, model: CompiledModel, arguments: Mapping[str, Any], count: int, *, threads: int = 1
     ) -> TaskResult:
@@ -152,7 +194,29 @@ class Operation(ABC):
         LibraryError, FormulationError
             The library does not serve the operation.
         """
+        given = read_case_arguments(model, arguments, count)
+        outcomes = given.outcomes()
+        arrays = self.compute(model, given, outcomes, threads)
+        return build_result(arrays, outcomes.codes, outcomes.messages)
 
     def describe(self) -> dict[str, Any]:
         """Return name and options, JSON-ready; two operations with the same description do the same."""
-        return {"do": self.name, "keep": list(self.keep)}
+        return {"do": self.name, "keep": list(self.keep), **self.options}
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Values of its options by name."""
+        return {item.name: getattr(self, item.name) for item in self.list_options()}
+
+    @classmethod
+    def list_options(cls) -> tuple[Option, ...]:
+        """Return its options in their order."""
+        hints = get_type_hints(cls, include_extras=True)
+        found = []
+        for item in fields(cls):
+            stated = [part for part in get_args(hints[item.name]) if isinstance(part, Option)]
+            if stated:
+                kinds = get_args(get_args(hints[item.name])[0]) or get_args(hints[item.name])
+                kind = next((part for part in (int, float) if part in kinds), str)
+                found.append(replace(stated[0], name=item.name, kind=kind))
+        return tuple(found)

@@ -13,8 +13,8 @@ from tensegrity_codegen.sweeps.apply.group_cases import find_groups
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.engines.work import library_request, select_arguments
+from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
-from tensegrity_codegen.sweeps.tasks.operations import build_operation
 from tests.sweeps.apply.exactly import EXAMPLES
 
 ROWS = (-1,)  # cases that are computed alone too

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.analyses import BATCH_WIDTH, Needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.statuses import encode_status
-from tensegrity_codegen.sweeps.tasks.case_arguments import read_case_arguments
+from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes
 from tensegrity_codegen.sweeps.tasks.keep_text import parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
-from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
+from tensegrity_codegen.sweeps.tasks.operation import Operation, Output
 from tensegrity_codegen.sweeps.tasks.quantities import compute_values
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import Manifest
@@ -25,6 +25,8 @@ class Evaluate(Operation):
     """Quantities and expressions at the state of each case; by default all that the scene requests."""
 
     name: ClassVar[str] = "evaluate"
+    ended: ClassVar[str] = "were evaluated"
+    has_verb: ClassVar[bool] = False
 
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:
         """Return the quantities, with batch functions."""
@@ -46,25 +48,25 @@ class Evaluate(Operation):
         texts = self.keep or tuple(spec.quantity for spec in manifest.functions)
         return bind_kept(parse_kept(texts), manifest)
 
-    def run(
-        self, model: CompiledModel, arguments: Mapping[str, Any], count: int, *, threads: int = 1
-    ) -> TaskResult:
+    def compute(
+        self, model: CompiledModel, given: CaseArguments, outcomes: Outcomes, threads: int
+    ) -> Mapping[str, NDArray[Any]]:
         """Compute what is kept; a case where it is not finite has the status "non_finite_result"."""
-        given = read_case_arguments(model, arguments, count)
-        status, messages = given.status()
-        kept = self._bind(model.manifest)
+        kept, count = self._bind(model.manifest), given.count
         names = dict.fromkeys(name for item in kept for name in item.names)
         found = compute_values(model, names, given.rows, given.shared, count, threads)
         values = {name: value for name, (value, _) in found.items()}
-        arrays: dict[str, Any] = {}
+        arrays: dict[str, NDArray[Any]] = {}
         for item in kept:
             array = item.evaluate(values, (count,))
             is_good = np.logical_and.reduce([found[name][1] for name in item.names])
             if item.part is not None:
                 array = np.array(array, dtype=model.dtype)
                 is_good = is_good & np.isfinite(array.reshape(count, -1)).all(axis=1)
-            for k in np.flatnonzero(~is_good & (status == encode_status("ok"))):
-                status[k] = encode_status("non_finite_result")
-                messages[k] = f"{item.text.text} is not finite"
+            for k in np.flatnonzero(~is_good & outcomes.is_ok).tolist():
+                outcomes.mark(k, "non_finite_result", f"{item.text.text} is not finite")
             arrays[item.output.name] = array
-        return build_result(arrays, status, messages)
+        return arrays
+
+
+OPERATION = Evaluate

@@ -1,21 +1,27 @@
-"""The operations of a sweep by their names, as `do` names them."""
+"""Operations of a sweep by their names, as `do` has them: one module here each, with its `OPERATION`.
 
-import dataclasses
+Everything that is known of one stands in its module: name, options in Python and on the command line, what
+it needs of a library, results, and how a chunk of cases is computed.
+"""
+
+import pkgutil
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
 from numbers import Integral, Real
 from types import MappingProxyType
 from typing import Any
 
-from tensegrity_codegen.sweeps.tasks.equilibrium import FindEquilibrium
-from tensegrity_codegen.sweeps.tasks.evaluate import Evaluate
-from tensegrity_codegen.sweeps.tasks.linearize import Linearize
 from tensegrity_codegen.sweeps.tasks.operation import Operation
-from tensegrity_codegen.sweeps.tasks.simulate import Simulate
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, check_choice, suggest
 
-OPERATIONS: Mapping[str, type[Operation]] = MappingProxyType(
-    {kind.name: kind for kind in (Simulate, FindEquilibrium, Linearize, Evaluate)}
-)
+
+def _find_operations() -> Mapping[str, type[Operation]]:
+    names = sorted(item.name for item in pkgutil.iter_modules(__path__))
+    found = [import_module(f"{__name__}.{name}").OPERATION for name in names]
+    return MappingProxyType({item.name: item for item in found})
+
+
+OPERATIONS = _find_operations()
 
 
 def build_operation(do: str, keep: str | Sequence[str] = (), **options: Any) -> Operation:
@@ -45,8 +51,7 @@ def build_operation(do: str, keep: str | Sequence[str] = (), **options: Any) -> 
     check_choice(do, OPERATIONS, "operation", "do")
     kind = OPERATIONS[do]
     texts = _list_texts(keep)
-    fields = [item for item in dataclasses.fields(kind) if item.name != "keep"]
-    types = {item.name: getattr(item.type, "__name__", str(item.type)) for item in fields}
+    types = {item.name: item.kind for item in kind.list_options()}
     known = list(types)
     stated = {name: value for name, value in options.items() if value is not None}
     for name, value in stated.items():
@@ -74,11 +79,11 @@ def _list_texts(keep: Any) -> tuple[str, ...]:
     return texts
 
 
-def _read_option(name: str, value: Any, declared: str) -> Any:
-    """Return an option, a number where the annotation of its field says so; raises InvalidValueError."""
-    if not declared.startswith(("int", "float")):
+def _read_option(name: str, value: Any, kind: type) -> Any:
+    """Return an option, a number where its field is one; raises InvalidValueError."""
+    if kind not in (int, float):
         return value
-    is_whole = declared.startswith("int")
+    is_whole = kind is int
     if isinstance(value, Integral) and not isinstance(value, bool):
         return int(value) if is_whole else float(value)
     if isinstance(value, Real) and not (is_whole or isinstance(value, bool)):

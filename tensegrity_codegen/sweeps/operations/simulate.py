@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,11 @@ from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.statuses import encode_status
-from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, read_case_arguments
+from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes
 from tensegrity_codegen.sweeps.tasks.keep_text import EVERY, FIRST, KeptText, parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
 from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE, LIMIT_USE_RESULT, compute_limit_use
-from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
+from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
 from tensegrity_codegen.sweeps.tasks.quantities import compute_rows
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
@@ -73,20 +72,23 @@ class Simulate(Operation):
     """
 
     name: ClassVar[str] = "simulate"
+    ended: ClassVar[str] = "ran to their end"
 
-    t_end: float = 1.0
-    samples: int = 101
-    method: str = BATCH_METHOD
-    step: float | None = None
-    rtol: float = 1e-6
-    atol: float | None = None
-    max_steps: int | None = None
-    control: str | None = None
-
-    def describe(self) -> dict[str, Any]:
-        """Return name and options, JSON-ready."""
-        names = ("t_end", "samples", "method", "step", "rtol", "atol", "max_steps", "control")
-        return {**super().describe(), **{name: getattr(self, name) for name in names}}
+    t_end: Annotated[float, Option("simulated time [s].")] = 1.0
+    samples: Annotated[int, Option("number of equally spaced samples.")] = 101
+    method: Annotated[str, Option("method, as in the verb of this name.")] = BATCH_METHOD
+    step: Annotated[float | None, Option("step of fixed-step methods [s].")] = None
+    rtol: Annotated[float, Option("relative tolerance.")] = 1e-6
+    atol: Annotated[float | None, Option("absolute tolerance, m and m/s.")] = None
+    max_steps: Annotated[int | None, Option("most steps of a motion.")] = None
+    control: Annotated[
+        str | None,
+        Option(
+            "what the tolerance limits: steps, the default as for simulate --batch, or samples, "
+            "as for one motion of simulate, which takes longer.",
+            verb_default="steps",
+        ),
+    ] = None
 
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:
         """Return what a batch of motions needs, and the quantities that are kept."""
@@ -122,24 +124,20 @@ class Simulate(Operation):
         kept = bind_kept(self._of_samples(self._texts()), _with_velocity(manifest))
         return {item.text.name: item for item in kept}
 
-    def run(
-        self, model: CompiledModel, arguments: Mapping[str, Any], count: int, *, threads: int = 1
-    ) -> TaskResult:
+    def compute(
+        self, model: CompiledModel, given: CaseArguments, outcomes: Outcomes, threads: int
+    ) -> Mapping[str, NDArray[Any]]:
         """Integrate the motions, in blocks whose samples fit into little memory."""
         require_double(model.manifest, "an integration from Python")
-        given = read_case_arguments(model, arguments, count)
-        status, messages = given.status()
         bound = self._bind(model.manifest)
-        arrays = {item.name: item.full_of_nan(count) for item in self.outputs(model.manifest)}
+        arrays = {item.name: item.full_of_nan(given.count) for item in self.outputs(model.manifest)}
         size = self._block(model.manifest, tuple(bound.values()))
-        for first in range(0, count, size):
-            rows = slice(first, min(first + size, count))
+        for first in range(0, given.count, size):
+            rows = slice(first, min(first + size, given.count))
             batch = self._integrate(model, given, rows, threads)
             self._keep(model, batch, given, rows, bound, arrays, threads)
-            for k, (word, message) in enumerate(zip(batch.status, batch.message, strict=True), first):
-                if status[k] == encode_status("ok"):
-                    status[k], messages[k] = encode_status(word), message
-        return build_result(arrays, status, messages)
+            outcomes.mark_ok(batch.status, batch.message, first)
+        return arrays
 
     def _block(self, manifest: Manifest, kept: tuple[Kept, ...]) -> int:
         """Return how many motions are integrated at a time: a whole number of lanes."""
@@ -160,16 +158,11 @@ class Simulate(Operation):
                 start.get("coordinate", model.nominal("coordinate")), (rows.stop - rows.start, 1)
             )
         shared = {name: array for name, array in given.shared.items() if name not in start}
+        options = self.options
         return simulate_batch(
             model,
-            self.t_end,
-            samples=self.samples,
-            method=self.method,
-            step=self.step,
-            rtol=self.rtol,
-            atol=self.atol,
-            max_steps=self.max_steps,
-            control=self.control,
+            options.pop("t_end"),
+            **options,
             coordinate=start.get("coordinate"),
             velocity=start.get("velocity"),
             arguments={**shared, **own},
@@ -304,3 +297,6 @@ def _weigh(time: RealArray) -> RealArray:
     weight[1:] += np.diff(time) / 2
     weight[:-1] += np.diff(time) / 2
     return np.asarray(weight / weight.sum())
+
+
+OPERATION = Simulate

@@ -8,9 +8,9 @@ import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.sweeps.operations import simulate as module
+from tensegrity_codegen.sweeps.operations.simulate import Simulate
 from tensegrity_codegen.sweeps.statuses import decode_statuses
-from tensegrity_codegen.sweeps.tasks import simulate as module
-from tensegrity_codegen.sweeps.tasks.simulate import Simulate
 from tensegrity_codegen.system.errors import (
     FormulationError,
     InvalidValueError,

@@ -2,27 +2,25 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.analyses import Needs, find_needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
-from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import check_search_options
 from tensegrity_codegen.runtime.statics.methods import Method
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.statuses import encode_status
-from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, read_case_arguments
+from tensegrity_codegen.sweeps.tasks.at_point import COORDINATE, find_each
+from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes
 from tensegrity_codegen.sweeps.tasks.dimensions import label_axis
 from tensegrity_codegen.sweeps.tasks.keep_text import KeptText, parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
 from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE, LIMIT_USE_RESULT, compute_limit_use
-from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
+from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
 from tensegrity_codegen.sweeps.tasks.quantities import compute_values
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
@@ -49,7 +47,6 @@ RESULTS = {
     LIMIT_USE: LIMIT_USE_RESULT,
     "saddles_left": ("int64", "1", "Number of unstable equilibria that the search passed."),
 }
-COORDINATE = "coordinate"
 HELD = (POSITION, "member_tension", "member_length")  # quantities that every search returns
 
 
@@ -66,15 +63,11 @@ class FindEquilibrium(Operation):
     """
 
     name: ClassVar[str] = "equilibrium"
+    ended: ClassVar[str] = "converged"
 
-    tolerance: float = 1e-9
-    max_iterations: int = 500
-    method: Method = "auto"
-
-    def describe(self) -> dict[str, Any]:
-        """Return name and options, JSON-ready."""
-        names = ("tolerance", "max_iterations", "method")
-        return {**super().describe(), **{name: getattr(self, name) for name in names}}
+    tolerance: Annotated[float, Option("largest node residual, part of the largest member force.")] = 1e-9
+    max_iterations: Annotated[int, Option("most iterations of a search.", in_verb=False)] = 500
+    method: Annotated[Method, Option("method, as in the verb of this name.")] = "auto"
 
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:
         """Return what the search needs, and the quantities that are kept."""
@@ -95,26 +88,17 @@ class FindEquilibrium(Operation):
     def _texts(self) -> tuple[KeptText, ...]:
         return parse_kept(self.keep or USUAL, (*RESULTS, COORDINATE))
 
-    def run(
-        self, model: CompiledModel, arguments: Mapping[str, Any], count: int, *, threads: int = 1
-    ) -> TaskResult:
+    def compute(
+        self, model: CompiledModel, given: CaseArguments, outcomes: Outcomes, threads: int
+    ) -> Mapping[str, NDArray[Any]]:
         """Find the equilibria; a case without one has the status that `find_equilibrium` gives it."""
-        given = read_case_arguments(model, arguments, count)
-        status, messages = given.status()
-        found = find_each(
-            model,
-            given,
-            threads,
-            tolerance=self.tolerance,
-            max_iterations=self.max_iterations,
-            method=self.method,
-        )
-        for k in np.flatnonzero(status == encode_status("ok")):
-            status[k], messages[k] = encode_status(found.status[k]), found.message[k]
+        count = given.count
+        found = find_each(model, given, threads, **self.options)
+        outcomes.mark_ok(found.status, found.message)
         bound = _bind(self._texts(), model.manifest)
         names = dict.fromkeys(name for item in bound.values() for name in item.names)
         values = _compute_at(model, found, given, tuple(names), threads)
-        arrays = {
+        return {
             text.name: bound[text.name].evaluate(values, (count,))
             if text.name in bound
             else compute_limit_use(model, given, slice(count), found.member_tension, found.member_length)
@@ -122,17 +106,6 @@ class FindEquilibrium(Operation):
             else getattr(found, text.expression)
             for text in self._texts()
         }
-        return build_result(arrays, status, messages)
-
-
-def find_each(model: CompiledModel, given: CaseArguments, threads: int, **options: Any) -> Equilibria:
-    """Return the equilibria of cases; options: as of `find_equilibria`."""
-    require_double(model.manifest, "the search for an equilibrium")
-    start = given.all.get(COORDINATE, model.nominal(COORDINATE))
-    if start.ndim == 1:
-        start = np.tile(start, (given.count, 1))
-    others = {name: array for name, array in given.all.items() if name not in (COORDINATE, "velocity")}
-    return find_equilibria(model, coordinate=start, arguments=others, threads=threads, **options)
 
 
 def _of_quantities(texts: tuple[KeptText, ...]) -> tuple[KeptText, ...]:
@@ -162,3 +135,6 @@ def _compute_at(
     computed = compute_values(model, others, rows, shared, given.count, threads)
     values = {name: value for name, (value, _) in computed.items()}
     return values | {name: getattr(found, name) for name in names if name in HELD}
+
+
+OPERATION = FindEquilibrium
