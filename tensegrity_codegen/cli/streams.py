@@ -135,9 +135,9 @@ class ProgressBar:
             TaskProgressColumn(table_column=one_line),
         ]
         if console.width >= NARROW:
-            columns.append(TextColumn("{task.fields[times]}", markup=False, table_column=one_line))
+            columns.append(TextColumn("{task.fields[spent]}", markup=False, table_column=one_line))
         with Progress(*columns, console=console, transient=True, auto_refresh=False, expand=True) as bar:
-            task = bar.add_task(self.title, total=None, times="")
+            task = bar.add_task(self.title, total=None, spent="")
             while not self._wait(self.REFRESH):
                 fraction = self._fraction
                 bar.update(
@@ -145,23 +145,21 @@ class ProgressBar:
                     description=self.title,
                     total=1.0 if fraction > 0.0 else None,
                     completed=fraction,
-                    times=", ".join(self._list_times(fraction)),
+                    spent=self._name_elapsed(),
                     refresh=True,
                 )
 
     def describe(self) -> str:
-        """Return one line: "simulating: 40 % after 12 s, about 18 s left"."""
-        fraction = self._fraction
-        spent, *left = self._list_times(fraction)
+        """Return one line: "simulating: 40 % after 12 s"."""
+        spent, fraction = self._name_elapsed(), self._fraction
         if fraction <= 0.0:
             return f"{self.title}: {spent} so far"
-        return ", ".join([f"{self.title}: {int(100.0 * fraction)} % after {spent}", *left])
+        return f"{self.title}: {int(100.0 * fraction)} % after {spent}"
 
-    def _list_times(self, fraction: float) -> list[str]:
-        """Return how long the pass has taken, and about how long the rest of it takes at this speed."""
-        spent = self._clock() - self._began
-        left = [f"about {_name_whole(spent * (1.0 / fraction - 1.0))} left"] if fraction > 0.0 else []
-        return [_name_whole(spent), *left]
+    def _name_elapsed(self) -> str:
+        """Return how long the pass has taken, in whole seconds."""
+        seconds = self._clock() - self._began
+        return f"{seconds:.0f} s" if seconds < 59.5 else name_duration(seconds)
 
 
 def can_draw() -> bool:
@@ -187,7 +185,3 @@ def name_duration(seconds: float) -> str:
     if whole < 3600:
         return f"{whole // 60} min {whole % 60} s"
     return f"{whole // 3600} h {whole % 3600 // 60} min"
-
-
-def _name_whole(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 59.5 else name_duration(seconds)

@@ -1,19 +1,14 @@
 """Writing files whole or not at all, and replacing files only where that is asked for."""
 
-import hashlib
 import os
-import platform
-import re
-import secrets
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
 from pathlib import Path
 
 from tensegrity_codegen.system.checks import check_path
 from tensegrity_codegen.system.errors import OutputError
-from tensegrity_codegen.system.temporary_files import announce, withdraw
+from tensegrity_codegen.system.temporary_files import announce, name_owner, remove_abandoned, withdraw
 
 FILE_RULE = "a file name in a folder that exists and may be written to"
 FOLDER_RULE = "a folder that exists or can be made, and may be written to"
@@ -108,9 +103,10 @@ def replaced(path: str | Path, *, overwrite: bool) -> Iterator[Path]:
     OutputError where the file exists (without `overwrite`) or cannot be written.
     """
     target = check_output(path, overwrite=overwrite)
-    _sweep(target)
     # The suffix stays last, since writers choose their format by it.
-    temporary = target.with_name(f".{_place()}-{os.getpid()}-{secrets.token_hex(3)}.{_tail(target)}")
+    ending = f".{target.name[-100:]}"
+    remove_abandoned(target.parent, ".", ending)
+    temporary = target.with_name(f".{name_owner()}{ending}")
     announce(temporary)
     try:
         try:
@@ -131,41 +127,6 @@ def explain_unwritable(path: str | Path, reason: str, what: str = "file") -> Out
         allowed=FILE_RULE if what == "file" else FOLDER_RULE,
         hint="check the path, its permissions and free space",
     )
-
-
-def _sweep(target: Path) -> None:
-    """Remove what killed processes of this machine left beside `target`."""
-    if os.name != "posix":
-        return
-    pattern = re.compile(rf"\.{_place()}-(\d+)-[0-9a-f]{{6}}\.{re.escape(_tail(target))}")
-    with suppress(OSError), os.scandir(target.parent) as items:
-        for item in items:
-            match = pattern.fullmatch(item.name)
-            if match and not _is_running(int(match[1])):
-                Path(item.path).unlink(missing_ok=True)
-
-
-def _is_running(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        return True
-    return True
-
-
-@cache
-def _place() -> str:
-    """Return what tells apart the processes of machines and containers that share a folder."""
-    space = ""
-    with suppress(OSError):
-        space = str(Path("/proc/self/ns/pid").readlink())
-    return hashlib.sha256(f"{platform.node()} {space}".encode()).hexdigest()[:6]
-
-
-def _tail(target: Path) -> str:
-    return target.name[-100:]
 
 
 def _reason(error: OSError) -> str:

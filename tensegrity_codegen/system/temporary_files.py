@@ -1,21 +1,22 @@
-"""Temporary files and folders that are open now, told to the process that waits for this one.
+"""Temporary files and folders that do not outlive the work that they are for, even if it is killed.
 
-When this process has to be killed, that process removes them (see supervised.py). Without such a process
-nothing is told, and what is left is removed by the next run.
+Those that are open now are told to the process that waits for this one, which removes them when this process
+has to be killed (see supervised.py). The names of all contain the process that made them: whoever makes the
+next one removes those whose process has ended.
 """
 
+import hashlib
 import os
+import platform
+import re
 import secrets
 import shutil
 import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from filelock import FileLock
 
 LONGEST = 4096  # bytes of one announcement; a pipe takes that many in one piece
 
@@ -68,16 +69,12 @@ def read_announcements(data: bytes, known: set[str], advice: list[str | None] | 
 
 def remove_leftovers(known: set[str]) -> None:
     """Remove the files and folders of a process that was killed."""
-    import shutil
-
     for name in known:
         path = Path(name)
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
         with suppress(OSError):
             path.unlink(missing_ok=True)
-        with suppress(OSError):
-            path.with_name(path.name + ".lock").unlink(missing_ok=True)
 
 
 def _write(sign: bytes, text: Path | str) -> None:
@@ -87,18 +84,8 @@ def _write(sign: bytes, text: Path | str) -> None:
             os.write(_pipe[0], data)
 
 
-# Temporary folders that do not outlive the work that they are for, even if it is killed.
-#
-# Beside each lies a lock, made before the folder and held as long as its process lives. Whoever makes the
-# next one with `sweep` removes the folders whose lock is free: the system releases the locks of a killed
-# process.
-
-
 PREFIX = "tensegrity_codegen-"
-LOCK = ".lock"  # ending of the lock of a folder
-STALE_AFTER = 24 * 3600.0  # s; for folders that have no lock
-ATTEMPTS = 20
-LOCK_ERRORS = (OSError, NotImplementedError)  # the file system has no locks
+STALE_AFTER = 24 * 3600.0  # s; where the system does not say whether a process runs
 
 
 @contextmanager
@@ -117,94 +104,52 @@ def work_folder(parent: Path | None = None, *, sweep: bool = False) -> Iterator[
     """
     place = Path(tempfile.gettempdir()).resolve() if parent is None else parent
     if sweep:
-        sweep_folders(place)
-    folder, lock = _make_locked(place)
+        remove_abandoned(place)
+    folder = place / f"{PREFIX}{name_owner()}"
+    announce(folder)
     try:
+        folder.mkdir(mode=0o700)
         yield folder
     finally:
-        _remove(folder)
-        if lock is not None:
-            lock.release()
-            _remove(folder)  # Windows keeps the lock while it is held
+        shutil.rmtree(folder, ignore_errors=True)
         withdraw(folder)
 
 
-def sweep_folders(parent: Path) -> None:
-    """Remove the folders in `parent` that killed processes of this user left; those in use stay."""
+def name_owner() -> str:
+    """Return a part of a name that no other file has, and that tells which process made it."""
+    return f"{_name_machine()}-{os.getpid()}-{secrets.token_hex(6)}"
+
+
+def remove_abandoned(parent: Path, before: str = PREFIX, after: str = "") -> None:
+    """Remove what processes of this machine that have ended left in a folder.
+
+    before, after: what stands in the names before and after that of the owner.
+    """
+    pattern = rf"{re.escape(before)}{_name_machine()}-(\d+)-[0-9a-f]{{12}}{re.escape(after)}"
     with suppress(OSError), os.scandir(parent) as items:
         for item in items:
-            if item.name.startswith(PREFIX) and _is_own(item):
-                if item.name.endswith(LOCK):
-                    _remove_abandoned(Path(item.path.removesuffix(LOCK)))
-                elif item.is_dir(follow_symlinks=False) and not _lock_of(Path(item.path)).exists():
-                    _remove_old(Path(item.path))
+            match = re.fullmatch(pattern, item.name)
+            if match and not _is_in_use(item, int(match[1])):
+                remove_leftovers({item.path})
 
 
-def _make_locked(parent: Path) -> "tuple[Path, FileLock | None]":
-    """Make a folder and take its lock first; None where the file system has no locks."""
-    from filelock import FileLock, Timeout  # half of the time that importing this module would take
-
-    if not parent.is_dir():  # FileLock would make it
-        raise FileNotFoundError(2, "No such folder", str(parent))
-    for _ in range(ATTEMPTS):
-        folder = parent / f"{PREFIX}{secrets.token_hex(6)}"
-        announce(folder)
-        lock = FileLock(str(_lock_of(folder)), timeout=0, mode=0o600)
-        try:
-            lock.acquire()
-        except Timeout:
-            continue
-        except LOCK_ERRORS:
-            folder.mkdir(mode=0o700)
-            return folder, None
-        if _lock_of(folder).exists():
-            folder.mkdir(mode=0o700)
-            return folder, lock
-        lock.release()  # it was swept before it was taken
-    raise OSError(11, "temporary folders are removed as soon as they are made", str(parent))
-
-
-def _lock_of(folder: Path) -> Path:
-    return folder.with_name(folder.name + LOCK)
-
-
-def _remove(folder: Path) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
-    with suppress(OSError):
-        _lock_of(folder).unlink(missing_ok=True)
-
-
-def _is_own(item: os.DirEntry[str]) -> bool:
-    if item.is_symlink():
+def _is_in_use(item: os.DirEntry[str], process: int) -> bool:
+    """Return whether the process runs that made a file or folder."""
+    if os.name != "posix":
+        return time.time() - item.stat(follow_symlinks=False).st_mtime < STALE_AFTER
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
         return False
-    return not hasattr(os, "geteuid") or item.stat(follow_symlinks=False).st_uid == os.geteuid()
+    except (OSError, OverflowError):
+        return True
+    return True
 
 
-def _remove_abandoned(folder: Path) -> None:
-    """Remove a folder whose lock is free, and the lock."""
-    from filelock import FileLock, Timeout
-
-    lock = FileLock(str(_lock_of(folder)), timeout=0, mode=0o600)
-    try:
-        lock.acquire()
-    except Timeout:
-        return
-    except LOCK_ERRORS:
-        _remove_old(folder)
-        return
-    try:
-        _remove(folder)
-    finally:
-        lock.release()
-
-
-def _remove_old(folder: Path) -> None:
-    if _age(folder) > STALE_AFTER:
-        _remove(folder)
-
-
-def _age(folder: Path) -> float:
-    try:
-        return time.time() - folder.stat().st_mtime
-    except OSError:
-        return 0.0
+@cache
+def _name_machine() -> str:
+    """Return what tells apart the processes of machines and containers that share a folder."""
+    space = ""
+    with suppress(OSError):
+        space = str(Path("/proc/self/ns/pid").readlink())
+    return hashlib.sha256(f"{platform.node()} {space}".encode()).hexdigest()[:6]

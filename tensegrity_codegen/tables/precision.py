@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, suggest
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,8 @@ PRECISIONS: Mapping[str, Precision] = {
 
 
 def find_precision(name: str, where: str = "model.precision") -> Precision:
-    """Return the precision of that name; raises FormulationError, naming `where`, for an unknown one."""
-    if name not in PRECISIONS:
-        raise FormulationError(
-            "unknown precision",
-            where=where,
-            given=name,
-            allowed=", ".join(PRECISIONS),
-            hint=suggest(name, PRECISIONS),
-        )
+    """Return the precision of that name; raises UnknownNameError, naming `where`, for an unknown one."""
+    check_choice(name, PRECISIONS, "precision", where)
     return PRECISIONS[name]
 
 

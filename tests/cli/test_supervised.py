@@ -121,7 +121,7 @@ def test_what_the_killed_worker_was_writing_is_removed(tmp_path: Path) -> None:
     process = start(LEAVING, tmp_path)
     assert process.stdout is not None
     assert process.stdout.readline() == "written\n"
-    assert len(list(tmp_path.iterdir())) == 3  # a folder, its lock and a file
+    assert len(list(tmp_path.iterdir())) == 2  # a folder and a file
     interrupt(process)
     assert list(tmp_path.iterdir()) == []
 

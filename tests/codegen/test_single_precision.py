@@ -28,6 +28,7 @@ from tensegrity_codegen.system.errors import (
     InvalidValueError,
     LibraryError,
     NonFiniteError,
+    UnknownNameError,
 )
 from tests.cases import thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
@@ -209,7 +210,7 @@ def test_a_library_of_the_other_precision_is_refused(built: str, asked: str) -> 
 
 
 def test_an_unknown_precision_of_a_library_lists_the_known_ones() -> None:
-    with pytest.raises(FormulationError, match="unknown precision") as caught:
+    with pytest.raises(UnknownNameError, match="unknown precision") as caught:
         build_library(*bare()).load(precision="half")
     assert caught.value.allowed == "double, single"
 
@@ -269,7 +270,7 @@ def test_casadi_cannot_call_it_and_is_not_offered_to() -> None:
 
 def test_an_unknown_precision_is_refused_with_the_known_ones() -> None:
     structure, request = bare()
-    with pytest.raises(FormulationError, match="unknown precision") as caught:
+    with pytest.raises(UnknownNameError, match="unknown precision") as caught:
         emit(structure, replace(request, precision="float"))
     assert (caught.value.where, caught.value.allowed) == ("model.precision", "double, single")
 

@@ -1,12 +1,11 @@
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.system.temporary_files import sweep_folders, work_folder
+from tensegrity_codegen.system.temporary_files import PREFIX, name_owner, remove_abandoned, work_folder
 from tests.codegen.compilers import POSIX
 
 HOLDING = """
@@ -52,25 +51,31 @@ def test_what_a_killed_process_left_is_removed_and_what_is_in_use_stays(tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
-def test_folders_without_a_lock_go_after_a_day_and_others_are_not_touched(tmp_path: Path) -> None:
-    for name, hours in (("tensegrity_codegen-old", 25), ("tensegrity_codegen-new", 1), ("other", 99)):
+@POSIX
+def test_what_another_machine_or_program_left_is_not_touched(tmp_path: Path) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    machine, _, token = name_owner().split("-")
+    names = {f"{PREFIX}000000-{ended.pid}-{token}", f"{PREFIX}{machine}-{token}", f"{PREFIX}old", "other"}
+    for name in names:
         (tmp_path / name).mkdir()
-        then = time.time() - 3600 * hours
-        os.utime(tmp_path / name, (then, then))
-    (tmp_path / "tensegrity_codegen-file").touch()
-    sweep_folders(tmp_path)
-    left = {path.name for path in tmp_path.iterdir()}
-    assert left == {"tensegrity_codegen-new", "tensegrity_codegen-file", "other"}
+    (tmp_path / f"{PREFIX}{machine}-{ended.pid}-{token}").mkdir()
+    remove_abandoned(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == names
 
 
 @POSIX
 def test_a_link_is_not_followed(tmp_path: Path) -> None:
     (tmp_path / "precious").mkdir()
     (tmp_path / "precious" / "file").touch()
-    (tmp_path / "tensegrity_codegen-x").symlink_to("precious")
-    (tmp_path / "tensegrity_codegen-x.lock").touch()
-    sweep_folders(tmp_path)
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    machine, _, token = name_owner().split("-")
+    link = tmp_path / f"{PREFIX}{machine}-{ended.pid}-{token}"
+    link.symlink_to("precious")
+    remove_abandoned(tmp_path)
     assert (tmp_path / "precious" / "file").exists()
+    assert not link.is_symlink()
 
 
 def test_a_place_that_cannot_be_written_is_a_system_error(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ from tensegrity_codegen.system.cache_root import (
     warn_of_fallback,
 )
 from tensegrity_codegen.system.errors import OutputError
-from tensegrity_codegen.system.temporary_files import sweep_folders, work_folder
+from tensegrity_codegen.system.temporary_files import remove_abandoned, work_folder
 
 SIZE_LIMIT = 2 * 2**30  # byte
 COUNT_AFTER = 0.01  # of the limit: bytes that one process adds before it counts all entries again
@@ -172,7 +172,7 @@ class Cache:
         with self._explain(self.root):
             for request in self._requests():
                 request.unlink(missing_ok=True)
-        sweep_folders(self._open("temporary"))
+        remove_abandoned(self._open("temporary"))
         return freed - self.size()
 
     def count(self) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.system.errors import FormulationError, check_choice
 from tensegrity_codegen.tables.targets import Target, find_system
 
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion")
@@ -75,15 +75,8 @@ OWN_OPTIONS = {
 
 
 def find_flags(name: str, where: str = "model.flags") -> FlagSet:
-    """Return the flag set of that name; raises FormulationError, naming `where`, for an unknown one."""
-    if name not in FLAG_SETS:
-        raise FormulationError(
-            "unknown compile flags",
-            where=where,
-            given=name,
-            allowed=", ".join(FLAG_SETS),
-            hint=suggest(name, FLAG_SETS),
-        )
+    """Return the flag set of that name; raises UnknownNameError, naming `where`, for an unknown one."""
+    check_choice(name, FLAG_SETS, "compile flags", where)
     return FLAG_SETS[name]
 
 

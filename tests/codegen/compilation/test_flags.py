@@ -7,7 +7,7 @@ from tensegrity_codegen.codegen.compilation.flags import (
     describe_toolchain,
     find_flags,
 )
-from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.errors import UnknownNameError
 from tensegrity_codegen.tables.targets import find_system, library_file_name
 
 pytestmark = pytest.mark.optimised
@@ -56,7 +56,7 @@ def test_zig_gets_a_portable_cpu_that_native_overrides():
 
 
 def test_unknown_flags_list_the_known_ones():
-    with pytest.raises(FormulationError, match="unknown compile flags") as caught:
+    with pytest.raises(UnknownNameError, match="unknown compile flags") as caught:
         find_flags("natve")
     assert (caught.value.where, caught.value.given) == ("model.flags", "natve")
     assert "'native'" in caught.value.hint

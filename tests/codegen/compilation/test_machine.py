@@ -20,7 +20,7 @@ from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.system.errors import CompileError, FormulationError, LibraryError
+from tensegrity_codegen.system.errors import CompileError, LibraryError, UnknownNameError
 from tensegrity_codegen.tables.manifest import STATUS, Manifest
 from tests.cases import thorough
 from tests.codegen.build_c import STRICT, has_sanitizers, run, write_files
@@ -316,10 +316,10 @@ def test_the_makefile_compiles_as_asked() -> None:
 @pytest.mark.parametrize("flags", ["natve", "-O3", ""])
 def test_unknown_flags_are_refused(flags: str) -> None:
     structure, request = bare()
-    with pytest.raises(FormulationError, match="unknown compile flags") as caught:
+    with pytest.raises(UnknownNameError, match="unknown compile flags") as caught:
         build_library(structure, replace(request, flags=flags))
     assert caught.value.allowed == "reference, native, small"
-    with pytest.raises(FormulationError, match="unknown compile flags"):
+    with pytest.raises(UnknownNameError, match="unknown compile flags"):
         build_library(structure, request, flags=flags)
 
 

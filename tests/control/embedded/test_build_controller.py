@@ -14,11 +14,11 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.system.errors import (
-    FormulationError,
     InvalidNameError,
     InvalidValueError,
     LibraryError,
     OutputError,
+    UnknownNameError,
 )
 from tests.codegen.quickly import without_optimisation
 
@@ -42,7 +42,7 @@ def test_parts_of_another_model_sample_or_range_are_refused(
         build_controller(model, motion, gains, arguments={"m_top1": 0.01}, out=out)
     with pytest.raises(InvalidValueError, match="a whole number from 2 on"):
         build_controller(model, motion, gains, knots=1, out=out)
-    with pytest.raises(FormulationError, match="unknown precision"):
+    with pytest.raises(UnknownNameError, match="unknown precision"):
         build_controller(model, motion, gains, precision="half", out=out)
     with pytest.raises(InvalidNameError):
         build_controller(model, motion, gains, name="not a name", out=out)
