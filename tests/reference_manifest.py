@@ -13,7 +13,8 @@ Array = NDArray[np.float64]
 
 # What the formulation in node positions offers, and so the reference.
 NODE_POSITION_QUANTITIES = (
-    *("member_vector", "member_length", "member_tension", "force_density", "node_force", "node_residual"),
+    *("member_vector", "member_length", "member_tension", "force_density", "node_speed", "node_force"),
+    "node_residual",
     *("support_reaction", "elastic_energy", "potential_energy", "kinetic_energy", "total_energy"),
     *("acceleration", "state_derivative", "mass_matrix", "material_stiffness", "geometric_stiffness"),
     *("tangent_stiffness", "damping_matrix", "equilibrium_matrix", "state_jacobian", "input_jacobian"),

@@ -121,7 +121,7 @@ def test_the_key_of_a_study_changes_with_code_scene_options_and_machine(
     assert hash_study(structure, None, "reference", "0.2") != key
     heavier = structure.with_changes(node_mass=2.0 * structure.node_mass)
     assert hash_study(heavier, None, "reference", "0.1") != key
-    for name in ("hash_package", "name_processor", "_version"):
+    for name in ("hash_package", "name_processor", "find_version"):
         with monkeypatch.context() as patch:
             patch.setattr(study, name, lambda *_: "another")
             study._surroundings.cache_clear()
