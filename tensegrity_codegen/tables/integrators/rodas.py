@@ -13,5 +13,6 @@ INTEGRATOR = Integrator(
     dense_order=4,
     noise_share=1.0,
     vibration_loss=(1.9e-5, 6),
+    look=(1, "dotted", "*"),
     in_single=False,
 )
