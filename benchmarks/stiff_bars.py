@@ -1,15 +1,17 @@
 """Stiff bars: our methods beside MuJoCo, SUNDIALS and SciPy, each at its cheapest setting for one error.
 
-python benchmarks/stiff_bars.py [prism] [icosahedron] [tower] [--patience 60] [--document docs/stiffness.md]
+python benchmarks/stiff_bars.py [prism] [icosahedron] [tower] [rosenbrock] [--patience 60] [--document FILE]
 
-The example scenes without damping and with the mass of bars at their ends, since springs have no mass in
-MuJoCo and slack tendons keep their damping; the tower has 912 members. Bars are so many times as stiff as the
-stiffest cable, at the forces that they have. Errors are the largest of all node coordinates at eleven times,
-against a reference that two methods certify. Times are medians of CPU time in rounds that take turns.
-SUNDIALS runs through CasADi by Adams' methods and BDF, with functional and Newton's iteration, SciPy by its
-integrators, both over accelerations that are compiled for this machine. Settings are tried from
-loose to tight, eight a decade; of four that reach the error the fastest counts. A peer that needs more than
-the patience at four settings is given up, and what is printed is a lower bound.
+The example scenes without damping, but for the cases `rosenbrock`, and with the mass of bars at their ends,
+since springs have no mass in MuJoCo and slack tendons keep their damping; the tower has 912 members. Bars
+are so many times as stiff as the stiffest cable, at the forces that they have. Errors are the largest of
+all node coordinates at eleven times, against a reference that two methods certify. Times are medians of CPU
+time in rounds that take turns. SUNDIALS runs through CasADi by Adams' methods and BDF, with functional and
+Newton's iteration, SciPy by its integrators, both over accelerations that are compiled for this machine.
+Settings are tried from loose to tight, eight a decade; of four that reach the error the fastest counts. A
+peer that needs more than the patience at four settings is given up, and what is printed is a lower bound.
+Damping of the cables, where there is some, is so many times the critical one, 2 sqrt(k m) with the mean
+mass of the nodes.
 """
 
 import argparse
@@ -41,8 +43,9 @@ from tensegrity_codegen.studies.work_precision.own import own_contenders
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
 
 EXPLICIT = ("node_position, rk54", "node_position, rk853", "node_position, rk4")
-RADAU, CORRECTED = (
+RADAU, RODAS, CORRECTED = (
     "node_position, radau",
+    "node_position, rodas",
     tuple(f"rigid_bar, corrected, {m}" for m in ("rk54", "rk853", "rk4")),
 )
 MUJOCO, INTEGRATORS = ("MuJoCo RK4", "MuJoCo Euler", "MuJoCo implicitfast"), ("CVODES", "IDAS", "SciPy")
@@ -91,21 +94,45 @@ class Ask:
 
 @dataclass(frozen=True)
 class Case:
-    """A structure, its stiffness ratio, the simulated time [s], the error wanted [m], and what is asked."""
+    """A structure, its stiffness ratio, the simulated time [s], the error wanted [m], and what is asked.
+
+    damping: of its cables, over the critical one.
+    """
 
     name: str
     ratio: float
     t_end: float
     error: float
     asks: tuple[Ask, ...]
+    damping: float = 0.0
+
+    @property
+    def title(self) -> str:
+        """What the case is called in the tables."""
+        damped = f", damping {self.damping:g}" if self.damping else ""
+        return f"{self.name}, ratio {self.ratio:.0e}{damped}, {self.t_end:g} s, error {self.error:.0e} m"
 
 
+# Rosenbrock's method beside the other implicit one and the explicit ones.
+BESIDE = (Ask((RODAS,), (RADAU,), 1), Ask((RODAS,), EXPLICIT[:2], 1))
 ANY = (*EXPLICIT[:2], RADAU, *CORRECTED)
 CASES = (
     Case("prism", 1e3, 1.0, 1e-5, (Ask(ANY, MUJOCO, 30), Ask(ANY, INTEGRATORS, 50))),
     Case("icosahedron", 1e3, 1.0, 1e-5, (Ask(ANY, MUJOCO, 30), Ask(ANY, INTEGRATORS, 50))),
     Case("prism", 1e7, 1.0, 1e-4, (Ask((RADAU,), MUJOCO, 300), Ask(CORRECTED, MUJOCO, 2000))),
     Case("tower", 1e7, 0.1, 1e-4, (Ask((RADAU,), INTEGRATORS, 50), Ask((RADAU,), EXPLICIT, 3))),
+    *(
+        Case(name, ratio, 1.0, error, BESIDE, damping)
+        for name, ratio, damping in (
+            ("prism", 1.0, 0.1),
+            ("prism", 1.0, 10.0),
+            ("prism", 1.0, 1e3),
+            ("icosahedron", 1.0, 10.0),
+            ("prism", 1e3, 10.0),
+            ("prism", 1e3, 0.0),
+        )
+        for error in (1e-3, 1e-5, 1e-8)
+    ),
 )
 
 
@@ -131,7 +158,9 @@ def load(case: Case) -> Structure:
     mass = structure.node_mass.copy()
     np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
     none = np.zeros(structure.n_members)
-    structure = structure.with_changes(node_mass=mass, member_mass=none, damping=none)
+    critical = 2.0 * np.sqrt(structure.spring_constant * mass.mean())
+    damping = np.where(structure.tension_only, case.damping * critical, 0.0)
+    structure = structure.with_changes(node_mass=mass, member_mass=none, damping=damping)
     bars = ~structure.tension_only
     stiff = case.ratio * structure.spring_constant[~bars].max()
     rest = structure.member_length() - structure.static_tension() / stiff
@@ -146,7 +175,10 @@ def make_contenders(case: Case) -> dict[str, Contender]:
     problem = MotionProblem(load(case), np.linspace(0.0, case.t_end, 11), False)
     wanted = {name for ask in case.asks for name in ask.ours} | set(REFERENCES)
     others = tuple(name for ask in case.asks for name in ask.others)
-    makers = [*own_contenders(problem, flags="native", compiler=None), *peer_contenders(problem)]
+    makers = [
+        *own_contenders(problem, flags="native", compiler=None, more=("rodas",)),
+        *peer_contenders(problem),
+    ]
     if case.name == "tower":
         wanted -= {"node_position, rk4", *CORRECTED}
     found = {}
@@ -241,7 +273,7 @@ def run_case(case: Case, patience: float) -> tuple[list[str], list[str]]:
     """Return rows of the table of what is asked, and of all that was measured."""
     contenders = make_contenders(case)
     reference = certify(case, contenders)
-    title = f"{case.name}, ratio {case.ratio:.0e}, {case.t_end:g} s, error {case.error:.0e} m"
+    title = case.title
     print(
         f"{title}: reference {reference.first}, {reference.second} differs by {reference.uncertainty:.1e} m"
     )
@@ -280,7 +312,7 @@ def judge(title: str, ask: Ask, found: dict[str, Found]) -> str:
 def main() -> None:
     """Print both tables, and write them down if asked to."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", help="prism, icosahedron, tower; all if none")
+    parser.add_argument("names", nargs="*", help="prism, icosahedron, tower, rosenbrock; all if none")
     parser.add_argument(
         "--patience", type=float, default=60.0, help="seconds that one run of a peer may take"
     )
@@ -288,7 +320,8 @@ def main() -> None:
     words = parser.parse_args()
     asked, rows = [], []
     for case in CASES:
-        if not words.names or case.name in words.names:
+        kind = "rosenbrock" if case.asks is BESIDE else case.name
+        if not words.names or kind in words.names:
             more, measured = run_case(case, words.patience)
             print("\n".join([*more, *measured]), flush=True)
             asked += more

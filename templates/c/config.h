@@ -27,7 +27,8 @@ enum {
   N_MASSES = N,             /* entries of the mass matrix */
   AXES = WITH_AXES_3 ? 3 : 1,
   N_RIGID = WITH_AXES_3 ? 6 : 1, /* rigid motions */
-  N_DRIVEN = 1                   /* numbers that can change with time */
+  N_DRIVEN = 1,                  /* numbers that can change with time */
+  N_STATE_JACOBIAN = 2 * N       /* numbers that it has */
 };
 
 /* What the functions take beside coordinate and velocity. */
@@ -46,6 +47,21 @@ static inline void motion_slope(
   (void)velocity;
   for (k = 0; k < N; ++k) {
     result[k] = -with->stiffness[0] * coordinate[k];
+  }
+}
+
+/* The Jacobian of the state derivative, column by column: v' to q, then q' to v. */
+extern const int scene_state_jacobian_row[N_STATE_JACOBIAN], scene_state_jacobian_column_start[2 * N + 1];
+
+static inline void motion_state_jacobian(
+    const real *coordinate, const real *velocity, const motion_arguments *with, real *result)
+{
+  int k;
+  (void)coordinate;
+  (void)velocity;
+  for (k = 0; k < N; ++k) {
+    result[k] = -with->stiffness[0];
+    result[N + k] = (real)1.0;
   }
 }
 

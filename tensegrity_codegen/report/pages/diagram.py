@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.report.number_text import format_number, raise_digits
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, PAPER, SEQUENCE
-from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
+from tensegrity_codegen.tables.integrators import INTEGRATORS, STIFF_INTEGRATOR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -229,7 +229,7 @@ METHOD_STYLES: dict[str, MethodStyle] = {
     "rk54": MethodStyle(GREEN, "line", "s"),
     "tsit5": MethodStyle(VIOLET, "line", "D"),
     "rk853": MethodStyle(BLUE, "line", "o"),
-    STIFF_INTEGRATOR: MethodStyle(VERMILION, "line", "^"),
+    **{name: MethodStyle(*row.look) for name, row in INTEGRATORS.items() if row.look is not None},
     "scipy dop853": MethodStyle(BLUE, "dashed", "P"),
     "scipy rk45": MethodStyle(GREEN, "dashed", "X"),
     "scipy lsoda": MethodStyle(SLATE, "dashed", "h"),

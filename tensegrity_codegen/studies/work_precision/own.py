@@ -64,11 +64,14 @@ VARIANTS: Mapping[str, Variant] = {
 
 
 def own_contenders(
-    problem: MotionProblem, *, flags: str, compiler: str | None
+    problem: MotionProblem, *, flags: str, compiler: str | None, more: tuple[str, ...] = ()
 ) -> Iterator[tuple[str, Callable[[], Contender]]]:
-    """Yield name and maker of each of our contenders; makers raise Unavailable for what does not apply."""
+    """Yield name and maker of each of our contenders; makers raise Unavailable for what does not apply.
+
+    more: methods for node coordinates besides the usual ones.
+    """
     for title, variant in VARIANTS.items():
-        for method in variant.methods:
+        for method in (*variant.methods, *(more if title == "node_position" else ())):
             yield f"{title}, {method}", partial(_make, problem, title, method, flags, compiler)
 
 

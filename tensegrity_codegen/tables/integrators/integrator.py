@@ -38,6 +38,8 @@ class Integrator:
         interpolation.
     noise_share, vibration_loss
         With error control: as of a tableau.
+    look : tuple of int, str and str, optional
+        Number of the colour, dash and marker of its line in diagrams of reports; tableaus have theirs there.
     counts : tuple of str
         What an implicit one counts, in the order of C.
     in_batches : bool
@@ -60,6 +62,7 @@ class Integrator:
     dense_order: int = 0
     noise_share: float = 0.0
     vibration_loss: tuple[float, int] = (0.0, 0)
+    look: tuple[int, Literal["line", "dashed", "dotted", "dashdot"], str] | None = None
     counts: tuple[str, ...] = ()
     in_batches: bool = False
     keeps_energy: bool = False

@@ -9,6 +9,7 @@ INTEGRATOR = Integrator(
     "stiff bars are",
     order=5,
     quantities=("cable_force", "member_law", "mass_matrix"),
+    look=(1, "line", "^"),
     counts=("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations"),
     in_single=False,
 )

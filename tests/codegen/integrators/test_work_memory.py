@@ -12,10 +12,12 @@ MAIN = r"""
 #include "explicit.h"
 #include "radau.h"
 #include "rk4.h"
+#include "rodas.h"
 int main(void)
 {
   printf("%zu %zu ", sizeof(event_memory), sizeof(energy_memory));
-  printf("%zu %zu %zu\n", sizeof(radau_work), sizeof(method_work), sizeof(rk4_work));
+  printf("%zu %zu %zu ", sizeof(radau_work), sizeof(method_work), sizeof(rk4_work));
+  printf("%zu\n", sizeof(rodas_memory));
   return 0;
 }
 """
@@ -29,6 +31,7 @@ def test_sizes_are_those_of_the_compiler(n: int, tmp_path: Path) -> None:
         "AXES": axes,
         "N_MARGINS": 2,
         "N_MASSES": n,
+        "N_STATE_JACOBIAN": 2 * n,
         "N_UNKNOWNS": n + 1 + (axes == 3),
         "N_DAMPED": int(axes == 3),
         "WITH_RADAU_DAMPED": int(axes == 3),
@@ -49,6 +52,7 @@ def test_sizes_are_those_of_the_compiler(n: int, tmp_path: Path) -> None:
     sizes["event_memory"] = events
     sizes["energy_memory"] = energy = count_bytes("energy_memory", "energy.h", sizes)
     files = {"radau_work": "radau_work.h", "method_work": "explicit.h", "rk4_work": "rk4.h"}
+    files["rodas_memory"] = "rodas.h"
     expected = [events, energy, *(count_bytes(struct, file, sizes) for struct, file in files.items())]
     assert [int(word) for word in run_c(MAIN, tmp_path, *options_for(n, False)).split()] == expected
 

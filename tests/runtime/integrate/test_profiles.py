@@ -29,7 +29,7 @@ INPUTS = (
 )
 FloatArray = NDArray[np.float64]
 
-IN_C = ("rk4", "rk54", "rk853", "tsit5", "radau")
+IN_C = ("rk4", "rk54", "rk853", "tsit5", "radau", "rodas")
 END = 3.0
 # Knots that no equal steps meet, with a jump at 1.31 s.
 KNOTS = [0.0, 0.7321, 1.31, 1.31, 1.9173, 2.6457, END]
