@@ -10,6 +10,9 @@ from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.request import ModelRequest
 
 _LETTERS = "xyz"
+# Keys of the section `model` that are always written, and those that are where they are not as usual.
+_MODEL_KEYS = ("formulation", "emitter", "quantities", "integrators")
+_MORE_MODEL_KEYS = ("events", "keep", "precision", "flags", "batch_width", "solvers", "interfaces")
 _NODE_PARAMETERS = ("node_mass", "node_load", "anchor_position")
 
 
@@ -97,26 +100,12 @@ def describe_request(
     request: ModelRequest, node_name: Sequence[str], member_name: Sequence[str]
 ) -> dict[str, Any]:
     """Return the sections `model` and `parameters` of a scene document."""
-    model: dict[str, Any] = {
-        "formulation": request.formulation,
-        "emitter": request.emitter,
-        "quantities": list(request.quantities),
-        "integrators": list(request.integrators),
-    }
-    if request.events is not None:
-        model["events"] = list(request.events)
-    if request.keep:
-        model["keep"] = list(request.keep)
-    if request.precision != "double":
-        model["precision"] = request.precision
-    if request.flags != "reference":
-        model["flags"] = request.flags
-    if request.batch_width:
-        model["batch_width"] = request.batch_width
-    if request.solvers:
-        model["solvers"] = list(request.solvers)
-    if request.interfaces:
-        model["interfaces"] = list(request.interfaces)
+    usual = ModelRequest(())
+    model: dict[str, Any] = {}
+    for key in (*_MODEL_KEYS, *_MORE_MODEL_KEYS):
+        value = getattr(request, key)
+        if key in _MODEL_KEYS or value != getattr(usual, key):
+            model[key] = list(value) if isinstance(value, tuple) else value
     if request.options:
         model["options"] = dict(request.options)
     parameters: dict[str, Any] = {}

@@ -164,7 +164,9 @@ def _check_values(structure: Structure, where: str) -> None:
         value = getattr(structure, key)
         if value.dtype.kind != "f" or key == "gravity":
             continue
-        section, names = _owner(structure, str(shape[0]))
+        of_nodes = shape[0] == "n_nodes"
+        section = "nodes" if of_nodes else "members"
+        names = structure.node_name if of_nodes else structure.member_name
         finite: NDArray[np.bool_] = np.all(np.isfinite(value.reshape(len(names), -1)), axis=1)
         report = partial(refuse, section=section, names=names, where=where, given=value)
         short = key.removeprefix("node_").removeprefix("member_")
@@ -186,12 +188,6 @@ def _check_values(structure: Structure, where: str) -> None:
         given=used,
         allowed=f"0 to {structure.n_nodes - 1}",
     )
-
-
-def _owner(structure: Structure, dimension: str) -> tuple[str, tuple[str, ...]]:
-    if dimension == "n_nodes":
-        return "nodes", structure.node_name
-    return "members", structure.member_name
 
 
 def _check_laws(structure: Structure, where: str) -> None:
