@@ -28,7 +28,7 @@ from harness.turns import EXAMPLES, markdown_head, markdown_row, measure_call, t
 
 from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.stability.cases import as_springs
+from tensegrity_codegen.studies.stability.cases import as_springs, stiffen_bars
 from tensegrity_codegen.studies.work_precision.measure import (
     Contender,
     MotionProblem,
@@ -128,17 +128,9 @@ def load(case: Case) -> Structure:
             path = Path(folder) / "tower.toml"
             path.write_text(TOWER, encoding="utf-8")
         structure = as_springs(load_nodes(path))
-    mass = structure.node_mass.copy()
-    np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
     none = np.zeros(structure.n_members)
-    structure = structure.with_changes(node_mass=mass, member_mass=none, damping=none)
-    bars = ~structure.tension_only
-    stiff = case.ratio * structure.spring_constant[~bars].max()
-    rest = structure.member_length() - structure.static_tension() / stiff
-    return structure.with_changes(
-        spring_constant=np.where(bars, stiff, structure.spring_constant),
-        rest_length=np.where(bars, rest, structure.rest_length),
-    )
+    structure = structure.with_changes(node_mass=structure.lumped_mass, member_mass=none, damping=none)
+    return stiffen_bars(structure, case.ratio * structure.spring_constant[~structure.is_bar].max())
 
 
 def make_contenders(case: Case) -> dict[str, Contender]:
