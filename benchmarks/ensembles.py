@@ -32,6 +32,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.studies.stability.cases import stiffen_bars
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Unavailable, measure
 from tensegrity_codegen.studies.work_precision.peers import mujoco_tendons, sundials
 from tensegrity_codegen.tables.request import ModelRequest
@@ -69,16 +70,9 @@ class Line:
 def make_structure(ratio: float = 1e3) -> Structure:
     """Return the prism at its equilibrium, the mass of bars at their ends, bars `ratio` times as stiff."""
     structure = load_nodes(SCENE)
-    mass = structure.node_mass.copy()
-    np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2.0, 2))
-    bars, mu = structure.is_bar, structure.spring_constant
-    stiff = np.where(bars, ratio * mu[~bars].max(), mu)
-    rest = np.where(
-        bars, structure.member_length() - structure.static_tension() / stiff, structure.rest_length
-    )
-    structure = structure.with_changes(
-        node_mass=mass, member_mass=np.zeros(len(mu)), spring_constant=stiff, rest_length=rest
-    )
+    none = np.zeros(structure.n_members)
+    structure = structure.with_changes(node_mass=structure.lumped_mass, member_mass=none)
+    structure = stiffen_bars(structure, ratio * structure.spring_constant[~structure.is_bar].max())
     request = ModelRequest(())
     wanted = request.wanting(*equilibrium_quantities(structure, request))
     found = find_equilibrium(build_library(structure, wanted).load())

@@ -30,7 +30,7 @@ from harness.turns import EXAMPLES, markdown_head, markdown_row, measure_call, t
 
 from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.stability.cases import as_springs
+from tensegrity_codegen.studies.stability.cases import as_springs, stiffen_bars
 from tensegrity_codegen.studies.work_precision.measure import (
     Contender,
     MotionProblem,
@@ -155,19 +155,12 @@ def load(case: Case) -> Structure:
             path = Path(folder) / "tower.toml"
             path.write_text(TOWER, encoding="utf-8")
         structure = as_springs(load_nodes(path))
-    mass = structure.node_mass.copy()
-    np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
     none = np.zeros(structure.n_members)
+    mass = structure.lumped_mass
     critical = 2.0 * np.sqrt(structure.spring_constant * mass.mean())
     damping = np.where(structure.tension_only, case.damping * critical, 0.0)
     structure = structure.with_changes(node_mass=mass, member_mass=none, damping=damping)
-    bars = ~structure.tension_only
-    stiff = case.ratio * structure.spring_constant[~bars].max()
-    rest = structure.member_length() - structure.static_tension() / stiff
-    return structure.with_changes(
-        spring_constant=np.where(bars, stiff, structure.spring_constant),
-        rest_length=np.where(bars, rest, structure.rest_length),
-    )
+    return stiffen_bars(structure, case.ratio * structure.spring_constant[~structure.is_bar].max())
 
 
 def make_contenders(case: Case) -> dict[str, Contender]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from harness.acceptance import Floor
@@ -92,8 +93,8 @@ def draw_sizes(rows: Sequence[Row]) -> Iterator[Drawing]:
     """Yield bytes of instructions and seconds to compile of the force."""
     force = [row for row in _drawn(rows) if row.quantity == "node_force" and row.code_bytes]
     for name, value, unit in (
-        ("code_bytes", _code, "bytes of instructions"),
-        ("compile_seconds", _seconds, "s to compile"),
+        ("code_bytes", attrgetter("code_bytes"), "bytes of instructions"),
+        ("compile_seconds", attrgetter("compile_seconds"), "s to compile"),
     ):
         if force:
             yield Drawing(name, _over_members(_lines(force, value), unit), f"node_force: {unit}")
@@ -131,14 +132,6 @@ def _drawn(rows: Iterable[Row]) -> list[Row]:
         if MANY not in row.structure and row.ns
         and "reference" not in row.name and "our expression" not in row.name
     ]  # fmt: skip
-
-
-def _code(row: Row) -> float | None:
-    return row.code_bytes
-
-
-def _seconds(row: Row) -> float | None:
-    return row.compile_seconds
 
 
 def _lines(rows: Sequence[Row], value: Value) -> dict[str, list[tuple[int, float]]]:

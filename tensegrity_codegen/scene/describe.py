@@ -6,10 +6,15 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.scene.describe_control import describe_control
+from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.request import ModelRequest
 
 _LETTERS = "xyz"
+# Keys of the section `model` that are always written, and those that are where they are not as usual.
+_MODEL_KEYS = ("formulation", "emitter", "quantities", "integrators")
+_MORE_MODEL_KEYS = ("events", "keep", "precision", "flags", "batch_width", "solvers", "interfaces")
+_MEMBER_COLUMNS = ("spring_constant", "axial_stiffness", "damping", "member_mass", "radius", "inner_radius")
 _NODE_PARAMETERS = ("node_mass", "node_load", "anchor_position")
 
 
@@ -68,21 +73,18 @@ def _describe_member(structure: Structure, e: int) -> dict[str, Any]:
     owner = structure.member_class[e]
     member: dict[str, Any] = {"class": owner} if owner else {"kind": _kind(structure.is_bar[e])}
     member["nodes"] = [structure.node_name[i] for i in structure.connectivity[e]]
-    member["rest_length"] = float(structure.rest_length[e])
-    values = {
-        "spring_constant": structure.spring_constant,
-        "axial_stiffness": structure.axial_stiffness,
-        "damping": structure.damping,
-        "mass": structure.member_mass,
-        "radius": structure.radius,
-    }
-    member |= {key: float(column[e]) for key, column in values.items() if column[e]}
-    if structure.inner_radius is not None and structure.inner_radius[e]:
-        member["inner_radius"] = float(structure.inner_radius[e])
-    member |= structure.describe_law(e)
-    if not structure.is_bar[e] and not structure.tension_only[e]:
-        member["tension_only"] = False
-    return member
+    return member | describe_values(structure, e, two_sided=not structure.is_bar[e])
+
+
+def describe_values(subject: Structure | BodySystem, e: int, *, two_sided: bool) -> dict[str, Any]:
+    """Return the numbers and the law of member e; two_sided: whether to say that it is not tension_only."""
+    values: dict[str, Any] = {"rest_length": float(subject.rest_length[e])}
+    for name in _MEMBER_COLUMNS:
+        column = getattr(subject, name, None)
+        if column is not None and column[e]:
+            values[name.removeprefix("member_")] = float(column[e])
+    values |= subject.describe_law(e)
+    return values | ({"tension_only": False} if two_sided and not subject.tension_only[e] else {})
 
 
 def _describe_input(structure: Structure, item: ActuatedInput) -> dict[str, Any]:
@@ -97,26 +99,12 @@ def describe_request(
     request: ModelRequest, node_name: Sequence[str], member_name: Sequence[str]
 ) -> dict[str, Any]:
     """Return the sections `model` and `parameters` of a scene document."""
-    model: dict[str, Any] = {
-        "formulation": request.formulation,
-        "emitter": request.emitter,
-        "quantities": list(request.quantities),
-        "integrators": list(request.integrators),
-    }
-    if request.events is not None:
-        model["events"] = list(request.events)
-    if request.keep:
-        model["keep"] = list(request.keep)
-    if request.precision != "double":
-        model["precision"] = request.precision
-    if request.flags != "reference":
-        model["flags"] = request.flags
-    if request.batch_width:
-        model["batch_width"] = request.batch_width
-    if request.solvers:
-        model["solvers"] = list(request.solvers)
-    if request.interfaces:
-        model["interfaces"] = list(request.interfaces)
+    usual = ModelRequest(())
+    model: dict[str, Any] = {}
+    for key in (*_MODEL_KEYS, *_MORE_MODEL_KEYS):
+        value = getattr(request, key)
+        if key in _MODEL_KEYS or value != getattr(usual, key):
+            model[key] = list(value) if isinstance(value, tuple) else value
     if request.options:
         model["options"] = dict(request.options)
     parameters: dict[str, Any] = {}

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.scene.describe import describe_request
+from tensegrity_codegen.scene.describe import describe_request, describe_values
 from tensegrity_codegen.scene.describe_control import describe_control
 from tensegrity_codegen.structure.bodies import Bar, Body, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.tables.request import ModelRequest
@@ -95,16 +95,7 @@ def _bar(system: BodySystem, bar: Bar, start: int) -> dict[str, Any]:
 def _tendon(system: BodySystem, e: int) -> dict[str, Any]:
     table: dict[str, Any] = {"class": system.member_class[e]} if system.member_class[e] else {}
     table["points"] = [_point(system, int(node)) for node in system.connectivity[e]]
-    table["rest_length"] = float(system.rest_length[e])
-    values = {
-        "spring_constant": system.spring_constant,
-        "axial_stiffness": system.axial_stiffness,
-        "damping": system.damping,
-        "radius": system.radius,
-    }
-    table |= {key: float(column[e]) for key, column in values.items() if column[e]}
-    table |= system.describe_law(e)
-    return table if system.tension_only[e] else table | {"tension_only": False}
+    return table | describe_values(system, e, two_sided=True)
 
 
 def _loads(system: BodySystem) -> list[dict[str, Any]]:

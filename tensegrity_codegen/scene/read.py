@@ -90,7 +90,7 @@ def read_scene(path: str | Path | Mapping[str, Any] | Scene) -> Scene:
             given=type(path).__name__,
             allowed="the path of a scene file, a mapping with its sections, or a Scene",
         )
-    return parse_scene(read_document(path, known=_known_keys()), str(path))
+    return parse_scene(read_document(path, known=frozenset(Scene.model_fields)), str(path))
 
 
 def name_source(path: str | Path | Mapping[str, Any] | Scene) -> str:
@@ -144,24 +144,16 @@ def read_document(path: str | Path, *, known: frozenset[str] = frozenset()) -> d
     check_text(text, where, plain=True)
     _refuse_nonsense(text, known, where)
     try:
-        return _join(tomllib.loads(text), plain) or tomllib.loads(whole)
+        document = tomllib.loads(text)
+        if any(document[name] for name in plain):  # a plain section is there in another form too
+            return tomllib.loads(whole)
+        return {key: plain.get(key, value) for key, value in document.items()}
     except tomllib.TOMLDecodeError as error:
         raise _syntax_error(whole.replace("\r\n", "\n"), str(error), where) from None
     except RecursionError:
         raise SceneSyntaxError("the file is nested too deeply to be a scene", where=where) from None
     except ValueError as error:  # an integer of thousands of digits
         raise SceneSyntaxError(f"not a scene: {error}", where=where) from None
-
-
-def _join(document: dict[str, Any], plain: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Return the document with its plain sections; empty if one is there in another form too."""
-    if any(document[name] for name in plain):
-        return {}
-    return {key: plain.get(key, value) for key, value in document.items()}
-
-
-def _known_keys() -> frozenset[str]:
-    return frozenset(Scene.model_fields)
 
 
 def _read_text(path: Path, where: str) -> str:

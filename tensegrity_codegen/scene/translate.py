@@ -47,7 +47,11 @@ def translate(error: ValidationError, where: str) -> SceneError:
 
     Unknown keys come first: a misspelt key is also a missing one.
     """
-    details = _without_echoes(error.errors(include_url=False))
+    details = error.errors(include_url=False)
+    # A list whose items were refused was long enough: "too short" of it says nothing.
+    lists = {item["loc"][:-1] for item in details}
+    kept = [item for item in details if item["type"] != "too_short" or item["loc"] not in lists]
+    details = kept or details
     details.sort(key=lambda item: item["type"] != "extra_forbidden")
     first = _translate_one(details[0], where)
     others = details[1:]
@@ -59,13 +63,6 @@ def translate(error: ValidationError, where: str) -> SceneError:
         first.problem += f" ({len(others)} more problem{'s' if len(others) > 1 else ''} below)"
         first.hint = "\n           ".join(part for part in (first.hint, "also correct", *lines) if part)
     return first
-
-
-def _without_echoes(details: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Drop "too short" of a list whose items were refused: the list was long enough."""
-    lists = {item["loc"][:-1] for item in details}
-    kept = [item for item in details if item["type"] != "too_short" or item["loc"] not in lists]
-    return kept or details
 
 
 def _translate_one(detail: ErrorDetails, where: str) -> SceneError:
@@ -113,7 +110,8 @@ def _invalid_value(detail: ErrorDetails, loc: list[str | int], place: str, given
         if kind == "union_tag_invalid" and isinstance(detail["input"], dict) and "kind" in detail["input"]:
             place, given = f"{place}.kind", detail["input"]["kind"]
     elif kind == "union_tag_not_found":
-        problem, allowed = "the key 'kind' is missing", ", ".join(_kinds_at(loc))
+        kinds = _schema_at(loc).get("discriminator", {}).get("mapping", {})
+        problem, allowed = "the key 'kind' is missing", ", ".join(kinds)
     else:
         problem, allowed = detail["msg"][:1].lower() + detail["msg"][1:], ""
     allowed = "; ".join(part for part in (allowed, _meaning(loc)) if part)
@@ -195,10 +193,6 @@ def _resolve(root: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
         return node
     target = root["$defs"][node["$ref"].rsplit("/", 1)[1]]
     return {**target, **{key: value for key, value in node.items() if key != "$ref"}}
-
-
-def _kinds_at(loc: list[str | int]) -> list[str]:
-    return list(_schema_at(loc).get("discriminator", {}).get("mapping", {}))
 
 
 def _meaning(loc: list[str | int]) -> str:

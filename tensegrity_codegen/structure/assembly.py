@@ -44,7 +44,8 @@ def order_nodes(ends: IntArray, kind: IntArray, n_nodes: int) -> IntArray:
     look = _surroundings(own, other, label, n_nodes)
     sort = np.lexsort((look[other], label, own))
     start = np.searchsorted(own[sort], np.arange(n_nodes + 1)).tolist()
-    neighbour, names = other[sort].tolist(), np.stack([label[sort], _numbers(look)[other[sort]]], 1).tolist()
+    number = np.unique(look, return_inverse=True)[1].reshape(-1)  # of the different surroundings, from 0 on
+    neighbour, names = other[sort].tolist(), np.stack([label[sort], number[other[sort]]], 1).tolist()
     found: list[int] = []
     seen = np.zeros(n_nodes, dtype=bool)
     for node in range(n_nodes):
@@ -87,12 +88,6 @@ def _mix(value: NDArray[np.uint64]) -> NDArray[np.uint64]:
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
         value = (value ^ (value >> np.uint64(shift))) * np.uint64(factor)
     return value ^ (value >> np.uint64(31))
-
-
-def _numbers(look: NDArray[np.uint64]) -> IntArray:
-    """Return 0, 1, ... in place of the different values."""
-    found: IntArray = np.unique(look, return_inverse=True)[1].reshape(-1)
-    return found
 
 
 # How a value of a member class comes about: it is zero for all, it is baked in, it is a run-time argument.
@@ -209,7 +204,8 @@ def plan_assembly(structure: Structure, parameters: Mapping[str, tuple[int, ...]
     classes = [(_class_of_row(row), bool(row[-1])) for row in features[first].tolist()]
     ends = structure.connectivity.reshape(-1, 2)
     kind = np.where(features[:, -1] == 1, class_of, -1)
-    modules, order = _find_modules(ends, class_of, kind, structure.n_nodes)
+    keys = (ends.tobytes(), class_of.tobytes(), kind.tobytes())
+    modules, order = _search_modules(*keys, structure.n_nodes)
     held = np.concatenate([np.zeros(0, dtype=np.int64), *[module.member.T.ravel() for module in modules]])
     left = np.setdiff1d(np.arange(structure.n_members), held, assume_unique=True)
     if order is not None:
@@ -219,21 +215,14 @@ def plan_assembly(structure: Structure, parameters: Mapping[str, tuple[int, ...]
         for member, in_module in ((held, True), (left, False))
         for number in dict.fromkeys(class_of[member].tolist())
     ]
-    return AssemblyPlan(tuple(groups), tuple(modules), tuple(item for item, _ in classes), ends)
-
-
-def _find_modules(
-    ends: IntArray, class_of: IntArray, kind: IntArray, n_nodes: int
-) -> tuple[list[Module], IntArray | None]:
-    """Return the modules, and the order of nodes for the other members, None for the scene's."""
-    found, order = _search_modules(ends.tobytes(), class_of.tobytes(), kind.tobytes(), n_nodes)
-    return list(found), order
+    return AssemblyPlan(tuple(groups), modules, tuple(item for item, _ in classes), ends)
 
 
 @lru_cache(maxsize=4)  # one structure is planned many times: with what it leaves out, too
 def _search_modules(
     ends_bytes: bytes, class_bytes: bytes, kind_bytes: bytes, n_nodes: int
 ) -> tuple[tuple[Module, ...], IntArray | None]:
+    """Return the modules, and the order of nodes for the other members, None for the scene's."""
     class_of, kind = np.frombuffer(class_bytes, dtype=np.int64), np.frombuffer(kind_bytes, dtype=np.int64)
     ends = np.frombuffer(ends_bytes, dtype=np.int64).reshape(-1, 2)
     natural = np.arange(n_nodes)

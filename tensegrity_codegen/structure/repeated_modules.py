@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.system.arrays import IntArray
 
@@ -78,7 +77,9 @@ def find_modules(ends: IntArray, kind: IntArray, order: IntArray) -> list[Module
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     low, high = np.sort(rank[ends], axis=1).T
-    member = np.flatnonzero((kind >= 0) & (low < high) & _is_alone(low * len(order) + high))
+    _, pair, count = np.unique(low * len(order) + high, return_inverse=True, return_counts=True)
+    alone = count[pair.reshape(-1)] == 1  # no other member joins the same nodes
+    member = np.flatnonzero((kind >= 0) & (low < high) & alone)
     runs = _find_runs(kind, low, high - low, member, len(order))
     by_shape: dict[Shape, list[Module]] = {}
     for first, last, active in _intervals(runs):
@@ -131,13 +132,6 @@ def _find_step(key: IntArray, low: IntArray, n_nodes: int) -> int:
         if share > score + 0.05:
             best, score = step, share
     return best
-
-
-def _is_alone(key: IntArray) -> NDArray[np.bool_]:
-    """Return where a key occurs once."""
-    _, place, count = np.unique(key, return_inverse=True, return_counts=True)
-    alone: NDArray[np.bool_] = count[place.reshape(-1)] == 1
-    return alone
 
 
 def _intervals(runs: _Runs) -> Iterator[tuple[int, int, list[int]]]:

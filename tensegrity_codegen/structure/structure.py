@@ -193,6 +193,13 @@ class Structure(WithMemberLaws, Summarised):
         return rigid
 
     @property
+    def lumped_mass(self) -> FloatArray:
+        """(n_nodes,) [kg]: the masses of nodes, each with half of the masses of its members."""
+        mass: FloatArray = self.node_mass.copy()
+        np.add.at(mass, self.connectivity.ravel(), np.repeat(self.member_mass / 2, 2))
+        return mass
+
+    @property
     def has_much_damping(self) -> NDArray[np.bool_]:
         """(n_members,): cables with half of critical damping or more, c >= sqrt(mu m), m: lighter end."""
         mass = self.node_mass.copy()

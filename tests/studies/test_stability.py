@@ -346,12 +346,12 @@ def test_finished_cases_are_taken_from_the_journal(tmp_path: Path, monkeypatch: 
     wrong["value"][0]["seconds"] = "soon"  # a text where a number belongs
     journal.write_text("\n".join([lines[0], torn, json.dumps(wrong)]))
 
-    def count(models: Any, limits: Any, item: Case) -> Any:
+    def count(models: Any, item: Case, limits: Any) -> Any:
         with (tmp_path / "ran").open("a") as file:
             file.write(f"{item.group}: {item.name}\n")
         return run_case(models, item, limits)
 
-    monkeypatch.setattr(report, "_run", count)
+    monkeypatch.setattr(report, "run_case", count)
     second = write_few(tmp_path, monkeypatch, overwrite=True)
     again = (tmp_path / "ran").read_text().splitlines()
     assert sorted(again) == sorted(json.loads(line)["name"] for line in lines[1:])

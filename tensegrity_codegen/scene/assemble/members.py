@@ -50,7 +50,8 @@ def build_member_arrays(
         "damping": _or_zero(given["damping"]),
         "member_mass": _member_mass(given, length),
         "radius": _or_zero(given["radius"]),
-        "inner_radius": _inner_radius(given),
+        # None where no member is a tube
+        "inner_radius": _or_zero(given["inner_radius"]) if (given["inner_radius"] > 0).any() else None,
         "law_parameter": _law_parameter(
             {**given, **stiffness},
             laws,
@@ -221,11 +222,6 @@ def _prestress_limit(row: int, given: Columns, length: FloatArray, laws: Mapping
 
 def _or_zero(values: FloatArray) -> FloatArray:
     return np.where(np.isnan(values), 0.0, values)
-
-
-def _inner_radius(given: Columns) -> FloatArray | None:
-    """Return the inner radii of members [m], None where no member is a tube."""
-    return _or_zero(given["inner_radius"]) if (given["inner_radius"] > 0).any() else None
 
 
 def _member_mass(given: Columns, length: FloatArray) -> FloatArray:

@@ -119,7 +119,9 @@ def build_inputs(
             )
         if isinstance(item, ForceInput):
             nodes = targets.find_nodes(item.nodes, "inputs", number, "nodes")
-            direction = _unit_vector(item.direction, axes, number, targets.where)
+            place = ("inputs", number, "direction")
+            vector = spread_vectors([item.direction], axes, [place], targets.where)[0]
+            direction = normalise(vector, item.direction, key_path(targets.where, *place))
             built.append(ActuatedInput(item.name, "force", nodes, direction))
         else:
             members = targets.find_members(item.members, "inputs", number, "members")
@@ -181,14 +183,6 @@ def build_parameters(
             _refuse_empty(targets.where, place, chosen)
         built[key] = tuple(sorted(found))
     return built | ({"gravity": ()} if parameters.gravity else {})
-
-
-def _unit_vector(
-    direction: tuple[float, ...], axes: tuple[int, ...], number: int, where: str
-) -> tuple[float, float, float]:
-    place = ("inputs", number, "direction")
-    vector = spread_vectors([direction], axes, [place], where)[0]
-    return normalise(vector, direction, key_path(where, *place))
 
 
 def normalise(vector: NDArray[np.float64], given: Sequence[float], where: str) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.checks.check_control import check_control
+from tensegrity_codegen.scene.checks.check_control import check_control, check_indices
 from tensegrity_codegen.scene.checks.check_laws import check_laws
 from tensegrity_codegen.scene.checks.geometry import check_connectivity, check_freedom
 from tensegrity_codegen.scene.names import check_name, check_names, check_scene_name, key_path
@@ -62,7 +62,7 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
     _check_anchored_velocity(structure, where)
     _check_plane(structure, where)
     for group, members in structure.groups.items():
-        _check_indices(members, structure.n_members, key_path(where, "groups", group))
+        check_indices(members, structure.n_members, key_path(where, "groups", group))
     for number, item in enumerate(structure.inputs):
         _check_input(structure, number, item, where)
     check_control(structure, where)
@@ -164,7 +164,9 @@ def _check_values(structure: Structure, where: str) -> None:
         value = getattr(structure, key)
         if value.dtype.kind != "f" or key == "gravity":
             continue
-        section, names = _owner(structure, str(shape[0]))
+        of_nodes = shape[0] == "n_nodes"
+        section = "nodes" if of_nodes else "members"
+        names = structure.node_name if of_nodes else structure.member_name
         finite: NDArray[np.bool_] = np.all(np.isfinite(value.reshape(len(names), -1)), axis=1)
         report = partial(refuse, section=section, names=names, where=where, given=value)
         short = key.removeprefix("node_").removeprefix("member_")
@@ -186,12 +188,6 @@ def _check_values(structure: Structure, where: str) -> None:
         given=used,
         allowed=f"0 to {structure.n_nodes - 1}",
     )
-
-
-def _owner(structure: Structure, dimension: str) -> tuple[str, tuple[str, ...]]:
-    if dimension == "n_nodes":
-        return "nodes", structure.node_name
-    return "members", structure.member_name
 
 
 def _check_laws(structure: Structure, where: str) -> None:
@@ -286,7 +282,7 @@ def _check_input(structure: Structure, number: int, item: ActuatedInput, where: 
             "unknown kind of input", where=place, given=item.kind, allowed="rest_length, force"
         )
     force = item.kind == "force"
-    _check_indices(item.targets, structure.n_nodes if force else structure.n_members, place)
+    check_indices(item.targets, structure.n_nodes if force else structure.n_members, place)
     if not force:
         if structure.is_rigid[list(item.targets)].any():
             raise InvalidValueError("a rigid bar has no rest length to change", where=place, given=item.name)
@@ -305,11 +301,4 @@ def _check_input(structure: Structure, number: int, item: ActuatedInput, where: 
             where=f"{place}.direction",
             given=item.direction,
             allowed="0 along " + ", ".join("xyz"[axis] for axis in dropped),
-        )
-
-
-def _check_indices(indices: tuple[int, ...], size: int, place: str) -> None:
-    if not indices or min(indices) < 0 or max(indices) >= size:
-        raise InvalidValueError(
-            "empty, or an index out of range", where=place, given=indices, allowed=f"0 to {size - 1}"
         )

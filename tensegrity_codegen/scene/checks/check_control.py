@@ -38,18 +38,20 @@ def check_control(structure: Structure, where: str) -> None:
                 "unknown kind of sensor", where=place, given=sensor.kind, allowed=", ".join(known)
             )
         size = structure.n_members if sensor.kind in MEMBER_SENSORS else structure.n_nodes
-        if not sensor.targets or min(sensor.targets) < 0 or max(sensor.targets) >= size:
-            raise InvalidValueError(
-                "empty, or an index out of range",
-                where=place,
-                given=sensor.targets,
-                allowed=f"0 to {size - 1}",
-            )
+        check_indices(sensor.targets, size, place)
         if not 0 <= sensor.noise < np.inf:
             raise InvalidValueError(
                 "not a standard deviation", where=place, given=sensor.noise, allowed="0 or more, finite"
             )
     _check_limits(structure, where)
+
+
+def check_indices(indices: tuple[int, ...], size: int, place: str) -> None:
+    """Raise InvalidValueError for no index at all, or one that is not from 0 to size - 1."""
+    if not indices or min(indices) < 0 or max(indices) >= size:
+        raise InvalidValueError(
+            "empty, or an index out of range", where=place, given=indices, allowed=f"0 to {size - 1}"
+        )
 
 
 def _check_actuator(item: Actuator, place: str) -> None:

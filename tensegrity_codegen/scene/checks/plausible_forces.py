@@ -2,7 +2,6 @@
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.pieces import find_pieces
@@ -58,7 +57,7 @@ def warn_of_strong_gravity(gravity: FloatArray) -> list[str]:
 
 def warn_of_falling_pieces(structure: Structure) -> list[str]:
     """Return a warning for pieces that gravity or loads push along an axis on which nothing holds them."""
-    piece = _find_pieces(structure)
+    _, piece = find_pieces(structure.n_nodes, *structure.connectivity.T)
     count = int(piece.max()) + 1
     found = []
     for axis in structure.axes:
@@ -88,12 +87,6 @@ def warn_of_falling_pieces(structure: Structure) -> list[str]:
             f"{'gravity' if pull else 'the loads'}"
         )
     return found
-
-
-def _find_pieces(structure: Structure) -> NDArray[np.int64]:
-    """Return the piece that each node belongs to, (n_nodes,)."""
-    first, second = structure.connectivity.T
-    return find_pieces(structure.n_nodes, first, second)[1]
 
 
 def warn_of_unstressed_bars(structure: Structure) -> list[str]:

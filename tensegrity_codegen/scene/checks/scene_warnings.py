@@ -109,7 +109,9 @@ def warn_of_side(structure: Structure) -> list[str]:
         or feet_z.sum() >= MIN_SUPPORT_NODES
     ):
         return []
-    if _is_line(structure.node_position[feet_y]):
+    points = structure.node_position[feet_y]
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if spread[1] <= HEIGHT_TOLERANCE * spread[0]:  # the feet lie on a line
         return []
     held = structure.node_anchored.any(axis=1)
     if held.any() and (held & ~feet_y).any():
@@ -127,11 +129,6 @@ def _find_feet(position: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
     size = float(np.ptp(position, axis=0).max())
     feet: NDArray[np.bool_] = position[:, axis] <= position[:, axis].min() + HEIGHT_TOLERANCE * size
     return feet
-
-
-def _is_line(points: NDArray[np.float64]) -> bool:
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(spread[1] <= HEIGHT_TOLERANCE * spread[0])
 
 
 def find_scene_warnings(subject: Structure | BodySystem, *, settles: bool = False) -> tuple[str, ...]:
@@ -159,6 +156,7 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
     between_anchors = held[first] & held[second]
     pushed = held & (np.abs(structure.node_load).sum(axis=1) > 0)
     damped = structure.is_rigid & (structure.damping > 0)
+    idle = [item.name for item in structure.inputs if item.kind == "force" and held[list(item.targets)].all()]
     found = [
         _strain_warning(structure),
         _sentence(pushed, structure.node_name, "a load on a fully anchored node moves nothing"),
@@ -166,8 +164,8 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
             between_anchors, structure.member_name, "members between two fully anchored nodes never move"
         ),
         _sentence(damped, structure.member_name, "the damping of rigid bars has no effect"),
-        *_input_warnings(structure, held),
-        _pieces_warning(structure, held),
+        f"force inputs on fully anchored nodes move nothing: {name_list(idle)}" if idle else "",
+        _pieces_warning(structure),
         *warn_of_sizes(structure),
         *warn_of_forces(structure),
         *warn_of_side(structure),
@@ -221,15 +219,9 @@ def _strain_warning(structure: Structure) -> str:
     return _sentence(large & ~structure.is_rigid, structure.member_name, text)
 
 
-def _input_warnings(structure: Structure, held: BoolArray) -> list[str]:
-    idle = [item.name for item in structure.inputs if item.kind == "force" and held[list(item.targets)].all()]
-    return [f"force inputs on fully anchored nodes move nothing: {name_list(idle)}"] if idle else []
-
-
-def _pieces_warning(structure: Structure, held: BoolArray) -> str:
+def _pieces_warning(structure: Structure) -> str:
     """Return a warning when members fall apart into pieces that share no node."""
-    first, second = structure.connectivity.T
-    count, label = find_pieces(structure.n_nodes, first, second)
+    count, label = find_pieces(structure.n_nodes, *structure.connectivity.T)
     if count < 2:
         return ""
     _, start = np.unique(label, return_index=True)

@@ -10,15 +10,21 @@ Nodes and members may be lists too; then they go by their numbers. SI units; doc
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
-from tensegrity_codegen.scene.formats.control_sections import CONTROL_SECTIONS, rename_control
 from tensegrity_codegen.scene.formats.files.json_file import read_json
 from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
-from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends, check_member, note_defaults
+from tensegrity_codegen.scene.formats.imported import ImportResult
+from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends
+from tensegrity_codegen.scene.formats.network import (
+    CONTROL_SECTIONS,
+    Network,
+    NetworkMember,
+    build_result,
+)
 from tensegrity_codegen.scene.names import check_known, check_scene_name, key_path, unknown_key
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
@@ -55,25 +61,16 @@ def import_json(
     if name is None and "name" in content:
         name = content["name"].text()
         check_scene_name(name, content["name"].where)
-    title, notes = scene_name(name, path, "scene_")
     nodes = _list_entries(content, "nodes", NODE_KEYS, path)
     members = _list_entries(content, "members", MEMBER_KEYS, path)
-    node_names, node_notes = name_all(nodes, "n", "nodes were")
-    member_names, member_notes = name_all(members, "m", "members were")
-    document: dict[str, Any] = {"name": title}
-    if gravity is not None:
-        document["gravity"] = [float(value) for value in gravity]
-    elif "gravity" in content:
-        document["gravity"] = content["gravity"].vector()
-    document["nodes"] = {node_names[key]: _read_node(entry) for key, entry in nodes.items()}
-    _anchor(content.get("anchors"), node_names, document["nodes"])
-    document["members"] = _read_members(members, member_names, node_names)
-    loads = _read_loads(content.get("loads"), node_names)
-    document |= {"loads": loads} if loads else {}
-    control = {key: content[key].value for key in CONTROL_SECTIONS if key in content}
-    document |= rename_control(control, node_names, member_names)
-    defaults = note_defaults(document["members"].values())
-    return ImportResult(document, (*notes, *node_notes, *member_notes, *defaults))
+    network = Network({key: _read_node(entry) for key, entry in nodes.items()})
+    if gravity is None and "gravity" in content:
+        network.gravity = content["gravity"].vector()
+    _anchor(content.get("anchors"), network.nodes)
+    network.members = [_read_member(key, entry, nodes) for key, entry in members.items()]
+    network.loads = _read_loads(content.get("loads"), nodes)
+    network.control = {key: content[key].value for key in CONTROL_SECTIONS if key in content}
+    return build_result(network, path, name, gravity)
 
 
 class _Place:
@@ -185,19 +182,19 @@ def _read_axes(held: _Place) -> Any:
     return held.value
 
 
-def _find_node(place: _Place, names: Mapping[str, str]) -> str:
-    """Return the scene's name of the node that a value names, by its name or its number in a list."""
+def _find_node(place: _Place, names: Mapping[str, Any]) -> str:
+    """Return the node of the file that a value names, by its name or its number in a list."""
     value = place.value
     key = str(value) if isinstance(value, int) and not isinstance(value, bool) else place.text()
     check_known(key, names, "unknown node", "a node of the file", place.where)
-    return names[key]
+    return key
 
 
-def _anchor(anchors: _Place | None, names: Mapping[str, str], nodes: Mapping[str, dict[str, Any]]) -> None:
-    """Anchor nodes of the document that the section `anchors` names: a list of nodes, or node: axes."""
+def _anchor(anchors: _Place | None, nodes: Mapping[str, dict[str, Any]]) -> None:
+    """Anchor the nodes that the section `anchors` names: a list of nodes, or node: axes."""
     for key, entry in anchors.items() if anchors is not None else ():
         place = entry if isinstance(key, int) else _Place(key, entry.file, entry.path)
-        node = nodes[_find_node(place, names)]
+        node = nodes[_find_node(place, nodes)]
         if "anchored" in node:
             raise DuplicateNameError(
                 "the node is anchored twice", where=entry.where, given=place.value, allowed="each node once"
@@ -205,9 +202,9 @@ def _anchor(anchors: _Place | None, names: Mapping[str, str], nodes: Mapping[str
         node["anchored"] = True if isinstance(key, int) else _read_axes(entry)
 
 
-def _read_loads(loads: _Place | None, names: Mapping[str, str]) -> list[dict[str, Any]]:
+def _read_loads(loads: _Place | None, names: Mapping[str, Any]) -> list[tuple[str, Sequence[float]]]:
     """Return the loads of the section `loads`: node: force, or a list of {"node": ..., "force": ...}."""
-    found = []
+    found: list[tuple[str, Sequence[float]]] = []
     for key, entry in loads.items() if loads is not None else ():
         if isinstance(key, str):
             node, force = _Place(key, entry.file, entry.path), entry
@@ -216,40 +213,20 @@ def _read_loads(loads: _Place | None, names: Mapping[str, str]) -> list[dict[str
             if len(values) < 2:
                 raise entry.wrong("the load lacks a key", "node and force")
             node, force = values["node"], values["force"]
-        found.append({"node": _find_node(node, names), "force": force.vector()})
+        found.append((_find_node(node, names), force.vector()))
     return found
 
 
-def _read_members(
-    entries: Mapping[str, _Place], names: Mapping[str, str], nodes: Mapping[str, str]
-) -> dict[str, dict[str, Any]]:
-    members: dict[str, dict[str, Any]] = {}
-    seen: dict[frozenset[str], _Place] = {}
-    for key, entry in entries.items():
-        member = _read_member(entry, nodes)
-        pair = frozenset(member["nodes"])
-        if pair in seen:
-            raise DuplicateNameError(
-                "two members join the same nodes",
-                where=entry.where,
-                given=" and ".join(member["nodes"]),
-                allowed=f"one member for each pair ({seen[pair].where} joins them too)",
-            )
-        seen[pair] = entry
-        members[names[key]] = member
-    return members
-
-
-def _read_member(entry: _Place, nodes: Mapping[str, str]) -> dict[str, Any]:
+def _read_member(name: str, entry: _Place, nodes: Mapping[str, Any]) -> NetworkMember:
     values = entry.table(MEMBER_KEYS)
     for key in ("from", "to", "kind"):
         if key not in values:
             raise entry.wrong(f"the member has no key {key}", "from, to and kind")
     if values["kind"].value not in ("bar", "cable"):
         raise values["kind"].wrong("not a kind of member", '"bar" or "cable"')
-    ends = [_find_node(values[key], nodes) for key in ("from", "to")]
-    check_ends(ends[0], ends[1], values["to"].shown, values["to"].where)
-    member: dict[str, Any] = {"kind": values["kind"].value, "nodes": ends}
+    ends = _find_node(values["from"], nodes), _find_node(values["to"], nodes)
+    check_ends(*ends, values["to"].shown, values["to"].where)
+    member: dict[str, Any] = {"kind": values["kind"].value}
     member |= {key: values[key].number() for key in NUMBERS if key in values}
     if "tension_only" in values:
         two_sided = values["tension_only"].value is False
@@ -258,8 +235,8 @@ def _read_member(entry: _Place, nodes: Mapping[str, str]) -> dict[str, Any]:
         if member["kind"] == "bar" and not two_sided:
             raise values["tension_only"].wrong("a bar takes both signs of force", "false, or no value")
         member |= {"tension_only": False} if two_sided and member["kind"] == "cable" else {}
-    check_member(member, lambda key: key_path(entry.file, *entry.path, key))
-    return member
+    place_of = partial(key_path, entry.file, *entry.path)
+    return NetworkMember(name, ends, member, entry.where, place_of)
 
 
 FORMAT = Format(

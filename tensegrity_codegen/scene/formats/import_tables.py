@@ -6,14 +6,15 @@ members: member,kind,node_i,node_j,rest_length,spring_constant,axial_stiffness,d
 SI units; docs/import.md says what each column means, and by which other names columns are known.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
 from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
-from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends, check_member, note_defaults
+from tensegrity_codegen.scene.formats.imported import ImportResult
+from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends
+from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
 from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
@@ -57,7 +58,7 @@ def import_tables(
     subclass of it that names file, line and column.
     """
     nodes_path, members_path = Path(nodes_path), Path(members_path)
-    title, notes = scene_name(name, nodes_path, "scene_")
+    network = Network()
     node_rows = read_table(nodes_path, NODE_COLUMNS, NODE_COLUMNS[:4], OTHER_NODE_NAMES)
     member_rows = read_table(members_path, MEMBER_COLUMNS, MEMBER_COLUMNS[1:4], OTHER_MEMBER_NAMES)
     for path, rows, what in ((nodes_path, node_rows, "nodes"), (members_path, member_rows, "members")):
@@ -66,20 +67,23 @@ def import_tables(
                 f"the table has no {what}", where=str(path), allowed="a row below the header"
             )
         if rows[0].decimal_comma:
-            notes = [*notes, f"{path}: commas within numbers were read as decimal commas"]
-    node_names, node_notes = _name_rows(node_rows, "node", "n")
-    nodes = {node_names[row.text("node")]: _read_node(row) for row in node_rows}
-    members, member_notes = _read_members(member_rows, node_names)
-    document: dict[str, Any] = {"name": title}
-    if gravity is not None:
-        document["gravity"] = [float(value) for value in gravity]
-    loads = _read_loads(node_rows, node_names)
-    document |= {"nodes": nodes, "members": members} | ({"loads": loads} if loads else {})
-    return ImportResult(document, (*notes, *node_notes, *member_notes, *note_defaults(members.values())))
+            network.notes.append(f"{path}: commas within numbers were read as decimal commas")
+    for foreign, row in _name_rows(node_rows, "node").items():
+        network.nodes[foreign] = _read_node(row)
+        force = [row.number(column) or 0.0 for column in ("fx", "fy", "fz")]
+        if any(force):
+            network.loads.append((foreign, force))
+    if any(row.cells.get("member") for row in member_rows):
+        named = _name_rows(member_rows, "member")
+    else:
+        named = {f"m{number}": row for number, row in enumerate(member_rows, 1)}
+        network.notes.append(f"the table names no members: they are m1 to m{len(named)}, in its order")
+    network.members = [_read_member(foreign, row, network.nodes) for foreign, row in named.items()]
+    return build_result(network, nodes_path, name, gravity)
 
 
-def _name_rows(rows: list[Row], column: str, prefix: str) -> tuple[dict[str, str], list[str]]:
-    """Return scene names by the names in the table, and notes; names that are fine are never given away."""
+def _name_rows(rows: list[Row], column: str) -> dict[str, Row]:
+    """Return rows by the names in a column; raises DuplicateNameError."""
     seen: dict[str, Row] = {}
     for row in rows:
         foreign = row.text(column)
@@ -91,7 +95,7 @@ def _name_rows(rows: list[Row], column: str, prefix: str) -> tuple[dict[str, str
                 allowed=f"each name once (it stands in line {seen[foreign].line} too)",
             )
         seen[foreign] = row
-    return name_all(seen, prefix, f"{column}s were")
+    return seen
 
 
 def _read_node(row: Row) -> dict[str, Any]:
@@ -123,62 +127,30 @@ def _read_node(row: Row) -> dict[str, Any]:
     return node
 
 
-def _read_loads(rows: list[Row], names: dict[str, str]) -> list[dict[str, Any]]:
-    """Return the loads on nodes, in the order of the table."""
-    loads = []
-    for row in rows:
-        force = [row.number(column) or 0.0 for column in ("fx", "fy", "fz")]
-        if any(force):
-            loads.append({"node": names[row.text("node")], "force": force})
-    return loads
-
-
 def _needed(row: Row, column: str) -> float:
     row.text(column)
     return row.number(column) or 0.0
 
 
-def _read_members(rows: list[Row], node_names: dict[str, str]) -> tuple[dict[str, dict[str, Any]], list[str]]:
-    if not any(row.cells.get("member") for row in rows):
-        names = [f"m{number}" for number in range(1, len(rows) + 1)]
-        notes = [f"the table names no members: they are m1 to m{len(rows)}, in its order"]
-    else:
-        by_name, notes = _name_rows(rows, "member", "m")
-        names = [by_name[row.text("member")] for row in rows]
-    seen: dict[frozenset[str], int] = {}
-    members = {}
-    for name, row in zip(names, rows, strict=True):
-        member = _read_member(row, node_names)
-        pair = frozenset(member["nodes"])
-        if pair in seen:
-            raise DuplicateNameError(
-                "two members join the same nodes",
-                where=row.where("node_j"),
-                given=f"{row.text('node_i')} and {row.text('node_j')}",
-                allowed=f"one member a pair (line {seen[pair]} joins them too)",
-            )
-        seen[pair] = row.line
-        members[name] = member
-    return members, notes
-
-
-def _read_member(row: Row, node_names: dict[str, str]) -> dict[str, Any]:
+def _read_member(name: str, row: Row, nodes: Mapping[str, Any]) -> NetworkMember:
     kind = row.text("kind").lower()
     if kind not in ("bar", "cable"):
         raise InvalidValueError(
             "not a kind of member", where=row.where("kind"), given=row.text("kind"), allowed="bar, cable"
         )
-    ends = [_find_node(row, column, node_names) for column in ("node_i", "node_j")]
-    check_ends(ends[0], ends[1], row.text("node_j"), row.where("node_j"))
-    member: dict[str, Any] = {"kind": kind, "nodes": ends}
+    problem = "the member joins a node that is not in the table of nodes"
+    ends = row.text("node_i"), row.text("node_j")
+    for column, end in zip(("node_i", "node_j"), ends, strict=True):
+        check_known(end, nodes, problem, "names of nodes", row.where(column))
+    check_ends(*ends, ends[1], row.where("node_j"))
+    member: dict[str, Any] = {"kind": kind}
     for column in (*POSITIVE, "damping", "prestress"):
         value = row.number(column)
         if value is not None and (value or column != "damping"):
             member[column] = value
     if _is_two_sided(row, kind):
         member["tension_only"] = False
-    check_member(member, row.where)
-    return member
+    return NetworkMember(name, ends, member, row.where("node_j"), row.where)
 
 
 def _is_two_sided(row: Row, kind: str) -> bool:
@@ -192,12 +164,6 @@ def _is_two_sided(row: Row, kind: str) -> bool:
             allowed="0, 1, true, false, yes, no or empty; for bars empty or no",
         )
     return kind == "cable" and _FLAG[word] is False
-
-
-def _find_node(row: Row, column: str, node_names: dict[str, str]) -> str:
-    foreign, problem = row.text(column), "the member joins a node that is not in the table of nodes"
-    check_known(foreign, node_names, problem, "names of nodes", row.where(column))
-    return node_names[foreign]
 
 
 FORMAT = Format(

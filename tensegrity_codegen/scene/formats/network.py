@@ -1,7 +1,8 @@
-"""Shared parts of importers of nodes and members: names, references, rules of members."""
+"""Shared parts of importers of nodes and members: names, references, rules of members, control sections."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,29 +11,37 @@ from tensegrity_codegen.scene.formats.member_rules import check_ends, check_memb
 from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
 
+CONTROL_SECTIONS = ("actuators", "sensors", "limits")
+Names = Mapping[str, str]
+
 
 @dataclass(frozen=True)
 class NetworkMember:
-    """One member: its name in the file, its two nodes, its values by the keys of a scene, its place."""
+    """One member: its name in the file, its two nodes, its values by the keys of a scene, its place.
+
+    place_of: the place of a value in the file by its key; else the key behind the member's place.
+    """
 
     name: str
     ends: tuple[str, str]
     values: Mapping[str, Any]
     where: str
+    place_of: Callable[[str], str] | None = None
 
 
 @dataclass
 class Network:
     """Nodes and members under their names in a file.
 
-    nodes: values by the keys of a scene; loads: forces [N] by node; inputs: as in a scene, with names of the
-    file.
+    nodes: values by the keys of a scene; loads: forces [N] by node; inputs, control: as in a scene, with
+    names of the file; control: the sections CONTROL_SECTIONS.
     """
 
     nodes: dict[str, dict[str, Any]] = field(default_factory=dict)
     members: list[NetworkMember] = field(default_factory=list)
     loads: list[tuple[str, Sequence[float]]] = field(default_factory=list)
     inputs: list[dict[str, Any]] = field(default_factory=list)
+    control: dict[str, Any] = field(default_factory=dict)
     gravity: Sequence[float] | None = None
     notes: list[str] = field(default_factory=list)
     _given: set[str] = field(default_factory=set)
@@ -77,20 +86,13 @@ def build_result(
     ]
     document |= {"loads": loads} if loads else {}
     input_names, input_notes = name_all([str(item["name"]) for item in network.inputs], "u", "inputs were")
-    inputs = [_rename(item, input_names, node_names, member_names) for item in network.inputs]
+    tables = {"nodes": node_names, "members": member_names, "name": input_names}
+    inputs = [_rename_entry(item, tables) for item in network.inputs]
     document |= {"inputs": inputs} if inputs else {}
+    document |= _rename_control(network.control, node_names, member_names)
     notes += [*node_notes, *member_notes, *input_notes]
     defaults = note_defaults(document["members"].values())
     return ImportResult(document, (*notes, *network.notes, *defaults))
-
-
-def _rename(
-    item: Mapping[str, Any], inputs: Mapping[str, str], nodes: Mapping[str, str], members: Mapping[str, str]
-) -> dict[str, Any]:
-    """Return an input with names of the scene."""
-    tables = {"nodes": nodes, "members": members}
-    renamed = {key: [tables[key][word] for word in item[key]] for key in tables if key in item}
-    return {**item, **renamed, "name": inputs[str(item["name"])]}
 
 
 def _check_names(members: Sequence[NetworkMember]) -> None:
@@ -125,6 +127,49 @@ def _build_members(
             )
         seen[pair] = item.where
         member = {"kind": item.values["kind"], "nodes": [nodes[end] for end in item.ends], **item.values}
-        check_member(member, lambda key, place=item.where: f"{place}: {key}")  # type: ignore[misc]
+        check_member(member, item.place_of or partial(_place_key, item.where))
         built[names[item.name]] = member
     return built
+
+
+def _place_key(where: str, key: str) -> str:
+    return f"{where}: {key}"
+
+
+def _rename_control(content: Mapping[str, Any], nodes: Names, members: Names) -> dict[str, Any]:
+    """Return the sections `actuators`, `sensors` and `limits` of a file with the scene's names.
+
+    nodes, members: names of the scene by those of the file, which may be numbers. What is not there, or not
+    of the right kind, stays as it is: the checks of the scene name it.
+    """
+    renamed: dict[str, Any] = {}
+    for section in ("actuators", "sensors"):
+        value = content.get(section)
+        if value is not None:
+            entries = value if isinstance(value, list) else [value]
+            items = [_rename_entry(entry, {"members": members, "nodes": nodes}) for entry in entries]
+            renamed[section] = items if isinstance(value, list) else items[0]
+    limits = content.get("limits")
+    if isinstance(limits, dict) and isinstance(limits.get("members"), dict):
+        of_members: dict[str, Any] = {}
+        for key, value in limits["members"].items():
+            name = members.get(key, key)
+            of_members[key if name in of_members else name] = value
+        limits = {**limits, "members": of_members}
+    return renamed | ({} if limits is None else {"limits": limits})
+
+
+def _rename_entry(entry: Any, tables: Mapping[str, Names]) -> Any:
+    """Return an entry with names of the scene under the keys of `tables`."""
+    if not isinstance(entry, dict):
+        return entry
+    return {key: _rename(value, tables[key]) if key in tables else value for key, value in entry.items()}
+
+
+def _rename(value: Any, names: Names) -> Any:
+    """Return the scene's name of a name or number, or of each of a list of them."""
+    if isinstance(value, list):
+        return [_rename(item, names) if not isinstance(item, list) else item for item in value]
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        return value
+    return names.get(str(value) if isinstance(value, str) or abs(value) < 10**18 else "", value)

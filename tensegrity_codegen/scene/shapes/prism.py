@@ -90,21 +90,17 @@ class PrismShape(ShapeModel):
                 parts.add_node(f"{letter}{number}", point, anchored=letter == "b" and self.anchor_bottom)
         for i in numbers:
             parts.add_bar(f"bar{i}", self.bar_class, (f"b{i}", f"t{i}"))
-        for i in numbers:
-            following = i % self.bars + 1
-            parts.add_cable(f"bottom{i}", self.bottom_class, (f"b{i}", f"b{following}"), "bottom_cables")
-        for i in numbers:
-            following = i % self.bars + 1
-            parts.add_cable(f"top{i}", self.top_class, (f"t{i}", f"t{following}"), "top_cables")
-        for i in numbers:
-            before = (i - 2) % self.bars + 1
-            parts.add_cable(f"vertical{i}", self.vertical_class, (f"b{i}", f"t{before}"), "vertical_cables")
+        # Word, class, ring of either end, and how many nodes the second end is ahead of the first.
+        cables = [("bottom", self.bottom_class, "b", "b", 1), ("top", self.top_class, "t", "t", 1)]
+        cables.append(("vertical", self.vertical_class, "b", "t", -1))
+        if self.opposite_class is not None:
+            cables.append(("opposite", self.opposite_class, "b", "t", 1))
+        for word, class_name, first, second, ahead in cables:
+            for i in numbers:
+                ends = (f"{first}{i}", f"{second}{(i - 1 + ahead) % self.bars + 1}")
+                parts.add_cable(f"{word}{i}", class_name, ends, f"{word}_cables")
         if self.opposite_class is None:
             return parts.document(self.prestress, where)
-        for i in numbers:
-            following = i % self.bars + 1
-            ends = (f"b{i}", f"t{following}")
-            parts.add_cable(f"opposite{i}", self.opposite_class, ends, "opposite_cables")
         kinds = len(parts.members) // self.bars
         try:
             return parts.document(self.prestress, where, alike=[k for k in range(kinds) for _ in numbers])

@@ -137,6 +137,7 @@ def build_page(
         part = part_of(progress, done / total, paper.share / total)
         chapters.append(paper.build(quick, part, journal))
         done += paper.share
+    size = "Small sizes and short times" if quick else "Full sizes"
     return Page(
         title=_describe_finding(chapters),
         subject=f"Papers on tensegrity structures, computed again: {', '.join(c.name for c in chapters)}",
@@ -144,7 +145,10 @@ def build_page(
         chapters=tuple(chapters),
         entries_title="Errata: what was found in print",
         entries=tuple(entry for name in papers for entry in errata[name]),
-        facts=_facts(quick),
+        facts=(
+            *describe_provenance(),
+            f"{size}. All numbers, and the data behind the figures, stand in {DATA_NAME} beside this page.",
+        ),
     )
 
 
@@ -203,14 +207,6 @@ def _lead(chapters: Sequence[Chapter]) -> str:
         f"that serve any other scene, beside what was printed. Of {len(verdicts)} results "
         f"{', '.join(counts)}. Where one differs, the page says where and why. {KINDS}"
         + (f" Largest errors: {errors}." if errors else "")
-    )
-
-
-def _facts(quick: bool) -> tuple[str, ...]:
-    size = "Small sizes and short times" if quick else "Full sizes"
-    return (
-        *describe_provenance(),
-        f"{size}. All numbers, and the data behind the figures, stand in {DATA_NAME} beside this page.",
     )
 
 

@@ -26,20 +26,24 @@ def with_springs(structure: Structure) -> Structure:
     )
 
 
-def put_at_ratio(structure: Structure, ratio: float) -> Structure | None:
-    """Return the structure of springs with bars `ratio` times as stiff as the median cable, if it exists.
+def stiffen_bars(structure: Structure, stiff: float) -> Structure:
+    """Return the structure of springs, its bars with one spring constant [N/m] at their tensions.
 
-    Every bar keeps its tension, l0 = l - t / mu, which soft ones cannot.
+    l0 = l - t / mu, which is not positive where a bar is too soft for its tension.
     """
     bar = structure.is_bar
-    stiff = ratio * float(np.median(structure.spring_constant[~bar]))
     rest = structure.member_length() - structure.static_tension() / stiff
-    if (rest[bar] <= 0).any():
-        return None
     return structure.with_changes(
         spring_constant=np.where(bar, stiff, structure.spring_constant),
         rest_length=np.where(bar, rest, structure.rest_length),
     )
+
+
+def put_at_ratio(structure: Structure, ratio: float) -> Structure | None:
+    """Return the structure of springs with bars `ratio` times as stiff as the median cable, if it exists."""
+    bar = structure.is_bar
+    changed = stiffen_bars(structure, ratio * float(np.median(structure.spring_constant[~bar])))
+    return None if (changed.rest_length[bar] <= 0).any() else changed
 
 
 def with_rigid_bars(structure: Structure) -> Structure:

@@ -42,8 +42,7 @@ def tension_tolerance(
     springs = mu * dl + c * turned
     near = structure.tension_only & (np.abs(length - structure.rest_length) <= dl)
     springs += np.where(near, c * np.abs(np.sum(vector * moving, axis=2)) / length, 0.0)
-    mass = structure.node_mass.copy()
-    np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
+    mass = structure.lumped_mass
     rigid = (mass[i] + mass[j]) * (2.0 * pace * dv / length + (pace / length) ** 2 * dl)
     rigid += springs[:, ~own].sum(axis=1)[:, None]
     # The masses (n_members,) with which members vibrate, 1 / (1 / m_i + 1 / m_j)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.report.pages.page import render_page
+from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case, generate_cases, is_essential
 from tensegrity_codegen.studies.stability.extended import certify_extended
@@ -65,7 +66,10 @@ def run_case(
     """Return the outcomes of one case; methods: of ours, all that apply if not given."""
     everyone = list_contenders(case, limits)
     methods = methods or [name for name, is_own in everyone if is_own]
-    own = {method: _end(models, case, method, case.rtol, limits.run) for method in methods}
+    own = {
+        method: _end(partial(models.of, case, method), case, method, limits.run, case.rtol)
+        for method in methods
+    }
     peers = [name for name, is_own in everyone if not is_own]
     others = {name: run_peer(case, name, limits.run, models) for name in peers}
     truth = None
@@ -83,37 +87,28 @@ def _certify(models: CaseModels, case: Case, own: dict[str, Ending], limits: Lim
     failed = [name for name, ending in own.items() if ending.status != "ok"]
     names = [name for name in REFERENCES if name in list_methods(case.structure) and name not in failed]
     free = dataclasses.replace(case, step=None)
-    runs = [cache(partial(_reference, models, free, name, limits)) for name in names]
+    runs = [
+        cache(partial(_end, partial(models.of, free, name), free, name, limits.reference)) for name in names
+    ]
     first = [run for name, run in zip(names, runs, strict=True) if name in EXPLICIT]
     truth = certify_case(case, first) or certify_extended(case, limits.reference) or certify_case(case, runs)
     if truth is not None:
         return truth
     stiff = case.structure.is_bar.any() and not case.is_rigid and limits.compiles
-    more = [partial(_corrected, models, free, limits)] if stiff and len(names) < 2 else []
+    # Bars that follow their tension to first order: exact in the limit of stiff ones.
+    corrected = partial(_end, partial(models.corrected, free), free, "rk853", limits.reference)
+    more = [corrected] if stiff and len(names) < 2 else []
     return certify_case(case, (*runs, *more), positions_only=True)
 
 
-def _reference(models: CaseModels, case: Case, method: str, limits: Limits, rtol: float) -> Ending:
-    return _end(models, case, method, rtol, limits.reference)
-
-
-def _corrected(models: CaseModels, case: Case, limits: Limits, rtol: float) -> Ending:
-    """Return the run with bars that follow their tension to first order: exact in the limit of stiff ones."""
+def _end(
+    compile_model: Callable[[], CompiledModel], case: Case, method: str, limit: float, rtol: float
+) -> Ending:
+    """Return how one of our methods ends on a case; the model is compiled first, which may be refused."""
     try:
-        return run_own(models.corrected(case), case, "rk853", rtol, limits.reference)
+        return run_own(compile_model(), case, method, rtol, limit)
     except TensegrityError as error:
-        return _refusal(error)
-
-
-def _end(models: CaseModels, case: Case, method: str, rtol: float, limit: float) -> Ending:
-    try:
-        return run_own(models.of(case, method), case, method, rtol, limit)
-    except TensegrityError as error:
-        return _refusal(error)
-
-
-def _refusal(error: TensegrityError) -> Ending:
-    return Ending("error", error.problem, np.zeros((0, 0)), 0.0)
+        return Ending("error", error.problem, np.zeros((0, 0)), 0.0)
 
 
 def _outcome(case: Case, contender: str, is_own: bool, ending: Ending, found: Judgement) -> Outcome:
@@ -173,7 +168,11 @@ def run_cases(
     start = set_problem(structure, t_end, 2).structure
     models = CaseModels(start, compiler=compiler, flags=flags)
     cases = list(generate_cases(start, t_end))
-    done = {n: kept for n, case in enumerate(cases) if (kept := _find(journal, case, limits)) is not None}
+    known = {
+        n: read_outcomes(journal.find(_name(case)), dict(list_contenders(case, limits)))
+        for n, case in enumerate(cases)
+    }
+    done = {n: kept for n, kept in known.items() if kept is not None}
     journal.announce(structure.name, "cases", len(done), len(cases))
     if limits.peers:
         import_peers()
@@ -188,7 +187,7 @@ def run_cases(
             progress(min(max(len(done) / len(cases), spent), 1.0))
 
     look()
-    work = partial(_run, models, limits)
+    work = partial(run_case, models, limits=limits)
     pieces = run_pieces(
         work, [cases[n] for n in order], deadline=deadline, workers=count_workers(), look=look
     )
@@ -207,16 +206,8 @@ def run_cases(
     )
 
 
-def _run(models: CaseModels, limits: Limits, case: Case) -> list[Outcome]:
-    return run_case(models, case, limits)
-
-
 def _name(case: Case) -> str:
     return f"{case.group}: {case.name}"
-
-
-def _find(journal: Journal, case: Case, limits: Limits) -> list[Outcome] | None:
-    return read_outcomes(journal.find(_name(case)), dict(list_contenders(case, limits)))
 
 
 def _not_run(case: Case, limits: Limits, why: str) -> Sequence[Outcome]:

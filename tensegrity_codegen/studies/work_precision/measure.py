@@ -63,9 +63,7 @@ def _is_at_rest(structure: Structure) -> bool:
     ends = structure.node_position[structure.connectivity]
     vector = ends[:, 0] - ends[:, 1]
     pull = (tension / structure.member_length())[:, None] * vector
-    weight = structure.node_mass.copy()
-    np.add.at(weight, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
-    force = structure.node_load + weight[:, None] * structure.gravity
+    force = structure.node_load + structure.lumped_mass[:, None] * structure.gravity
     np.add.at(force, structure.connectivity[:, 0], -pull)
     np.add.at(force, structure.connectivity[:, 1], pull)
     free = ~structure.node_anchored & np.isin(np.arange(3), structure.axes)

@@ -113,8 +113,10 @@ def open_journal(
     notice: Callable[[Resumption], None] | None = None,
 ) -> Journal:
     """Return the journal of the measurements of one scene, see Journal; raises OutputError."""
-    path = folder / f"{problem.structure.name}.jsonl"
-    return Journal(path, _key(problem, options), fresh=fresh, notice=notice)
+    path, times = folder / f"{problem.structure.name}.jsonl", problem.sample_time
+    words = (",".join(float(t).hex() for t in times[[0, -1]]), str(len(times)))
+    key = hash_study(problem.structure, options.compiler, options.flags, *words)
+    return Journal(path, key, fresh=fresh, notice=notice)
 
 
 def report_scene(
@@ -126,14 +128,9 @@ def report_scene(
     """
     contenders, absent = _gather(problem, options, part_of(progress, 0.0, BUILDING))
     reference = _find_reference(problem, contenders, journal, part_of(progress, BUILDING, CERTIFYING))
-    measured = _Measured(
-        problem, options, reference, journal, part_of(progress, BEFORE, 1.0 - BEFORE) or _ignore
-    )
+    move = part_of(progress, BEFORE, 1.0 - BEFORE) or (lambda fraction: None)
+    measured = _Measured(problem, options, reference, journal, move)
     return SceneReport(problem, reference, measured.measure_all(contenders), absent, options.flags)
-
-
-def _ignore(fraction: float) -> None:
-    """Take a progress that nobody looks at."""
 
 
 class _Measured:
@@ -268,11 +265,4 @@ def _is_enough(row: Row, reference: Reference, options: Options) -> bool:
     """Return whether tighter settings of this contender would only take longer."""
     return row.seconds > options.longest or row.error <= FLOOR * max(
         reference.uncertainty, np.finfo(np.float64).eps
-    )
-
-
-def _key(problem: MotionProblem, options: Options) -> str:
-    times = ",".join(float(t).hex() for t in problem.sample_time[[0, -1]])
-    return hash_study(
-        problem.structure, options.compiler, options.flags, times, str(len(problem.sample_time))
     )

@@ -117,7 +117,9 @@ def _build(structure: NtrtStructure, path: Path, loading: _Loading) -> None:
     for name, value in nodes.items():
         position = np.array(parse_vector(value, f"{path}: nodes.{name}"))
         structure.nodes[name] = NtrtNode(_join(structure.path, name), position)
-    _add_pair_groups(structure, root.get("pair_groups"), f"{path}: pair_groups")
+    where = f"{path}: pair_groups"
+    for tags, pairs in read_table(root.get("pair_groups"), where).items():
+        _add_pairs(structure, (structure, structure), tags, pairs, (), f"{where}.{tags}")
     _add_bond_groups(structure, root.get("bond_groups"), loading.builders, f"{path}: bond_groups")
 
 
@@ -140,7 +142,12 @@ def _add_children(structure: NtrtStructure, entries: dict[str, Any], path: Path,
         where = f"{path}: substructures.{key}"
         attributes = read_table(value, where)
         check_keys(attributes, _ATTRIBUTES, where)
-        rows.append((_split(key, where), attributes, where))
+        names = key.split("/")
+        if not all(names) or any("." in name for name in names):
+            raise InvalidValueError(
+                "not a list of names", where=where, given=key, allowed="name or name/name/..."
+            )
+        rows.append((names, attributes, where))
     for names, attributes, where in rows:
         if "path" in attributes:
             for name in names:
@@ -153,15 +160,6 @@ def _add_children(structure: NtrtStructure, entries: dict[str, Any], path: Path,
     for names, attributes, where in rows:
         for place, name in enumerate(names):
             _place(structure.find_child(name, where), place, attributes, where)
-
-
-def _split(key: str, where: str) -> list[str]:
-    names = key.split("/")
-    if not all(names) or any("." in name for name in names):
-        raise InvalidValueError(
-            "not a list of names", where=where, given=key, allowed="name or name/name/..."
-        )
-    return names
 
 
 def _child_path(path: Path, value: Any, where: str) -> Path:
@@ -237,11 +235,6 @@ def _place(child: NtrtStructure, place: int, attributes: dict[str, Any], where: 
     if "translation" in attributes:
         shift = np.array(parse_vector(attributes["translation"], f"{where}.translation"))
         child.transform(lambda point: point + shift)
-
-
-def _add_pair_groups(structure: NtrtStructure, groups: Any, where: str) -> None:
-    for tags, pairs in read_table(groups, where).items():
-        _add_pairs(structure, (structure, structure), tags, pairs, (), f"{where}.{tags}")
 
 
 def _add_pairs(

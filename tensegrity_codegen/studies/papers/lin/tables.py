@@ -238,7 +238,10 @@ def find_nearest_symmetrical(model: CompiledModel | None = None) -> dict[str, fl
         return np.asarray(MM * extension[kinds] - wanted)
 
     starts = [np.array([a, e]) for a in np.linspace(-3, 3, 9) for e in (0.3, 0.8, 1.3)]
-    found = min((optimize.least_squares(difference, start, xtol=1e-15) for start in starts), key=_cost)
+    found = min(
+        (optimize.least_squares(difference, start, xtol=1e-15) for start in starts),
+        key=lambda item: float(item.cost),
+    )
     side, top = difference(found.x) + wanted
     return {
         "azimuth": float(np.degrees(found.x[0])),
@@ -247,10 +250,6 @@ def find_nearest_symmetrical(model: CompiledModel | None = None) -> dict[str, fl
         "top": float(top),
         "distance": float(np.linalg.norm(difference(found.x))),
     }
-
-
-def _cost(result: Any) -> float:
-    return float(result.cost)
 
 
 def _spread(model: CompiledModel, angles: FloatArray) -> FloatArray:

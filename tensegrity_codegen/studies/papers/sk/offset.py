@@ -191,7 +191,9 @@ FORMULATIONS = {"node_position": "positions", "node_distance": "distances"}
 
 def offset_section() -> Section:
     """Return the section with errors at several offsets, in double and in single precision."""
-    rows = compare_offsets(_displaced_prism())
+    prism = sample_prism()
+    change = np.random.default_rng(1).normal(scale=DISPLACEMENT, size=prism.node_position.shape)
+    rows = compare_offsets(prism.with_changes(node_position=prism.node_position + change))
     motion = compare_offset_trajectories()
     far = [row for row in rows if row["precision"] == "double"][-1]
     worst, best = (far[f"{name}_acceleration"] for name in FORMULATIONS)
@@ -235,12 +237,6 @@ def offset_section() -> Section:
     )
 
 
-def _displaced_prism() -> Structure:
-    structure = sample_prism()
-    change = np.random.default_rng(1).normal(scale=DISPLACEMENT, size=structure.node_position.shape)
-    return structure.with_changes(node_position=structure.node_position + change)
-
-
 def _error_diagram(rows: list[dict[str, Any]]) -> Diagram:
     """Return errors of the tension against the offset; the origin stands at 1 m on the logarithmic axis."""
     series = []
@@ -248,7 +244,7 @@ def _error_diagram(rows: list[dict[str, Any]]) -> Diagram:
         chosen = [row for row in rows if row["precision"] == precision]
         offset = [max(row["offset"], 1.0) for row in chosen]
         for key, name in FORMULATIONS.items():
-            error = [_or_nan(row[f"{key}_member_tension"]) for row in chosen]
+            error = np.array([row[f"{key}_member_tension"] for row in chosen], dtype=float)  # None: nan
             look = find_style(key)
             series.append(
                 Series(f"{name}, {precision}", offset, error, style, look.color, look.marker)  # type: ignore[arg-type]
@@ -283,7 +279,3 @@ def _error_table(rows: list[dict[str, Any]]) -> Table:
 
 def _metres(offset: float) -> str:
     return f"{format_number(offset, '.0e').removeprefix('1 × ')} m"
-
-
-def _or_nan(value: float | None) -> float:
-    return float("nan") if value is None else value
