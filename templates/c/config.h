@@ -7,6 +7,7 @@
 #include <limits.h>
 #include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 #include "profile.h"
 #include "run.h"
@@ -21,6 +22,8 @@
 enum {
   N = CONFIG_N,             /* coordinates */
   WIDTH = 8,                /* lanes of a batch */
+  LINE = 64 / sizeof(real), /* numbers in a line of the cache */
+  N_ARGUMENTS = 1,          /* what accelerations take beside coordinate and velocity */
   N_MARGINS = 2,            /* events that are watched, the condition last */
   N_MEASURED = N,           /* coordinates whose size counts as rounding */
   MOST_IN_SUCCESSION = 150, /* events, each within a thousandth of a step of the last one */

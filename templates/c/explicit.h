@@ -54,6 +54,25 @@ static inline void method_interpolate(real s, const real *old, const real *dense
   }
 }
 
+/* Fill the samples before t1, on a step of length h from `old` at t0 that is ready for dense output; spare: n. */
+static inline void method_sample_dense(
+    double t0, double h, double t1, const real *old, const real *dense, const motion_arguments *with, real *spare,
+    const motion_samples *to)
+{
+  (void)with;
+  (void)spare;
+  for (; motion_next_sample(to) < t1; ++*to->n_filled) {
+    real *sample = to->state + *to->n_filled * 2 * N;
+    method_interpolate((real)((motion_next_sample(to) - t0) / h), old, dense, sample);
+#if WITH_CONSTRAINTS
+#if WITH_PROFILE
+    profile_set_time(motion_next_sample(to), with->profile);
+#endif
+    motion_project(sample, sample + N, with, spare);
+#endif
+  }
+}
+
 #endif
 /* The start of a step: the state and its acceleration. */
 static inline void method_keep_old(const real *state, const real *rates, real *old)
@@ -370,15 +389,8 @@ static inline void method_sample_step(double h, double t1, const method_motion *
     w->rates[k] = w->rates[2 * N * METHOD_STAGES + k];
   }
 #if METHOD_HAS_DENSE
-  for (; is_between && motion_next_sample(to) < t1; ++*to->n_filled) {
-    real *sample = to->state + *to->n_filled * 2 * N;
-    method_interpolate((real)((motion_next_sample(to) - *m->time) / h), w->old, w->dense, sample);
-#if WITH_CONSTRAINTS
-#if WITH_PROFILE
-    profile_set_time(motion_next_sample(to), m->with->profile);
-#endif
-    motion_project(sample, sample + N, m->with, w->spare);
-#endif
+  if (is_between) {
+    method_sample_dense(*m->time, h, t1, w->old, w->dense, m->with, w->spare, to);
   }
 #endif
   motion_sample(*m->time, h, t1, w->old, m->state, w->rates + N, m->with, w->spare, to);

@@ -24,6 +24,7 @@
 #define WITH_RADAU_DAMPED (CONFIG_N % 3 == 0) /* the matrix holds cables with much damping */
 #define WITH_CONSTRAINTS 1 /* coordinates are redundant: a projection brings them back */
 #define WITH_VELOCITY 1    /* accelerations depend on velocities */
+#define WITH_EACH_LANE 1   /* some functions of batches are called lane by lane */
 #ifndef WITH_LOOPS
 #define WITH_LOOPS 1 /* vectors of members are for loops, which have a form without them; else straight-line code */
 #endif

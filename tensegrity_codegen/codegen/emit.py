@@ -1,7 +1,11 @@
 """From a symbolic model to C text: one function an emitter, chosen by name."""
 
-from collections.abc import Callable, Mapping
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from tensegrity_codegen.codegen.alternatives import find_alternatives
 from tensegrity_codegen.codegen.casadi_interface.acados import build_acados
@@ -20,7 +24,6 @@ from tensegrity_codegen.codegen.integrators.integrators import PROJECTION
 from tensegrity_codegen.codegen.lanes.emitter import LANES
 from tensegrity_codegen.codegen.left_out import account_left_out, build_with
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
-from tensegrity_codegen.codegen.print.number_range import check_number_range
 from tensegrity_codegen.codegen.source import write_sources
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import UNROLLED
@@ -31,8 +34,11 @@ from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.integrators import INTEGRATORS, called_quantities
 from tensegrity_codegen.tables.manifest import LeftOut, Manifest
-from tensegrity_codegen.tables.precision import find_precision
+from tensegrity_codegen.tables.precision import Precision, check_precision, find_precision
 from tensegrity_codegen.tables.request import ModelRequest
+
+# Fields of a structure with a number a member.
+OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping", "member_mass", "radius")
 
 EMITTERS = {emitter.name: emitter for emitter in (UNROLLED, LANES, TABLE)}
 
@@ -171,7 +177,35 @@ def _check_precision(structure: Subject, request: ModelRequest) -> None:
             allowed="no interfaces in single precision: casadi.external calls with doubles",
             hint='omit interfaces, or choose precision = "double"',
         )
-    check_number_range(structure, precision)
+    _check_number_range(structure, precision)
+
+
+def _check_number_range(structure: Subject, precision: Precision) -> None:
+    """Raise InvalidValueError for a number that the precision cannot hold, naming it and whose it is."""
+    for item in dataclasses.fields(structure):
+        names = structure.node_name if item.name.startswith("node_") else structure.member_name
+        named = item.name in OF_MEMBERS or item.name.startswith("node_")
+        for index, value in _numbers(getattr(structure, item.name)):
+            owner = names[index[0]] if named else ".".join(map(str, index))
+            check_precision(value, precision, f"{structure.name}: {item.name} of {owner}")
+
+
+def _numbers(value: Any, index: tuple[int | str, ...] = ()) -> Iterator[tuple[tuple[Any, ...], float]]:
+    """Give every number of more than 1 in arrays and containers, with the way that leads to it."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+        for place in np.argwhere(np.abs(value) > 1.0):
+            yield (*index, *map(int, place)), float(value[tuple(place)])
+    elif isinstance(value, float):
+        yield index, value
+    elif isinstance(value, Mapping):
+        for key, part in value.items():
+            yield from _numbers(part, (*index, key))
+    elif isinstance(value, tuple):
+        for number, part in enumerate(value):
+            yield from _numbers(part, (*index, number))
+    elif dataclasses.is_dataclass(value):
+        for item in dataclasses.fields(value):
+            yield from _numbers(getattr(value, item.name), (*index, item.name))
 
 
 def _find_called(

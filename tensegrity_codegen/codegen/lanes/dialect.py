@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from tensegrity_codegen.codegen.print.instructions import read_instructions
+from tensegrity_codegen.codegen.print.operations import ARITHMETIC
 from tensegrity_codegen.codegen.print.printer import print_number
-from tensegrity_codegen.codegen.print.vector_operations import ARITHMETIC
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.precision import PRECISIONS, Precision
 

@@ -4,16 +4,16 @@ Vectors are what the target has: two or four numbers, or single ones. The operat
 order are those of `unrolled`, so the bits are the same.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
+import numpy as np
 
 from tensegrity_codegen.codegen.batch import write_lanes
 from tensegrity_codegen.codegen.emitter import Bodies, Emitter
 from tensegrity_codegen.codegen.lanes.columns import write_columns
 from tensegrity_codegen.codegen.lanes.force import ForceLines, Kernels
 from tensegrity_codegen.codegen.lanes.kernel import BLOCKS, DensityKernel, KernelKind, build_kernel
-from tensegrity_codegen.codegen.lanes.settled import BOUND, is_settled
 from tensegrity_codegen.codegen.lanes.text import emit_kernels
 from tensegrity_codegen.codegen.print.identifiers import name_local
 from tensegrity_codegen.codegen.print.printer import print_body
@@ -24,6 +24,31 @@ from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.tables.precision import Precision
 from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES
+
+# Checks for finite numbers by sums over members: no argument or result is looked at by itself.
+#
+# spread = sum of d_e . d_e, pulled = sum of |t_e / l_e| over all members. Where both are below 1e200, each
+# force on a node is the external one and at most 1e200 times 1e100. Where a coordinate is not finite, spread
+# is not either.
+
+
+BOUND = "1e200"  # of spread and pulled
+MOST_EXTERNAL = 1e290  # N
+
+
+def is_settled(parts: NodePosition, arguments: Sequence[str]) -> bool:
+    """Return whether a function of these arguments can be settled by sums over the members.
+
+    It takes coordinates alone, each of a node that has a member, and external forces are numbers, not huge.
+    """
+    if list(arguments) != ["coordinate"]:
+        return False
+    joined = set(np.unique(parts.structure.connectivity).tolist())
+    if not set(parts.map.coordinate_nodes()) <= joined:
+        return False
+    external = [ca.SX(value) for vector in parts.external_force for value in vector]
+    return all(value.is_constant() and abs(float(value)) < MOST_EXTERNAL for value in external)
+
 
 # C statements of stiffness matrices: blocks of four members at a time, then sums of their columns.
 

@@ -90,7 +90,7 @@ class ForceLines:
 
     parts: expressions of the structure; nodes: those whose force is wanted; arguments: names of what the
     function takes; is_static: forces without damping; kernels: gives the C function of a kind of members;
-    is_settled: the statements add up `spread` and `pulled`, see codegen.lanes.settled.
+    is_settled: the statements add up `spread` and `pulled`, see codegen.lanes.emitter.
     """
 
     parts: NodePosition

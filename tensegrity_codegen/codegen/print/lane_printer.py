@@ -14,10 +14,9 @@ from dataclasses import dataclass, field
 import casadi as ca
 
 from tensegrity_codegen.codegen.print.instructions import Instruction, read_instructions
-from tensegrity_codegen.codegen.print.operations import print_operation
+from tensegrity_codegen.codegen.print.operations import ARITHMETIC, print_operation
 from tensegrity_codegen.codegen.print.order import order_instructions
 from tensegrity_codegen.codegen.print.printer import print_number
-from tensegrity_codegen.codegen.print.vector_operations import ARITHMETIC
 from tensegrity_codegen.tables.precision import PRECISIONS, Precision
 
 # Operations on numbers a and b.

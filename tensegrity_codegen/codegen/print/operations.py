@@ -15,6 +15,18 @@ from tensegrity_codegen.tables.precision import Precision
 # How tightly a C expression holds together, loosest first.
 CONDITIONAL, COMPARISON, SUM, PRODUCT, SIGNED, PRIMARY = range(6)
 
+# Arithmetic that compilers have for vectors of any width. a and b are vectors; one is a vector of ones.
+ARITHMETIC: dict[int, str] = {
+    ca.OP_ADD: "{a} + {b}",
+    ca.OP_SUB: "{a} - {b}",
+    ca.OP_MUL: "{a} * {b}",
+    ca.OP_DIV: "{a} / {b}",
+    ca.OP_NEG: "-{a}",
+    ca.OP_TWICE: "{a} + {a}",
+    ca.OP_SQ: "{a} * {a}",
+    ca.OP_INV: "{one} / {a}",
+}
+
 
 @dataclass(frozen=True)
 class Text:
