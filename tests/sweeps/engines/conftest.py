@@ -31,6 +31,7 @@ class Square(Operation):
     """The square of a number; the value `deadly` ends its process `lives` times, by files in `folder`."""
 
     name: ClassVar[str] = "square"
+    compute: ClassVar[Any] = None  # `run` is here without a library, whose arguments `compute` would take
     folder: str = ""
     deadly: float = -1.0
     lives: int = 0
