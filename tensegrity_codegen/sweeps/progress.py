@@ -41,11 +41,6 @@ class SweepProgress:
         """Cases a second of this run; 0 before the first."""
         return self.computed / self.seconds if self.seconds > 0.0 else 0.0
 
-    @property
-    def seconds_left(self) -> float | None:
-        """Estimated time to the end [s]; None before the first case."""
-        return (self.cases - self.finished) / self.rate if self.computed else None
-
 
 ShowProgress = Callable[[SweepProgress], None]
 

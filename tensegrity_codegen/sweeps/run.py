@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.sweeps.check_call import check_stop_after
 from tensegrity_codegen.sweeps.engines.engine import Engine, FinishedTask
 from tensegrity_codegen.sweeps.engines.work import SweepWork
 from tensegrity_codegen.sweeps.progress import ShowProgress, SweepOutcome, SweepProgress
@@ -20,6 +19,7 @@ from tensegrity_codegen.sweeps.store.folder import check_store_folder, find_fini
 from tensegrity_codegen.sweeps.store.identity import check_same_sweep
 from tensegrity_codegen.sweeps.store.store import SweepStore
 from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE
+from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 
 
@@ -153,6 +153,12 @@ class _Run:
             self.stopped = state.finished < self.cases
             return self.stopped
         return False
+
+
+def check_stop_after(stop_after: Any) -> None:
+    """Raise InvalidValueError for what is no number of failed cases."""
+    if stop_after is not None:
+        check_whole(stop_after, "stop_after", 1, problem="not a number of cases")
 
 
 def check_zarr() -> None:

@@ -32,6 +32,28 @@ WORDS = 4  # numbers that Philox makes of one value of its counter
 BITS = 30  # of the coordinates of a Sobol' sequence
 
 
+@dataclass(frozen=True)
+class Sampling:
+    """Random numbers of a sweep: their distributions, how many, and how they are drawn.
+
+    Attributes
+    ----------
+    distributions : mapping or sequence of str
+        Key -> ``"normal(m,s)"``, ``"uniform(a,b)"`` or ``"lognormal(m,s)"``; or ``"KEY=..."``.
+    n : int
+        Number of samples; of method ``"saltelli"`` the base number, which gives n (D + 2) cases of D keys.
+    seed : int
+        The same seed gives the same cases.
+    method : str
+        ``"random"``, ``"latin_hypercube"``, ``"sobol"`` or ``"saltelli"``.
+    """
+
+    distributions: Mapping[str, Any] | Sequence[str]
+    n: int
+    seed: int = 0
+    method: str = "random"
+
+
 class UnitPoints(Protocol):
     """Rows of numbers from 0 to 1."""
 
