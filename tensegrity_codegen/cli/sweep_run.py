@@ -18,7 +18,7 @@ from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.cases.cases import Cases
     from tensegrity_codegen.sweeps.engines.cluster import Cluster
-    from tensegrity_codegen.sweeps.progress import SweepOutcome, SweepProgress
+    from tensegrity_codegen.sweeps.run import SweepOutcome, SweepProgress
     from tensegrity_codegen.sweeps.sweep import PreparedSweep
     from tensegrity_codegen.sweeps.tasks.operation import Operation
 
@@ -208,7 +208,7 @@ def _describe_outcome(prepared: "PreparedSweep", outcome: "SweepOutcome") -> dic
 
 def _list_lines(outcome: "SweepOutcome", operation: str, table: Path | None) -> list[str]:
     """Return how a sweep ended, for people."""
-    from tensegrity_codegen.sweeps.tasks.limit_use import BEYOND
+    from tensegrity_codegen.sweeps.tasks.quantities import BEYOND
 
     rows = [
         f"  {count:,} {word}{_first(outcome, word)}"

@@ -19,8 +19,7 @@ from tensegrity_codegen.sweeps.engines.engine import Engine
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
 from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.plan_sweep import PlannedSweep, plan_sweep
-from tensegrity_codegen.sweeps.progress import ShowProgress, SweepOutcome
-from tensegrity_codegen.sweeps.run import check_stop_after, check_zarr, run_sweep
+from tensegrity_codegen.sweeps.run import ShowProgress, SweepOutcome, check_stop_after, check_zarr, run_sweep
 from tensegrity_codegen.sweeps.store.folder import check_store_folder, open_sweep
 from tensegrity_codegen.sweeps.store.identity import check_same_sweep
 from tensegrity_codegen.sweeps.tasks.operation import Operation

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
-from tensegrity_codegen.sweeps.progress import SweepOutcome, SweepProgress
-from tensegrity_codegen.sweeps.run import run_sweep
+from tensegrity_codegen.sweeps.run import SweepOutcome, SweepProgress, run_sweep
 from tensegrity_codegen.sweeps.store.folder import find_finished, open_sweep
 from tensegrity_codegen.system.errors import InvalidValueError, OutputError
 from tensegrity_codegen.system.forked import can_fork

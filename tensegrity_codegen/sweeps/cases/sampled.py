@@ -15,13 +15,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
 
-from tensegrity_codegen.sweeps.cases.distributions import Distribution, read_distribution
-from tensegrity_codegen.sweeps.cases.numbers import read_count
+from tensegrity_codegen.sweeps.cases.distributions import Distribution, read_count, read_distribution
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import check_choice
 
@@ -52,14 +51,6 @@ class Sampling:
     n: int
     seed: int = 0
     method: str = "random"
-
-
-class UnitPoints(Protocol):
-    """Rows of numbers from 0 to 1."""
-
-    def rows(self, first: int, last: int) -> FloatArray:
-        """Return rows first to last - 1, (last - first, width)."""
-        ...
 
 
 class PlainRandom:
@@ -160,7 +151,7 @@ class Sample:
         return {key: value for key, value in self.__dict__.items() if key != "_unit"}
 
     @cached_property
-    def _unit(self) -> UnitPoints:
+    def _unit(self) -> PlainRandom | LatinHypercube | SobolPoints:
         width = len(self.keys)
         if self.method == "random":
             return PlainRandom(width, self.seed)

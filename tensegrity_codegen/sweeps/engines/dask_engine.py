@@ -11,7 +11,7 @@ from typing import Any
 
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.sweeps.apply.group import CaseGroup
+from tensegrity_codegen.sweeps.apply.mapper import CaseGroup
 from tensegrity_codegen.sweeps.engines.cluster import (
     check_versions,
     connect,
