@@ -61,6 +61,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.read import read_scene
     from tensegrity_codegen.scene.schema.schema import Scene
     from tensegrity_codegen.structure.structure import Structure
+    from tensegrity_codegen.sweeps.cases.sampled import Sampling
+    from tensegrity_codegen.sweeps.engines.cluster import Cluster
     from tensegrity_codegen.sweeps.sweep import sweep
     from tensegrity_codegen.system.errors import TensegrityError
     from tensegrity_codegen.tables.request import ModelRequest
@@ -68,6 +70,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Analysis",
     "BatchTrajectory",
+    "Cluster",
     "CompiledModel",
     "ControlRun",
     "ControlStudy",
@@ -86,6 +89,7 @@ __all__ = [
     "PlanResult",
     "Profile",
     "RandomGust",
+    "Sampling",
     "Scene",
     "Sensitivity",
     "StatedErrors",
@@ -129,6 +133,7 @@ __all__ = [
 _HOME = {
     "Analysis": "runtime.analysis.analysis",
     "BatchTrajectory": "runtime.trajectory.batch_trajectory",
+    "Cluster": "sweeps.engines.cluster",
     "CompiledModel": "runtime.model.model",
     "ControlRun": "control.feedback.loop.control_run",
     "ControllerBundle": "control.embedded.build_controller",
@@ -146,6 +151,7 @@ _HOME = {
     "Motion": "runtime.records.timed_motion",
     "PlanResult": "runtime.records.plan_result",
     "Profile": "runtime.profiles.profile",
+    "Sampling": "sweeps.cases.sampled",
     "Scene": "scene.schema.schema",
     "RandomGust": "control.feedback.study.stated_errors",
     "Sensitivity": "runtime.sensitivity.record",

@@ -102,4 +102,7 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
         SCENE, do="evaluate", over={"gravity[2]": "-10:0:3"}, out=folder / "sweep.zarr", workers=1
     )
     assert stored["member_tension"].shape[0] == 3
+    drawn = tc.Sampling({"gravity[2]": "uniform(-10,0)"}, n=4, seed=1, method="sobol")
+    assert (tc.sweep(SCENE, do="evaluate", sample=drawn, workers=1)["status"] == 0).all()
+    assert tc.Cluster("tcp://10.0.0.1:8786").wait > 0
     return {"tuning": tuning, "study": study, "runs": runs, "loaded": loaded, "graphs": graphs, "fmu": fmu}

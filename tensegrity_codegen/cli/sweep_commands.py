@@ -83,8 +83,7 @@ def case(
     output = Output(json)
     with output.guard():
         from tensegrity_codegen.scene.write import write_scene
-        from tensegrity_codegen.sweeps.summary.case_scene import build_case_scene, check_case
-        from tensegrity_codegen.sweeps.summary.read_results import read_results
+        from tensegrity_codegen.sweeps.summary.read_results import build_case_scene, check_case, read_results
 
         check_result(out, ".toml", overwrite=overwrite)
         results = read_results(file)
@@ -144,10 +143,9 @@ def summary(
     output = Output(json)
     with output.guard():
         check_result(out, ".html", overwrite=overwrite, draws=True)
-        from tensegrity_codegen.sweeps.summary.finding import describe_finding
+        from tensegrity_codegen.sweeps.summary.finding import describe_finding, list_tables
         from tensegrity_codegen.sweeps.summary.read_results import read_results
         from tensegrity_codegen.sweeps.summary.summary import summarize
-        from tensegrity_codegen.sweeps.summary.tables import list_tables
 
         found = summarize(read_results(file), result or (), over or (), build_commands)
         if out is not None:

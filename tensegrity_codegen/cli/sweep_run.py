@@ -17,7 +17,8 @@ from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.cases.cases import Cases
-    from tensegrity_codegen.sweeps.progress import SweepOutcome, SweepProgress
+    from tensegrity_codegen.sweeps.engines.cluster import Cluster
+    from tensegrity_codegen.sweeps.run import SweepOutcome, SweepProgress
     from tensegrity_codegen.sweeps.sweep import PreparedSweep
     from tensegrity_codegen.sweeps.tasks.operation import Operation
 
@@ -70,7 +71,7 @@ class SweepCall:
 
     def _check(self) -> None:
         """Check the options of files and engines before any work."""
-        from tensegrity_codegen.sweeps.check_call import check_engine, check_stop_after
+        from tensegrity_codegen.sweeps.run import check_stop_after
         from tensegrity_codegen.sweeps.store.folder import check_store_name
 
         results = self.results
@@ -82,7 +83,7 @@ class SweepCall:
             )
         if results.out is not None:
             check_store_name(results.out)
-        check_engine(self.where.workers, self.where.scheduler, self.where.wait)
+        self._find_workers()
         check_stop_after(self.where.stop_after)
         if results.overwrite and results.format is None:
             raise InvalidValueError(
@@ -112,6 +113,30 @@ class SweepCall:
                     allowed=", ".join(map(name_option, known)) or "no options of this kind",
                 )
 
+    def _find_workers(self) -> "int | Cluster":
+        """Return where the sweep runs; raises InvalidValueError for two places, or a wait for none."""
+        from tensegrity_codegen.sweeps.engines.cluster import Cluster, check_wait, check_workers
+
+        workers, scheduler, wait = self.where.workers, self.where.scheduler, self.where.wait
+        if scheduler is not None and workers is not None:
+            raise InvalidValueError(
+                "workers of this machine beside those of a cluster",
+                where="workers",
+                given=workers,
+                allowed="`workers` or `scheduler`",
+            )
+        if wait is not None and scheduler is None:
+            check_wait(wait)
+            raise InvalidValueError(
+                "a time to wait for a scheduler, and no scheduler",
+                where="wait",
+                given=wait,
+                allowed="with `scheduler`",
+            )
+        if scheduler is None:
+            return check_workers(workers)
+        return check_workers(Cluster(scheduler) if wait is None else Cluster(scheduler, wait))
+
     @property
     def _table(self) -> Path:
         """The file of --format: the folder's name with another ending, beside it."""
@@ -121,20 +146,17 @@ class SweepCall:
         from tensegrity_codegen.sweeps.sweep import prepare_sweep
 
         return prepare_sweep(
-            self.scene, cases, operation, out=self.results.out, workers=self.where.workers,
+            self.scene, cases, operation, out=self.results.out, workers=self._find_workers(),
             task_size=self.where.task_size, yes=self.cases.yes, option="--yes",
         )  # fmt: skip
 
     def _run(
         self, output: Output, prepared: "PreparedSweep", move: Callable[[float], None]
     ) -> "SweepOutcome":
-        out, where = self.results.out, self.where
+        out = self.results.out
         assert out is not None
         try:
-            return prepared.run(
-                out, scheduler=where.scheduler, wait=where.wait, stop_after=where.stop_after,
-                on_progress=_follow(output, move),
-            )  # fmt: skip
+            return prepared.run(out, stop_after=self.where.stop_after, on_progress=_follow(output, move))
         except KeyboardInterrupt:
             text = f"{out} keeps what is finished; the same command goes on where it stopped"
             output.aside.print(text, markup=False, soft_wrap=True)
@@ -186,7 +208,7 @@ def _describe_outcome(prepared: "PreparedSweep", outcome: "SweepOutcome") -> dic
 
 def _list_lines(outcome: "SweepOutcome", operation: str, table: Path | None) -> list[str]:
     """Return how a sweep ended, for people."""
-    from tensegrity_codegen.sweeps.tasks.limit_use import BEYOND
+    from tensegrity_codegen.sweeps.tasks.quantities import BEYOND
 
     rows = [
         f"  {count:,} {word}{_first(outcome, word)}"

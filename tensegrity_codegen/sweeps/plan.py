@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.sweeps.apply.group import CaseGroup
+from tensegrity_codegen.sweeps.apply.mapper import CaseGroup
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 

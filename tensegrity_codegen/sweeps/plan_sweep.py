@@ -11,15 +11,13 @@ import numpy as np
 
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
-from tensegrity_codegen.sweeps.apply.group import CaseGroup
 from tensegrity_codegen.sweeps.apply.group_cases import find_groups
-from tensegrity_codegen.sweeps.apply.mapper import CaseMapper
+from tensegrity_codegen.sweeps.apply.mapper import CaseGroup, CaseMapper
 from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.sweeps.cases.distributions import read_count
 from tensegrity_codegen.sweeps.cases.layout import LANES
-from tensegrity_codegen.sweeps.cases.numbers import read_count
 from tensegrity_codegen.sweeps.cases.table import Table
-from tensegrity_codegen.sweeps.engines.work import Libraries, SweepWork, select_arguments
-from tensegrity_codegen.sweeps.joint_outputs import join_outputs
+from tensegrity_codegen.sweeps.engines.work import Libraries, SweepWork, join_outputs, select_arguments
 from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output
 from tensegrity_codegen.system.summaries import describe_count

@@ -1,5 +1,6 @@
 """Many cases of one scene: plan them, compute them, store and open their results."""
 
+import os
 import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
@@ -7,27 +8,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.cases.build_cases import Stated, build_cases
 from tensegrity_codegen.sweeps.cases.cases import Cases
-from tensegrity_codegen.sweeps.check_call import (
-    check_engine,
-    check_on_progress,
-    check_scene_source,
-    check_stop_after,
-    check_yes,
-)
+from tensegrity_codegen.sweeps.cases.sampled import Sampling
 from tensegrity_codegen.sweeps.describe import SceneSource, describe_facts, identify_sweep
+from tensegrity_codegen.sweeps.engines.cluster import Cluster, check_workers
 from tensegrity_codegen.sweeps.engines.dask_engine import DaskEngine
 from tensegrity_codegen.sweeps.engines.engine import Engine
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
 from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.plan_sweep import PlannedSweep, plan_sweep
-from tensegrity_codegen.sweeps.progress import ShowProgress, SweepOutcome
-from tensegrity_codegen.sweeps.run import check_zarr, run_sweep
+from tensegrity_codegen.sweeps.run import ShowProgress, SweepOutcome, check_stop_after, check_zarr, run_sweep
 from tensegrity_codegen.sweeps.store.folder import check_store_folder, open_sweep
 from tensegrity_codegen.sweeps.store.identity import check_same_sweep
 from tensegrity_codegen.sweeps.tasks.operation import Operation
-from tensegrity_codegen.system.checks import check_whole
+from tensegrity_codegen.system.checks import check_callback, check_instance, check_switch
 from tensegrity_codegen.system.forked import count_workers
 
 
@@ -41,21 +37,19 @@ class PreparedSweep:
         Cases, libraries, tasks, estimated time and size.
     identity, facts : dict
         What the results follow from, and what else is kept with them.
-    workers : int
-        Number of processes on this machine.
+    workers : int or Cluster
+        Number of processes on this machine, or a cluster.
     """
 
     planned: PlannedSweep
     identity: Mapping[str, Any] = field(repr=False)
     facts: Mapping[str, Any] = field(repr=False)
-    workers: int
+    workers: int | Cluster
 
     def run(
         self,
         out: str | Path,
         *,
-        scheduler: str | None = None,
-        wait: float | None = None,
         stop_after: int | None = None,
         on_progress: ShowProgress | None = None,
     ) -> SweepOutcome:
@@ -65,10 +59,6 @@ class PreparedSweep:
         ----------
         out : str or Path
             Folder of the results (.zarr).
-        scheduler : str, optional
-            Address of a Dask scheduler; by default processes of this machine compute.
-        wait : float, optional
-            Longest time to wait for the scheduler and its workers; by default 30 s.
         stop_after : int, optional
             Stop once so many cases have failed.
         on_progress : callable, optional
@@ -87,9 +77,9 @@ class PreparedSweep:
             No scheduler, no workers, or workers with other versions.
         """
         engine: Engine = (
-            LocalEngine(self.workers, self.planned.libraries)
-            if scheduler is None
-            else DaskEngine(scheduler, **({} if wait is None else {"wait": wait}))
+            DaskEngine(self.workers.address, self.workers.wait)
+            if isinstance(self.workers, Cluster)
+            else LocalEngine(self.workers, self.planned.libraries)
         )
         return run_sweep(
             self.planned.work,
@@ -108,7 +98,7 @@ def prepare_sweep(
     operation: Operation,
     *,
     out: str | Path | None = None,
-    workers: int | None = None,
+    workers: int | Cluster | None = None,
     task_size: int | None = None,
     yes: bool = False,
     option: str = "yes",
@@ -125,8 +115,8 @@ def prepare_sweep(
         As from `build_operation`.
     out : str or Path, optional
         Folder of the results.
-    workers : int, optional
-        Number of processes; by default one a core.
+    workers : int or Cluster, optional
+        Number of processes, by default one a core; or a cluster.
     task_size : int, optional
         Most cases of a task; by default so many that a task takes about half a second.
     yes : bool
@@ -146,11 +136,8 @@ def prepare_sweep(
     SceneError, FormulationError, CompilerMissingError, CompileError
         As for `plan_sweep`.
     """
-    count = (
-        count_workers()
-        if workers is None
-        else check_whole(workers, "workers", 1, problem="not a number of workers")
-    )
+    place = check_workers(workers)
+    count = count_workers() if isinstance(place, Cluster) else place
     identity = identify_sweep(scene, cases, operation)
     stored = None
     if out is not None:
@@ -160,7 +147,7 @@ def prepare_sweep(
         check_same_sweep(stored.path, stored.identity, identity)
         task_size = stored.task_size
     planned = plan_sweep(scene, cases, operation, task_size=task_size, workers=count, yes=yes, option=option)
-    return PreparedSweep(planned, identity, describe_facts(scene, planned.work.plan, operation), count)
+    return PreparedSweep(planned, identity, describe_facts(scene, planned.work.plan, operation), place)
 
 
 def sweep(
@@ -168,16 +155,11 @@ def sweep(
     *,
     do: str,
     over: Stated = (),
-    sample: Stated = (),
+    sample: Sampling | None = None,
     table: str | Path | Mapping[str, Any] | None = None,
-    n: int | None = None,
-    seed: int = 0,
-    sampling: str = "random",
     keep: str | Sequence[str] = (),
     out: str | Path | None = None,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    wait: float | None = None,
+    workers: int | Cluster | None = None,
     task_size: int | None = None,
     stop_after: int | None = None,
     yes: bool = False,
@@ -191,31 +173,21 @@ def sweep(
     scene : str, Path, mapping or Scene
         As for `read_scene`.
     do : str
-        ``"simulate"``, ``"equilibrium"``, ``"linearize"`` or ``"evaluate"``.
+        An operation: ``"simulate"``, ``"equilibrium"``, ``"linearize"``, ``"analyse"`` or ``"evaluate"``.
     over : mapping or sequence of str
         Axes of a grid: key -> values, ``"start:stop:n"`` or ``"start:stop:n:log"``; or ``"KEY=..."``.
-    sample : mapping or sequence of str
-        Distributions: key -> ``"normal(m,s)"``, ``"uniform(a,b)"`` or ``"lognormal(m,s)"``; or ``"KEY=..."``.
+    sample : Sampling, optional
+        Random numbers: distributions of keys, number of samples, seed and method.
     table : str, Path or mapping, optional
         CSV file with a column a key and a row a case, or such columns.
-    n : int, optional
-        Number of samples.
-    seed : int
-        Seed of the samples.
-    sampling : str
-        ``"random"``, ``"latin_hypercube"``, ``"sobol"`` or ``"saltelli"``.
     keep : str or sequence of str
         What is kept of each case, such as ``"member_tension"`` or ``"max(member_tension)"``; by default the
         usual results of the operation.
     out : str or Path, optional
         Folder of the results (.zarr). One that holds a part of this sweep goes on where it stopped. Without
         it results are kept in memory only.
-    workers : int, optional
-        Number of processes on this machine; by default one a core.
-    scheduler : str, optional
-        Address of a Dask scheduler whose workers compute instead.
-    wait : float, optional
-        Longest time to wait for the scheduler and its workers; by default 30 s.
+    workers : int or Cluster, optional
+        Number of processes on this machine, by default one a core; or the workers of a Dask scheduler.
     task_size : int, optional
         Most cases of a task; by default so many that a task takes about half a second.
     stop_after : int, optional
@@ -252,21 +224,31 @@ def sweep(
     >>> found["member_tension"].dims, found["status"].values.tolist()
     (('gravity[2]', 'member'), [0, 0, 0])
     """
-    check_engine(workers, scheduler, wait)
+    check_workers(workers)
     check_stop_after(stop_after)
-    check_on_progress(on_progress)
-    check_yes(yes)
-    check_scene_source(scene)
+    check_callback(on_progress, "on_progress")
+    check_switch(yes, "yes")
+    check_instance(
+        scene,
+        (str, os.PathLike, Mapping, Scene),
+        "scene",
+        "the name of a scene file, a dictionary, or a Scene",
+    )
+    check_instance(sample, (Sampling, type(None)), "sample", "Sampling(distributions, n)")
     check_zarr()
-    cases = build_cases(over, sample, table, n=n, seed=seed, method=sampling, yes=yes)
+    drawn = sample or Sampling((), 1)
+    cases = build_cases(
+        over,
+        drawn.distributions,
+        table,
+        n=drawn.n if sample else None,
+        seed=drawn.seed,
+        method=drawn.method,
+        yes=yes,
+    )
     operation = build_operation(do, keep, **options)
     prepared = prepare_sweep(scene, cases, operation, out=out, workers=workers, task_size=task_size, yes=yes)
-    rest: dict[str, Any] = {
-        "scheduler": scheduler,
-        "wait": wait,
-        "stop_after": stop_after,
-        "on_progress": on_progress,
-    }
+    rest: dict[str, Any] = {"stop_after": stop_after, "on_progress": on_progress}
     if out is not None:
         try:
             return _open_outcome(prepared.run(out, **rest))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.joint_outputs import find_places, join_outputs
+from tensegrity_codegen.sweeps.engines.work import find_places, join_outputs
 from tensegrity_codegen.sweeps.tasks.operation import Output
 from tensegrity_codegen.system.errors import InvalidValueError
 

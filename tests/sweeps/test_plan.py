@@ -8,7 +8,7 @@ import pytest
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
 from tensegrity_codegen.pipeline.compile_scene import load_scene
-from tensegrity_codegen.sweeps.apply.group import AppliedCases, CaseGroup
+from tensegrity_codegen.sweeps.apply.mapper import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
 

@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
+from tensegrity_codegen.sweeps.cases.sampled import Sampling
+from tensegrity_codegen.sweeps.engines.cluster import Cluster
 from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.sweep import sweep
 from tensegrity_codegen.system.errors import (
@@ -33,6 +36,7 @@ SCENE: dict[str, Any] = {
     "classes": {"cord": {"kind": "cable", "spring_constant": 80.0, "rest_length": 1.0}},
     "model": {"quantities": ["member_tension", "acceleration"]},
 }
+KEYS = {"gravity[2]": "uniform(-10,0)"}
 OVER = {"classes.cord.spring_constant": [60.0, 80.0, 100.0], "gravity[2]": "-10:0:5"}
 
 
@@ -96,16 +100,16 @@ def test_a_result_that_is_nan_in_every_case_is_named() -> None:
 def test_the_same_seed_gives_the_same_bits_on_any_number_of_workers(sampling: str) -> None:
     options: dict[str, Any] = {
         "do": "evaluate",
-        "sample": {"classes.cord.spring_constant": "normal(80,5)", "gravity[2]": "uniform(-10,0)"},
-        "n": 32,
-        "seed": 7,
-        "sampling": sampling,
+        "sample": Sampling(
+            {"classes.cord.spring_constant": "normal(80,5)", "gravity[2]": "uniform(-10,0)"}, 32, 7, sampling
+        ),
     }
     one = sweep(SCENE, **options, workers=1, task_size=32)
     two = sweep(SCENE, **options, workers=2, task_size=8)
+    other = replace(options["sample"], seed=8)
     for name in ("member_tension", "classes.cord.spring_constant", "gravity[2]"):
         assert np.array_equal(one[name].values, two[name].values)
-    assert not np.array_equal(one["gravity[2]"], sweep(SCENE, **{**options, "seed": 8})["gravity[2]"])
+    assert not np.array_equal(one["gravity[2]"], sweep(SCENE, **{**options, "sample": other})["gravity[2]"])
 
 
 def test_another_sweep_is_refused_by_what_differs(tmp_path: Path) -> None:
@@ -127,72 +131,60 @@ def test_another_sweep_is_refused_by_what_differs(tmp_path: Path) -> None:
     assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == before
 
 
-def test_wrong_calls_are_errors_that_leave_nothing(tmp_path: Path) -> None:
-    wrong: list[dict[str, Any]] = [
-        {"workers": 0},
-        {"workers": 2, "scheduler": "tcp://127.0.0.1:1"},
-        {"over": {"classes.cord.spring_constand": [1.0]}},
-        {"over": {"gravity[2]": "0:1:0"}},
-        {"do": "evaluated"},
-        {"keep": "member_tensions"},
-        {"task_size": 0},
-        {"stop_after": 0},
-        {"stop_after": "2"},
-        {"over": None},
-        {"over": 3},
-        {"sample": 3},
-        {"seed": -1},
-        {"sampling": "sobol"},
-        {"keep": 3},
-        {"out": 3},
-        {"out": ""},
-        {"out": "."},
-        {"workers": None, "scheduler": " "},
-        {"wait": 5.0},
-        {"on_progress": 3},
-        {"do": "simulate", "samples": 2.5},
-        {"do": "equilibrium", "tolerance": "small"},
-        {"out": tmp_path / "no" / "file.csv"},
-    ]
-    for options in wrong:
-        given = {"do": "evaluate", "over": OVER, "out": tmp_path / "a.zarr", **options}
-        with pytest.raises(TensegrityError) as caught:
-            sweep(SCENE, **given)
-        assert caught.value.exit_code == 2
-        assert type(pickle.loads(pickle.dumps(caught.value))) is type(caught.value)
-        assert not list(tmp_path.iterdir())
-    with pytest.raises(InvalidValueError):
-        sweep(SCENE, do="evaluate")
-
-
 @pytest.mark.parametrize(
     ("options", "where"),
     [
+        ({"workers": 0}, "workers"),
+        ({"over": {"classes.cord.spring_constand": [1.0]}}, "scene: classes.cord.spring_constand"),
+        ({"over": {"gravity[2]": "0:1:0"}}, "over gravity[2]"),
         ({"over": 3}, "over"),
         ({"over": {3: [1, 2]}}, "over"),
-        ({"sample": {"gravity[-1]": "normal(0,1)"}, "n": 2}, "sample"),
-        ({"sampling": "sobol"}, "sampling"),
-        ({"seed": 4}, "seed"),
+        ({"over": None}, "over, sample, table"),
+        ({"do": "evaluated"}, "do"),
+        ({"keep": "member_tensions"}, "keep 'member_tensions'"),
         ({"keep": 3}, "keep"),
+        ({"task_size": 0}, "task_size"),
+        ({"stop_after": 0}, "stop_after"),
+        ({"stop_after": "2"}, "stop_after"),
+        ({"sample": 3}, "sample"),
+        ({"sample": {"gravity[2]": "normal(0,1)"}}, "sample"),
+        ({"sample": Sampling({"gravity[-1]": "normal(0,1)"}, 2)}, "sample"),
+        ({"sample": Sampling(KEYS, 2, seed=-1), "over": ()}, "seed"),
+        ({"sample": Sampling(KEYS, 2, method="even"), "over": ()}, "sampling"),
+        ({"sample": Sampling(KEYS, "a"), "over": ()}, "n"),
+        ({"sample": Sampling((), 4)}, "n"),
+        ({"seed": 1}, "sweep"),
         ({"out": 3}, "out"),
-        ({"workers": None, "scheduler": ""}, "scheduler"),
-        ({"wait": 5.0}, "wait"),
+        ({"out": ""}, "out"),
+        ({"out": "."}, "out"),
+        ({"out": "no/file.csv"}, "no/file.csv"),
+        ({"workers": Cluster("")}, "scheduler"),
+        ({"workers": Cluster("tcp://a:1", wait="long")}, "wait"),
         ({"yes": "no"}, "yes"),
-        ({"wait": "long"}, "wait"),
+        ({"on_progress": 3}, "on_progress"),
+        ({"do": "simulate", "samples": 2.5}, "samples"),
         ({"do": "simulate", "samples": "a"}, "samples"),
+        ({"do": "equilibrium", "tolerance": "small"}, "tolerance"),
         ({"do": "equilibrium", "max_iterations": 2.5}, "max_iterations"),
     ],
 )
-def test_a_wrong_argument_is_named(options: dict[str, Any], where: str) -> None:
+def test_a_wrong_argument_is_named_and_leaves_nothing(
+    options: dict[str, Any], where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(TensegrityError) as caught:
-        sweep(SCENE, **{"do": "evaluate", "over": OVER, "workers": 1, **options})
-    assert caught.value.where == where
+        sweep(SCENE, **{"do": "evaluate", "over": OVER, "workers": 1, "out": "a.zarr", **options})
+    assert (caught.value.where, caught.value.exit_code) == (where, 2)
+    assert type(pickle.loads(pickle.dumps(caught.value))) is type(caught.value)
+    assert not list(tmp_path.iterdir())
 
 
-def test_a_scene_that_is_none_is_named() -> None:
+def test_a_scene_that_is_none_is_named_and_something_must_vary() -> None:
     wrong: Any = 3
-    with pytest.raises(InvalidValueError, match="not a scene"):
+    with pytest.raises(InvalidValueError, match="wrong type"):
         sweep(wrong, do="evaluate", over=OVER)
+    with pytest.raises(InvalidValueError, match="nothing varies"):
+        sweep(SCENE, do="evaluate")
 
 
 def test_the_current_folder_is_no_folder_of_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

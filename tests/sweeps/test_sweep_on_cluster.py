@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.sweeps.engines.cluster import Cluster
 from tensegrity_codegen.sweeps.store.folder import find_finished
 from tensegrity_codegen.sweeps.sweep import sweep
 
@@ -35,10 +36,11 @@ OPTIONS: dict[str, Any] = {
 CLIENT = """
 import sys, time
 from tests.sweeps.test_sweep_on_cluster import OPTIONS, SCENE
+from tensegrity_codegen.sweeps.engines.cluster import Cluster
 from tensegrity_codegen.sweeps.sweep import sweep
 def slow(progress):
     time.sleep(3600 if progress.computed >= 40 else 0)
-sweep(SCENE, **OPTIONS, out=sys.argv[1], scheduler=sys.argv[2], on_progress=slow)
+sweep(SCENE, **OPTIONS, out=sys.argv[1], workers=Cluster(sys.argv[2]), on_progress=slow)
 """
 
 
@@ -67,7 +69,7 @@ def test_a_killed_worker_and_a_killed_client_change_no_bit(cluster: Any, tmp_pat
             killed.append(next(iter(cluster.workers.values())).pid)
             os.kill(killed[0], signal.SIGKILL)
 
-    found = sweep(SCENE, **OPTIONS, out=out, scheduler=address, wait=60.0, on_progress=kill_one)
+    found = sweep(SCENE, **OPTIONS, out=out, workers=Cluster(address, wait=60.0), on_progress=kill_one)
     assert killed
     assert len(find_finished(out)) == 20
     local = sweep(SCENE, **OPTIONS, out=tmp_path / "local.zarr", workers=2)

@@ -8,8 +8,7 @@ import numpy as np
 
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler
 from tensegrity_codegen.sweeps.apply.direct_keys import NO_DIRECT_KEYS, DirectKeys, find_direct_keys
-from tensegrity_codegen.sweeps.apply.group import CaseGroup
-from tensegrity_codegen.sweeps.apply.mapper import CaseMapper
+from tensegrity_codegen.sweeps.apply.mapper import CaseGroup, CaseMapper
 from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots, name_changed
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.system.arrays import FloatArray, IntArray

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases, Points
-from tensegrity_codegen.sweeps.cases.numbers import read_count, read_number
+from tensegrity_codegen.sweeps.cases.distributions import read_count, read_number
 from tensegrity_codegen.sweeps.cases.sampled import build_sample
 from tensegrity_codegen.sweeps.cases.table import columns_of
 from tensegrity_codegen.sweeps.keys import parse_path

@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_text
+from tensegrity_codegen.sweeps.cases.sampled import Sample
+from tensegrity_codegen.sweeps.cases.table import Table
 from tensegrity_codegen.system.errors import InvalidValueError
 
 MOST_LISTED = 1000  # values of an axis that a description lists; of longer ones it has the hash
@@ -37,36 +39,7 @@ class Axis:
         return len(self.values)
 
 
-class Points(Protocol):
-    """A sample or a table: rows of values of some keys, computed on demand."""
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Paths of the numbers in the scene."""
-        ...
-
-    @property
-    def count(self) -> int:
-        """Number of rows."""
-        ...
-
-    @property
-    def method(self) -> str:
-        """One of ``"random"``, ``"latin_hypercube"``, ``"sobol"``, ``"saltelli"``, ``"table"``."""
-        ...
-
-    @property
-    def seed(self) -> int | None:
-        """Seed of a sample; None for a table."""
-        ...
-
-    def values(self, first: int, last: int) -> NDArray[np.float64]:
-        """Return rows first to last - 1, (last - first, n_keys): the same however they are divided."""
-        ...
-
-    def describe(self) -> dict[str, Any]:
-        """Return all that the rows follow from, as plain values."""
-        ...
+Points = Sample | Table  # rows of values of some keys, computed on demand
 
 
 @dataclass(frozen=True, eq=False)

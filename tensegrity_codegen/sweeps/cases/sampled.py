@@ -15,13 +15,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
 
-from tensegrity_codegen.sweeps.cases.distributions import Distribution, read_distribution
-from tensegrity_codegen.sweeps.cases.numbers import read_count
+from tensegrity_codegen.sweeps.cases.distributions import Distribution, read_count, read_distribution
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import check_choice
 
@@ -32,12 +31,26 @@ WORDS = 4  # numbers that Philox makes of one value of its counter
 BITS = 30  # of the coordinates of a Sobol' sequence
 
 
-class UnitPoints(Protocol):
-    """Rows of numbers from 0 to 1."""
+@dataclass(frozen=True)
+class Sampling:
+    """Random numbers of a sweep: their distributions, how many, and how they are drawn.
 
-    def rows(self, first: int, last: int) -> FloatArray:
-        """Return rows first to last - 1, (last - first, width)."""
-        ...
+    Attributes
+    ----------
+    distributions : mapping or sequence of str
+        Key -> ``"normal(m,s)"``, ``"uniform(a,b)"`` or ``"lognormal(m,s)"``; or ``"KEY=..."``.
+    n : int
+        Number of samples; of method ``"saltelli"`` the base number, which gives n (D + 2) cases of D keys.
+    seed : int
+        The same seed gives the same cases.
+    method : str
+        ``"random"``, ``"latin_hypercube"``, ``"sobol"`` or ``"saltelli"``.
+    """
+
+    distributions: Mapping[str, Any] | Sequence[str]
+    n: int
+    seed: int = 0
+    method: str = "random"
 
 
 class PlainRandom:
@@ -138,7 +151,7 @@ class Sample:
         return {key: value for key, value in self.__dict__.items() if key != "_unit"}
 
     @cached_property
-    def _unit(self) -> UnitPoints:
+    def _unit(self) -> PlainRandom | LatinHypercube | SobolPoints:
         width = len(self.keys)
         if self.method == "random":
             return PlainRandom(width, self.seed)

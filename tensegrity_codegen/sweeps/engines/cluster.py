@@ -6,14 +6,17 @@ import socket
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_package
 from tensegrity_codegen.codegen.print.render import template_folder
+from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import ClusterError, InvalidValueError
 from tensegrity_codegen.system.extras import CLUSTER, import_extra
+from tensegrity_codegen.system.forked import count_workers
 from tensegrity_codegen.system.version import VERSION
 
 PORT = "8786"  # of a Dask scheduler, where an address has none
@@ -23,6 +26,22 @@ LEAST_WAIT = 1.0  # [s] for an answer of the scheduler
 PACKAGES = ("numpy", "scipy", "casadi")
 OWN = "tensegrity_codegen"
 SOURCE = "source of tensegrity_codegen"
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Workers of a running Dask scheduler.
+
+    Attributes
+    ----------
+    address : str
+        Address of the scheduler, such as ``"tcp://10.0.0.1:8786"``.
+    wait : float
+        Longest time to wait for the scheduler, and for a worker whenever there is none [s].
+    """
+
+    address: str
+    wait: float = 30.0
 
 
 @contextmanager
@@ -60,6 +79,23 @@ def check_wait(wait: Any) -> None:
     """Raise InvalidValueError for what is no time to wait [s]."""
     if isinstance(wait, bool) or not isinstance(wait, int | float) or not 0.0 <= wait < 1e7:
         raise InvalidValueError("not a time", where="wait", given=wait, allowed="seconds, from 0 on")
+
+
+def check_workers(workers: Any) -> int | Cluster:
+    """Return where a sweep is computed, by default one process a core; raises InvalidValueError."""
+    if not isinstance(workers, Cluster):
+        found = count_workers() if workers is None else workers
+        return check_whole(found, "workers", 1, problem="not a number of workers")
+    if not isinstance(workers.address, str) or not workers.address.strip():
+        raise InvalidValueError(
+            "not the address of a scheduler",
+            where="scheduler",
+            given=workers.address,
+            allowed="a text such as tcp://10.0.0.1:8786",
+            hint="`workers` is a number for processes of this machine",
+        )
+    check_wait(workers.wait)
+    return workers
 
 
 def count_threads(client: Any) -> int:

@@ -2,39 +2,36 @@
 
 import pickle
 import platform
-import queue
 import threading
 import time
-from collections import Counter, deque
-from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.sweeps.apply.group import CaseGroup
+from tensegrity_codegen.sweeps.apply.mapper import CaseGroup
 from tensegrity_codegen.sweeps.engines.cluster import (
     check_versions,
     connect,
     count_threads,
     describe_versions,
 )
-from tensegrity_codegen.sweeps.engines.engine import MOST_ATTEMPTS, FinishedTask
+from tensegrity_codegen.sweeps.engines.engine import Engine
 from tensegrity_codegen.sweeps.engines.parcel import SourceParcel, load_parcel, make_parcel
-from tensegrity_codegen.sweeps.engines.work import SweepWork, compute_task, library_request, set_task_aside
+from tensegrity_codegen.sweeps.engines.work import SweepWork, compute_task, library_request
 from tensegrity_codegen.sweeps.plan import Task
 from tensegrity_codegen.sweeps.tasks.operation import TaskResult
-from tensegrity_codegen.system.errors import ClusterError, TensegrityError
+from tensegrity_codegen.system.errors import ClusterError
 
-LOOK = 1.0  # [s] between two looks at the workers while no task ends
 AHEAD = 2  # tasks in flight for each thread of the workers: the next is there when one ends
 _models: dict[str, CompiledModel] = {}  # libraries of this process by the hash of their source
 _lock = threading.Lock()
 
 
 @dataclass(frozen=True)
-class DaskEngine:
+class DaskEngine(Engine):
     """Workers of a Dask cluster.
 
     The source of each library goes along, known by its hash; a worker compiles it for its own processor into
@@ -53,66 +50,52 @@ class DaskEngine:
     wait: float = 30.0
 
     @contextmanager
-    def run(self, work: SweepWork, tasks: Sequence[Task]) -> Iterator[Iterator[FinishedTask]]:
-        """Connect to the scheduler and start the first tasks; see `Engine.run`."""
-        if not tasks:
-            yield iter(())
-            return
+    def open(self, work: SweepWork, tasks: Sequence[Task]) -> Iterator["_Cluster"]:
+        """Connect to the scheduler; see `Engine.open`. What is not finished is dropped at the end."""
         with connect(self.address, self.wait) as client:
-            run = _ClusterRun(client, work, deque(tasks), self.wait)
-            try:
-                run.submit()
-                yield run.results()
-            finally:
-                run.end()
+            yield _Cluster(client, work, self.wait)
 
 
 @dataclass(eq=False)
-class _ClusterRun:
-    """The tasks of one sweep on a cluster."""
+class _Cluster:
+    """A cluster that computes the tasks of one sweep."""
 
     client: Any
     work: SweepWork
-    waiting: deque[Task]
     wait: float
-    running: dict[Any, Task] = field(default_factory=dict)
-    ended: queue.SimpleQueue[Any] = field(default_factory=queue.SimpleQueue)
-    failed: Counter[int] = field(default_factory=Counter)
     sources: dict[int, Any] = field(default_factory=dict)
     remote: Any = None
-    last_worker: float = 0.0  # when there was a worker last
+    last_worker: float = field(default_factory=time.monotonic)  # when there was a worker last
 
-    def submit(self) -> None:
-        """Give the cluster as many tasks as it should have at a time."""
+    def submit(self, task: Task) -> Any:
+        """Return the future of a task; see `Place`."""
+        if self.remote is None:
+            self.remote = self._send(RemoteWork(self.work, describe_versions()))
+        sources = {number: self._source(number) for number in task.groups}
+        return self.client.submit(compute_remotely, self.remote, sources, task.number, pure=False, retries=0)
+
+    def count(self) -> int:
+        """Return how many tasks shall be under way; raises ClusterError without scheduler or workers."""
+        if self.client.status not in ("running", "connecting"):
+            raise _lost("the connection to the scheduler is lost")
         threads = count_threads(self.client)
         if threads:
             self.last_worker = time.monotonic()
-        if self.remote is None:
-            self.remote = self._send(RemoteWork(self.work, describe_versions()))
-        while self.waiting and len(self.running) < AHEAD * max(threads, 1) + 1:
-            task = self.waiting.popleft()
-            sources = {number: self._source(number) for number in task.groups}
-            future = self.client.submit(
-                compute_remotely, self.remote, sources, task.number, pure=False, retries=0
-            )
-            self.running[future] = task
-            future.add_done_callback(self.ended.put)
+        elif time.monotonic() - self.last_worker > self.wait:
+            raise _lost(f"the scheduler has had no workers for {self.wait:g} s")
+        return AHEAD * max(threads, 1) + 1
 
-    def results(self) -> Generator[FinishedTask, None, None]:
-        """Give the results of all tasks as they end."""
-        while self.running:
-            with suppress(queue.Empty):
-                finished = self._receive(self.ended.get(timeout=LOOK))
-                if finished is not None:
-                    yield finished
-            self._check_alive()
-            self.submit()
-
-    def end(self) -> None:
-        """Let the cluster drop what is not finished."""
-        with suppress(Exception):
-            self.client.cancel([*self.running, *self.sources.values(), self.remote], force=True)
-        self.running.clear()
+    def explain(self, error: Exception) -> str:
+        """Return why a task has no result; raises ClusterError where the cluster has dropped it."""
+        problem = f"{type(error).__name__}: {error}"[:500]
+        if "Cancelled" not in type(error).__name__:
+            return problem
+        raise ClusterError(
+            "the cluster has dropped the tasks of this sweep",
+            where="scheduler",
+            given=problem,
+            hint="run the same command again: it goes on where it stopped",
+        ) from error
 
     def _send(self, value: Any) -> Any:
         """Send an object to the cluster; workers pass it on, and it can be had again if one is lost."""
@@ -126,45 +109,6 @@ class _ClusterRun:
             built = build_library(group.structure, request)
             self.sources[number] = self._send(make_parcel(built, request.flags))
         return self.sources[number]
-
-    def _receive(self, future: Any) -> FinishedTask | None:
-        task = self.running.pop(future)
-        try:
-            result, seconds, facts = future.result()
-        except TensegrityError:
-            raise
-        except Exception as error:
-            return self._give_up_or_repeat(task, error)
-        finally:
-            future.release()
-        return FinishedTask(task, result, seconds, {"attempts": self.failed[task.number] + 1, **facts})
-
-    def _give_up_or_repeat(self, task: Task, error: Exception) -> FinishedTask | None:
-        """Set a task aside that Dask gives up, since its workers end, or that fails again."""
-        problem = f"{type(error).__name__}: {error}"[:500]
-        name = type(error).__name__
-        self.failed[task.number] += 1
-        if "Cancelled" in name:
-            raise ClusterError(
-                "the cluster has dropped the tasks of this sweep",
-                where="scheduler",
-                given=problem,
-                hint="run the same command again: it goes on where it stopped",
-            ) from error
-        if name != "KilledWorker" and self.failed[task.number] < MOST_ATTEMPTS:
-            self.waiting.appendleft(task)
-            return None
-        message = f"its task was computed several times without a result: {problem}"
-        return FinishedTask(task, set_task_aside(self.work, task, message), 0.0, {"problem": problem})
-
-    def _check_alive(self) -> None:
-        """Raise ClusterError where the scheduler or all its workers have been gone for too long."""
-        if self.client.status not in ("running", "connecting"):
-            raise _lost("the connection to the scheduler is lost")
-        if count_threads(self.client):
-            self.last_worker = time.monotonic()
-        elif time.monotonic() - self.last_worker > self.wait:
-            raise _lost(f"the scheduler has had no workers for {self.wait:g} s")
 
 
 def _lost(problem: str) -> ClusterError:

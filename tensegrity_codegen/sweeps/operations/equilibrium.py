@@ -19,9 +19,13 @@ from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcom
 from tensegrity_codegen.sweeps.tasks.dimensions import label_axis
 from tensegrity_codegen.sweeps.tasks.keep_text import KeptText, parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
-from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE, LIMIT_USE_RESULT, compute_limit_use
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
-from tensegrity_codegen.sweeps.tasks.quantities import compute_values
+from tensegrity_codegen.sweeps.tasks.quantities import (
+    LIMIT_USE,
+    LIMIT_USE_RESULT,
+    compute_limit_use,
+    compute_values,
+)
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 

@@ -18,9 +18,13 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes
 from tensegrity_codegen.sweeps.tasks.keep_text import EVERY, FIRST, KeptText, parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
-from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE, LIMIT_USE_RESULT, compute_limit_use
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
-from tensegrity_codegen.sweeps.tasks.quantities import compute_rows
+from tensegrity_codegen.sweeps.tasks.quantities import (
+    LIMIT_USE,
+    LIMIT_USE_RESULT,
+    compute_limit_use,
+    compute_rows,
+)
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.request import ModelRequest

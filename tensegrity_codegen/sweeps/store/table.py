@@ -9,17 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.store.folder import (
     ATTRIBUTE,
     MESSAGE,
-    RECORD,
     STATUS,
-    check_not_damaged,
+    StoredSweep,
+    open_sweep,
     read_stored_sweep,
 )
-from tensegrity_codegen.sweeps.store.store import open_group
 from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.system.extras import TABLES, import_extra
 from tensegrity_codegen.system.files import check_ending, check_output, replaced
@@ -95,78 +93,61 @@ def write_sweep_table(
 
 
 @dataclass(frozen=True, eq=False)
-class _Column:
-    """An array of the store, and the headings of its columns."""
-
-    array: Any
-    headings: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class _SweepTable:
-    layout: CaseLayout
-    keys: tuple[tuple[str, int, NDArray[np.float64]], ...]  # key, dimension, values along it
-    results: tuple[_Column, ...]
-    status: Any
-    message: Any
-    absent: tuple[str, ...]
+    """The columns of a sweep: of keys, and of results by their headings."""
+
+    stored: StoredSweep
+    found: Any  # xarray.Dataset, whose arrays are read when they are used
+    keys: dict[str, str]  # key -> name of its values
+    headings: dict[str, tuple[str, ...]]  # result -> a heading for each of its numbers
 
     @classmethod
     def of(cls, path: str | Path) -> "_SweepTable":
-        """Return the table of a store; values of keys are read, results when they are written."""
-        stored = read_stored_sweep(path)
-        check_not_damaged(stored)
-        group = open_group(stored)
-        own, status = stored.attributes[ATTRIBUTE], group[STATUS]
-        dims = tuple(own["case_dims"])
-        keys = []
-        for key, name in own["keys"].items():
-            place = dims.index(name) if name in dims else len(dims) - 1
-            keys.append((key, place, np.asarray(group[name][...], dtype=np.float64)))
-        known = {STATUS, MESSAGE, RECORD, *own["keys"].values()}
-        results, absent = [], []
-        for name, array in sorted(group.arrays()):
-            names = tuple(array.metadata.dimension_names or ())
-            if name in known or names[: len(dims)] != dims:
-                continue
-            headings = _find_headings(group, name, array, names[len(dims) :])
-            if headings:
-                results.append(_Column(array, headings))
-            else:
-                absent.append(name)
-        return cls(stored.layout, tuple(keys), tuple(results), status, group[MESSAGE], tuple(absent))
+        """Return the table of a store."""
+        stored, found = read_stored_sweep(path), open_sweep(path)
+        return cls(stored, found, stored.attributes[ATTRIBUTE]["keys"], {
+            name: _find_headings(found[name], len(stored.layout.shape))
+            for name in sorted(set(stored.results) - {STATUS, MESSAGE})
+        })  # fmt: skip
+
+    @property
+    def absent(self) -> tuple[str, ...]:
+        """Results that have no columns."""
+        return tuple(name for name, headings in self.headings.items() if not headings)
 
     @property
     def header(self) -> tuple[str, ...]:
         """Headings of all columns."""
-        results = (heading for column in self.results for heading in column.headings)
-        return ("case", "status", *(key for key, _, _ in self.keys), *results, "message")
+        results = (heading for headings in self.headings.values() for heading in headings)
+        return ("case", "status", *self.keys, *results, "message")
 
     def pieces(self) -> Iterator[list[NDArray[Any]]]:
         """Give the columns of the cases of one task after the other."""
         words = np.array([*STATUSES, NOT_COMPUTED], dtype=object)
-        for task in range(self.layout.n_tasks):
-            box, (first, last) = self.layout.box_of(task), self.layout.cases_of(task)
-            shape = tuple(part.stop - part.start for part in box)
-            columns: list[NDArray[Any]] = [np.arange(first, last), words[self.status[box].ravel()]]
-            for _, place, values in self.keys:
-                spread = [1] * len(shape)
-                spread[place] = shape[place]
-                columns.append(np.broadcast_to(values[box[place]].reshape(spread), shape).ravel())
-            for column in self.results:
-                found = np.asarray(column.array[box]).reshape(last - first, -1)
-                columns += list(found.T)
-            yield [*columns, np.asarray(self.message[box], dtype=object).ravel()]
+        dims, layout = self.found[STATUS].dims, self.stored.layout
+        for task in range(layout.n_tasks):
+            first, last = layout.cases_of(task)
+            part = self.found.isel(dict(zip(dims, layout.box_of(task), strict=True)))
+            status = part[STATUS]
+            columns: list[NDArray[Any]] = [np.arange(first, last), words[status.values.ravel()]]
+            for name in self.keys.values():
+                columns.append(
+                    part[name].astype(float).broadcast_like(status).transpose(*dims).values.ravel()
+                )
+            for name, headings in self.headings.items():
+                if headings:
+                    columns += list(part[name].values.reshape(last - first, -1).T)
+            yield [*columns, part[MESSAGE].values.astype(object).ravel()]
 
 
-def _find_headings(group: Any, name: str, array: Any, dims: Sequence[str]) -> tuple[str, ...]:
+def _find_headings(array: Any, lead: int) -> tuple[str, ...]:
     """Return the headings of a scalar, or of a quantity over names; () for anything else."""
-    unit = f" [{array.attrs.get('units', '1')}]"
+    dims, unit = array.dims[lead:], f" [{array.attrs.get('units', '1')}]"
     if not dims:
-        return (f"{name}{unit}",)
-    if len(dims) > 1 or dims[0] == "time" or dims[0] not in group or array.shape[-1] > MOST_COLUMNS:
+        return (f"{array.name}{unit}",)
+    if len(dims) > 1 or dims[0] == "time" or dims[0] not in array.coords or array.shape[-1] > MOST_COLUMNS:
         return ()
-    return tuple(f"{name}.{label}{unit}" for label in group[dims[0]][...].tolist())
+    return tuple(f"{array.name}.{label}{unit}" for label in array[dims[0]].values.tolist())
 
 
 def _write_parquet(path: Path, header: Sequence[str], pieces: Iterator[list[NDArray[Any]]]) -> None:

@@ -1,4 +1,4 @@
-"""Read a stored sweep for its summary: cases and statuses at once, quantities piece by piece."""
+"""Reading of a stored sweep: cases and statuses at once, quantities piece by piece, scenes of cases."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -7,6 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.scene.describe import describe_structure
+from tensegrity_codegen.scene.describe_bodies import describe_bodies
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.sweeps.apply.array_keys import INPUT, ArrayKey
+from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.store.contents import NOT_COMPUTED_CODE
@@ -22,6 +27,7 @@ from tensegrity_codegen.sweeps.store.folder import (
 from tensegrity_codegen.sweeps.store.store import open_group
 from tensegrity_codegen.sweeps.summary.results import KeptQuantity, SweepResults
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import InvalidValueError
 
 
 def read_results(path: str | Path) -> SweepResults:
@@ -137,3 +143,38 @@ class _Blocks:
             first, last = self._layout.cases_of(task)
             values = np.asarray(self._array[self._layout.box_of(task)], dtype=np.float64)
             yield first, values.reshape(last - first, *values.shape[len(self._layout.shape) :])
+
+
+def check_case(results: SweepResults, case: int) -> None:
+    """Raise InvalidValueError unless the sweep has a case with this number."""
+    if not 0 <= case < results.count:
+        raise InvalidValueError(
+            "no such case",
+            where=str(results.path),
+            given=case,
+            allowed=f"whole numbers from 0 to {results.count - 1}",
+        )
+
+
+def build_case_scene(path: str | Path, keys: Mapping[str, float]) -> Mapping[str, Any]:
+    """Return the scene of a stored sweep as a plain dictionary, with these values of its keys.
+
+    Values of inputs are not in it, for a scene states none. Where keys name arrays of the structure, as
+    ``rest_length.s1``, the scene lists all its nodes and members with their own values.
+
+    Raises
+    ------
+    OutputError
+        The folder is not a sweep.
+    TensegrityError
+        The values are no scene.
+    """
+    document = read_stored_sweep(path).identity["scene"]
+    assembler = build_assembler(document, list(keys), source=str(path))
+    values = list(keys.values())
+    case = assembler.assemble(values)
+    if not any(isinstance(key, ArrayKey) and key.array != INPUT for key in assembler.keys):
+        return assembler.write(values)
+    if isinstance(case.subject, BodySystem):
+        return describe_bodies(case.subject, case.request)
+    return describe_structure(case.subject, case.request)

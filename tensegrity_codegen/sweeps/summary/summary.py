@@ -9,18 +9,16 @@ import numpy as np
 from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult, choose_results
 from tensegrity_codegen.sweeps.summary.indices import Indices, compute_indices
-from tensegrity_codegen.sweeps.summary.outcomes import (
-    Ending,
-    KeyDifference,
-    count_endings,
-    describe_count,
-    find_failing_keys,
-)
 from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.sweeps.summary.statistics import (
     Distribution,
+    Ending,
+    KeyDifference,
     compute_rank_correlation,
+    count_endings,
+    describe_count,
     describe_distribution,
+    find_failing_keys,
 )
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import UnknownNameError, suggest

@@ -26,8 +26,7 @@ from tensegrity_codegen.sweeps.summary.figures import (
 )
 from tensegrity_codegen.sweeps.summary.finding import describe_finding, describe_lead, describe_range
 from tensegrity_codegen.sweeps.summary.indices import Indices
-from tensegrity_codegen.sweeps.summary.outcomes import is_difference_clear
-from tensegrity_codegen.sweeps.summary.statistics import describe_distribution
+from tensegrity_codegen.sweeps.summary.statistics import describe_distribution, is_difference_clear
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
 from tensegrity_codegen.system.version import VERSION
 

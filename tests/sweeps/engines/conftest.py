@@ -13,7 +13,7 @@ from tensegrity_codegen.pipeline.analyses import Needs
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.apply.group import AppliedCases, CaseGroup
+from tensegrity_codegen.sweeps.apply.mapper import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.engines.work import SweepWork
 from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
@@ -31,6 +31,7 @@ class Square(Operation):
     """The square of a number; the value `deadly` ends its process `lives` times, by files in `folder`."""
 
     name: ClassVar[str] = "square"
+    compute: ClassVar[Any] = None  # `run` is here without a library, whose arguments `compute` would take
     folder: str = ""
     deadly: float = -1.0
     lives: int = 0

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
-from tensegrity_codegen.sweeps.progress import SweepOutcome
-from tensegrity_codegen.sweeps.run import run_sweep
+from tensegrity_codegen.sweeps.run import SweepOutcome, run_sweep
 from tensegrity_codegen.sweeps.store.folder import open_sweep
 from tensegrity_codegen.sweeps.store.table import write_sweep_table
 from tensegrity_codegen.sweeps.summary.read_results import read_results

@@ -10,7 +10,7 @@ from tensegrity_codegen.scene.write import write_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler, read_scene_document
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
-from tensegrity_codegen.sweeps.summary.case_scene import build_case_scene
+from tensegrity_codegen.sweeps.summary.read_results import build_case_scene
 from tests.sweeps.store.conftest import make_contents
 
 pytest.importorskip("zarr")

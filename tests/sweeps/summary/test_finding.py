@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.sweeps.summary.finding import describe_finding, describe_lead
-from tensegrity_codegen.sweeps.summary.outcomes import describe_count, is_difference_clear
+from tensegrity_codegen.sweeps.summary.statistics import describe_count, is_difference_clear
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tests.sweeps.summary.sweeps import keep, make_grid, make_sample, make_sweep
 
