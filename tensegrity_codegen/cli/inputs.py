@@ -11,7 +11,7 @@ from tensegrity_codegen.system.errors import (
     InvalidValueError,
     NonFiniteError,
     UnknownNameError,
-    suggest,
+    check_choice,
 )
 
 if TYPE_CHECKING:
@@ -76,14 +76,7 @@ def _read_input(text: str, subject: "Subject") -> tuple[str, float]:
             allowed="NAME=VALUE",
             hint=f"for example {known[0]}=0.01",
         )
-    if name not in known:
-        raise UnknownNameError(
-            "unknown input",
-            where=OPTION,
-            given=name,
-            allowed="an input or actuator of the scene",
-            hint=suggest(name[:80], known),
-        )
+    check_choice(name, known, "input", OPTION)
     try:
         value = float(number)
     except ValueError:

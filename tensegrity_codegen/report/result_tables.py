@@ -16,7 +16,7 @@ from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.files import check_ending, replaced
+from tensegrity_codegen.system.files import check_ending, plain, write_text
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.table_files import write_csv
 
@@ -99,9 +99,7 @@ def write_path(columns: dict[str, FloatArray], path: LoadPath, file: Path, *, ov
         write_csv(file, list(columns), rows, overwrite=overwrite)
         return
     data = path.as_evidence() | {"points": {name: values.tolist() for name, values in columns.items()}}
-    with replaced(file, overwrite=overwrite) as temporary:
-        text = json.dumps(_without_infinity(data), indent=1, allow_nan=False) + "\n"
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(json.dumps(plain(data), indent=1, allow_nan=False) + "\n", file, overwrite=overwrite)
 
 
 def events_table(events: Sequence[PathEvent]) -> Table:
@@ -116,14 +114,6 @@ def events_table(events: Sequence[PathEvent]) -> Table:
 def _columns(prefix: str, names: Sequence[str], rows: FloatArray) -> dict[str, FloatArray]:
     table = rows.reshape(len(rows), len(names))
     return {f"{prefix}{name}": table[:, k] for k, name in enumerate(names)}
-
-
-def _without_infinity(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _without_infinity(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_infinity(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def list_columns(found: Sensitivity) -> dict[str, dict[str, Any]]:

@@ -191,7 +191,7 @@ def build(
         if preset == "mcu":
             source = built.entry.folder
             memory = measure_memory(source, built.manifest, compiler=compiler, target=target)
-        _report(output, built, folder, tuned, wheel, memory, _find_next(scene, out, target, wheel))
+        _report(output, built, folder, tuned, wheel, memory, _name_next_command(scene, out, target, wheel))
 
 
 def _check_target(target: str | None, tunes: bool) -> None:
@@ -295,7 +295,7 @@ def _report(
     )
 
 
-def _find_next(scene: Path, out: Path | None, target: str | None, wheel: bool) -> str:
+def _name_next_command(scene: Path, out: Path | None, target: str | None, wheel: bool) -> str:
     """Return the command that uses the library, or copies it to a folder."""
     if out is None:
         return f"tensegrity-codegen build {quote(str(scene))} --out {quote(scene.stem)}"
