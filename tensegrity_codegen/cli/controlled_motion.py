@@ -197,13 +197,7 @@ def compile_control(
     compiler: str | None,
 ) -> "tuple[Subject, CompiledModel, tuple[str, ...] | None]":
     """Return the structure with its actuators, its model, and the names of the actuators that are chosen."""
-    from tensegrity_codegen.control.planning.quadratic_program import require_solver
-    from tensegrity_codegen.control.planning.target_text import read_targets
-    from tensegrity_codegen.control.planning.targets import find_target_quantities
     from tensegrity_codegen.pipeline.analyses import find_needs, want_analyses
-    from tensegrity_codegen.pipeline.build_library import build_library
-    from tensegrity_codegen.pipeline.settle import with_statics
-    from tensegrity_codegen.structure.actuate import actuate_members
 
     if to and plan is not None:
         raise InvalidValueError(
@@ -212,6 +206,35 @@ def compile_control(
             given=f"--to {to[0]} and --plan {plan}",
             allowed="one of them",
         )
+
+    def narrow(subject: "Subject", statics: "ModelRequest") -> "ModelRequest":
+        _check_formulation(subject, statics)
+        needs = find_needs("time_motion", subject, statics).alone(statics)
+        return want_analyses(subject, needs, ("control",))
+
+    return compile_actuated(output, scene, to, actuate, compiler, narrow)
+
+
+def compile_actuated(
+    output: Output,
+    scene: Path,
+    to: Sequence[str] | None,
+    actuate: Sequence[str] | None,
+    compiler: str | None,
+    narrow: "Callable[[Subject, ModelRequest], ModelRequest]",
+) -> "tuple[Subject, CompiledModel, tuple[str, ...] | None]":
+    """Return what `compile_control` returns.
+
+    narrow: gives what an analysis needs of a structure whose request has statics; the quantities of the
+    targets `to` are added.
+    """
+    from tensegrity_codegen.control.planning.quadratic_program import require_solver
+    from tensegrity_codegen.control.planning.target_text import read_targets
+    from tensegrity_codegen.control.planning.targets import find_target_quantities
+    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.settle import with_statics
+    from tensegrity_codegen.structure.actuate import actuate_members
+
     quantities: Sequence[str] = ()
     if to:
         require_solver()
@@ -220,10 +243,7 @@ def compile_control(
     chosen = None
     if actuate:
         subject, chosen = actuate_members(subject, actuate)
-    statics = with_statics(subject, request)
-    _check_formulation(subject, statics)
-    needs = find_needs("time_motion", subject, statics).alone(statics)
-    wanted = want_analyses(subject, needs, ("control",))
+    wanted = narrow(subject, with_statics(subject, request))
     wanted = wanted.wanting(*wanted.quantities, *quantities, integrators=wanted.integrators)
     return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
 

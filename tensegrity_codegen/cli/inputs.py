@@ -11,7 +11,7 @@ from tensegrity_codegen.system.errors import (
     InvalidValueError,
     NonFiniteError,
     UnknownNameError,
-    suggest,
+    check_choice,
 )
 
 if TYPE_CHECKING:
@@ -52,7 +52,6 @@ def read_inputs(texts: list[str] | None, subject: "Subject", output: "Output") -
                 hint=f"remove one of {name}={values[name]:g} and {text}",
             )
         values[name] = value
-    _check_rest_lengths(values, subject)
     output.warn(*_find_outside(values, subject))
     return values
 
@@ -76,14 +75,7 @@ def _read_input(text: str, subject: "Subject") -> tuple[str, float]:
             allowed="NAME=VALUE",
             hint=f"for example {known[0]}=0.01",
         )
-    if name not in known:
-        raise UnknownNameError(
-            "unknown input",
-            where=OPTION,
-            given=name,
-            allowed="an input or actuator of the scene",
-            hint=suggest(name[:80], known),
-        )
+    check_choice(name, known, "input", OPTION)
     try:
         value = float(number)
     except ValueError:
@@ -98,40 +90,32 @@ def _read_input(text: str, subject: "Subject") -> tuple[str, float]:
     return name, value
 
 
-def _check_rest_lengths(values: Mapping[str, float], subject: "Subject") -> None:
-    """Raise InvalidValueError where inputs leave a member without a positive rest length."""
-    from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
-
-    rest_length = add_inputs_to_rest_length(subject, values)
-    is_wrong = rest_length <= 0
-    if not is_wrong.any():
-        return
-    e = int(is_wrong.argmax())
-    acting = [item.name for item in subject.inputs if item.kind == "rest_length" and e in item.targets]
-    given = [f"{name}={values[name]:g}" for name in acting if name in values]
-    raise InvalidValueError(
-        f"the rest length of {subject.member_name[e]} would be {rest_length[e]:.6g} m",
-        where=OPTION,
-        given=", ".join(given),
-        allowed=f"more than {-subject.rest_length[e]:.6g} m: its rest length in the scene is "
-        f"{subject.rest_length[e]:.6g} m",
-    )
-
-
 def _find_outside(values: Mapping[str, float], subject: "Subject") -> list[str]:
-    """Return warnings of members that these values bring outside the range of their actuator."""
+    """Return warnings of members that these values bring outside the range of their actuator.
+
+    Raises InvalidValueError where inputs leave a member without a positive rest length.
+    """
     from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
 
     rest_length = add_inputs_to_rest_length(subject, values)
+    if (rest_length <= 0).any():
+        e = int((rest_length <= 0).argmax())
+        acting = [item.name for item in subject.inputs if item.kind == "rest_length" and e in item.targets]
+        raise InvalidValueError(
+            f"the rest length of {subject.member_name[e]} would be {rest_length[e]:.6g} m",
+            where=OPTION,
+            given=", ".join(f"{name}={values[name]:g}" for name in acting if name in values),
+            allowed=f"more than {-subject.rest_length[e]:.6g} m: its rest length in the scene is "
+            f"{subject.rest_length[e]:.6g} m",
+        )
     found = []
     for item in subject.actuators:
         least, most = item.range
         for e in item.members:
             if rest_length[e] != subject.rest_length[e] and not least <= rest_length[e] <= most:
-                name = subject.member_name[e]
                 found.append(
-                    f"the rest length of {name}, {rest_length[e]:.6g} m, is outside the range of actuator "
-                    f"{item.name}, {least:g} to {most:g} m"
+                    f"the rest length of {subject.member_name[e]}, {rest_length[e]:.6g} m, is outside the "
+                    f"range of actuator {item.name}, {least:g} to {most:g} m"
                 )
     return found
 

@@ -10,7 +10,7 @@ from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.codegen.compilation.toolchain import check_compiler, find_compiler, find_compilers
 from tensegrity_codegen.live.three_module import THREE_REVISION, describe_three
 from tensegrity_codegen.system.errors import TensegrityError, UnsafeCacheError
-from tensegrity_codegen.system.extras import name_install
+from tensegrity_codegen.system.extras import PACKAGES, name_install
 from tensegrity_codegen.system.version import VERSION
 
 NEEDED = (
@@ -26,16 +26,7 @@ NEEDED = (
     "scipy",
     "typer",
 )
-OPTIONAL = {
-    "matplotlib": "plot",
-    "pillow": "plot",
-    "ziglang": "cc",
-    "zarr": "sweep",
-    "xarray": "sweep",
-    "SALib": "sweep",
-    "dask": "cluster",
-    "distributed": "cluster",
-}
+OPTIONAL = {package: extra for extra, packages in PACKAGES.items() for package in packages}
 
 
 def examine_installation() -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Output of a verb: one JSON object or readable text on stdout, progress and errors on stderr, exit codes."""
 
 import json
-import math
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -15,6 +14,7 @@ import typer
 from tensegrity_codegen.cli.streams import ProgressBar, drop_output, name_duration, print_aside, print_text
 from tensegrity_codegen.cli.verb import name_options, name_options_in_error
 from tensegrity_codegen.system.errors import FormulationError, OutputError, TensegrityError
+from tensegrity_codegen.system.files import plain
 from tensegrity_codegen.system.progress import watched_passes, work_pass
 from tensegrity_codegen.system.temporary_files import announce_advice
 
@@ -118,7 +118,7 @@ class Output:
         self._bar = bar = ProgressBar(lambda: self.aside)
         bar.start()
         try:
-            with watched_passes(bar), self._own_warnings():
+            with watched_passes(bar), self._shown_warnings():
                 yield
             self._finish()
         except typer.Exit:  # after a result
@@ -146,7 +146,7 @@ class Output:
         print_aside(f"took {name_duration(time.monotonic() - self.started)}")
 
     @contextmanager
-    def _own_warnings(self) -> Iterator[None]:
+    def _shown_warnings(self) -> Iterator[None]:
         """Print this package's Python warnings as those of verbs, each once."""
         from tensegrity_codegen.system.cache_root import CacheFolderWarning
 
@@ -205,7 +205,7 @@ class Output:
 def _open_console(*, stderr: bool) -> "Console":
     from rich.console import Console  # Rich is imported where something is printed
 
-    class PatientConsole(Console):
+    class PipeConsole(Console):
         """A console whose reader may go away, as in `... | head`: what follows is dropped."""
 
         def on_broken_pipe(self) -> None:
@@ -213,7 +213,7 @@ def _open_console(*, stderr: bool) -> "Console":
             self.quiet = True
             drop_output(self.file)
 
-    return PatientConsole(stderr=stderr, highlight=False)
+    return PipeConsole(stderr=stderr, highlight=False)
 
 
 def list_files(files: Mapping[str, str]) -> str:
@@ -240,18 +240,3 @@ def explain_system_error(error: OSError) -> OutputError:
         where=str(error.filename or ""),
         hint="check paths, permissions and free space",
     )
-
-
-def plain(value: Any) -> Any:
-    """Return `value` in JSON's types; a number that is not finite becomes null."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, float):  # NumPy's too
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, str | int) or value is None:
-        return value
-    import numpy as np  # loaded already, where there is such a value
-
-    return plain(value.tolist()) if isinstance(value, np.ndarray | np.generic) else value

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
+from tensegrity_codegen.system.files import write_text
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 if TYPE_CHECKING:
@@ -49,36 +49,39 @@ def check_kind(out: Path, trajectory: Path | None, options: ShowOptions) -> None
             allowed="an .npz file of the verb simulate",
             hint="tensegrity-codegen simulate SCENE --t-end 1 --out FILE.npz first",
         )
-    if suffix not in ANIMATED:
-        films = {"--fps": options.fps, "--slow-down": options.slow_down}
-        _refuse_given(films, "only films have frames and a speed", "with .gif and .mp4", out)
-    if suffix != PAGE:
-        pages = {"--modes": options.modes, "--three": options.three}
-        _refuse_given(pages, "only live pages have modes and three.js", "with .html", out)
-    if options.settle and trajectory is not None:
-        _refuse("--settle", True, "a motion has positions of its own", "without --trajectory", out)
-    if options.choices.follow and trajectory is None:
-        _refuse("--follow", True, "nothing moves that axes could follow", "with --trajectory", out)
-    if suffix == PAGE and options.choices.size is not None:
-        _refuse(
-            "--size", options.choices.size, "a live page fills its window", "with pictures and films", out
-        )
-    if suffix == PAGE and (options.is_color_given or not options.choices.forces):
-        where = "--color" if options.is_color_given else "--no-forces"
-        _refuse(where, None, "a live page has controls for this", "with pictures and films", out)
-
-
-def _refuse_given(given: dict[str, Any], problem: str, allowed: str, out: Path) -> None:
-    for where, value in given.items():
-        if value is not None:
-            _refuse(where, value, problem, allowed, out)
-
-
-def _refuse(where: str, given: Any, problem: str, allowed: str, out: Path) -> None:
-    shown = "x".join(map(str, given)) if isinstance(given, tuple) else given
-    raise InvalidValueError(
-        problem, where=where, given=shown, allowed=allowed, hint=f"{out.name} without {where}"
-    )
+    is_page, choices = suffix == PAGE, options.choices
+    color = choices.color if options.is_color_given else None
+    # Options with their values, whether this file can have them, why not, which can
+    rules: tuple[tuple[dict[str, Any], bool, str, str], ...] = (
+        (
+            {"--fps": options.fps, "--slow-down": options.slow_down}, suffix in ANIMATED,
+            "only films have frames and a speed", "with .gif and .mp4",
+        ),
+        (
+            {"--modes": options.modes, "--three": options.three}, is_page,
+            "only live pages have modes and three.js", "with .html",
+        ),
+        (
+            {"--settle": options.settle or None}, trajectory is None,
+            "a motion has positions of its own", "without --trajectory",
+        ),
+        (
+            {"--follow": choices.follow or None}, trajectory is not None,
+            "nothing moves that axes could follow", "with --trajectory",
+        ),
+        ({"--size": choices.size}, not is_page, "a live page fills its window", "with pictures and films"),
+        (
+            {"--color": color, "--no-forces": None if choices.forces else True}, not is_page,
+            "a live page has controls for this", "with pictures and films",
+        ),
+    )  # fmt: skip
+    for given, is_allowed, problem, allowed in rules:
+        for where, value in given.items():
+            if value is not None and not is_allowed:
+                shown = "x".join(map(str, value)) if isinstance(value, tuple) else value
+                raise InvalidValueError(
+                    problem, where=where, given=shown, allowed=allowed, hint=f"{out.name} without {where}"
+                )
 
 
 def show_picture(
@@ -259,6 +262,7 @@ def play_live(
     from tensegrity_codegen.live.live_scene import build_live_scene
     from tensegrity_codegen.live.three_module import find_three
     from tensegrity_codegen.pipeline.build_library import build_library, check_buildable
+    from tensegrity_codegen.pipeline.settle import find_settled
 
     if not 1e-12 <= rtol <= 1e-2:
         raise InvalidValueError(
@@ -270,7 +274,7 @@ def play_live(
     check_buildable(subject, wanted)
     module, licence = find_three(three)
     if settle:
-        subject = settle_subject(output, subject, request)
+        subject, _ = find_settled(subject, request, warn=output.warn)
     built = build_library(subject, wanted, target="wasm32")
     shown = build_live_scene(subject)
     running = add_engine(shown, subject, built.manifest, built.path.read_bytes(), rtol=rtol, method=method)
@@ -288,14 +292,6 @@ def play_live(
         "sliders": [slider["label"] for slider in running.data["engine"]["sliders"]],
     }
     return data, f"wrote {out} ({size / 1e6:.2g} MB)"
-
-
-def settle_subject(output: Output, subject: "Subject", request: "ModelRequest") -> "Subject":
-    """Return the structure at its equilibrium, at rest; raises ConvergenceError where none is found."""
-    from tensegrity_codegen.pipeline.settle import find_settled
-
-    settled, _ = find_settled(subject, request, warn=output.warn)
-    return settled
 
 
 def request_play(subject: "Subject", request: "ModelRequest", method: str = "auto") -> "ModelRequest":

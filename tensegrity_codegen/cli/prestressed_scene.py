@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,7 @@ def write_prestressed(
         The scene as read back is not in balance.
     """
     from tensegrity_codegen.pipeline.compile_scene import load_scene
+    from tensegrity_codegen.scene.describe_bodies import describe_subject
     from tensegrity_codegen.scene.write import write_scene
 
     shape = found.prestress.tension
@@ -76,7 +77,7 @@ def write_prestressed(
     moved = _move(subject, found, coordinate)
     length = _find_length(moved, found)
     settled = moved.with_changes(rest_length=_find_rest_length(moved, length, tension))
-    document = _describe(settled, request)
+    document = describe_subject(settled, request)
     again, _ = load_scene(document)
     stored = np.where(_find_rigid(again), tension, again.compute_static_tension(_find_length(again, found)))
     residual = _find_residual(found, stored)
@@ -210,15 +211,6 @@ def _find_residual(found: "Analysis", tension: FloatArray) -> float:
     left = np.hstack([rank.left, rank.free_motion])[:, :n]
     right = np.vstack([rank.right, rank.selfstress])[:n]
     return float(np.abs(left @ (rank.singular_value * (right @ tension))).max(initial=0.0))
-
-
-def _describe(subject: "Subject", request: "ModelRequest") -> dict[str, Any]:
-    from tensegrity_codegen.scene.describe import describe_structure
-    from tensegrity_codegen.scene.describe_bodies import describe_bodies
-
-    if isinstance(subject, BodySystem):
-        return describe_bodies(subject, request)
-    return describe_structure(subject, request)
 
 
 def _describe_choice(found: "Analysis", subject: "Subject") -> str:

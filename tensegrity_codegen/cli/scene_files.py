@@ -5,9 +5,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.system.errors import UnknownNameError, suggest
+from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.system.extras import require_plot
-from tensegrity_codegen.system.files import check_ending, check_output, replaced
+from tensegrity_codegen.system.files import check_ending, check_output, write_text
 
 if TYPE_CHECKING:
     from tensegrity_codegen.report.pages.page import Page
@@ -25,15 +25,8 @@ def list_examples() -> dict[str, str]:
 def read_example(name: str) -> str:
     """Return the text of an example; UnknownNameError for a name that is none."""
     known = list_examples()
-    if name not in known:
-        raise UnknownNameError("unknown example", where="examples", given=name, hint=suggest(name, known))
+    check_choice(name, known, "example", "examples")
     return known[name]
-
-
-def write_text(text: str, path: Path, *, overwrite: bool) -> None:
-    """Write a text file whole or not at all; OutputError where one exists and may not be replaced."""
-    with replaced(path, overwrite=overwrite) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def write_page(page: "Page", path: Path, *, overwrite: bool) -> None:

@@ -228,14 +228,13 @@ def _describe_settled(
     structure: "Structure | BodySystem", request: "ModelRequest", found: "Equilibrium"
 ) -> dict[str, Any]:
     """Return the scene document of the settled structure, at rest."""
-    from tensegrity_codegen.scene.describe import describe_structure
-    from tensegrity_codegen.scene.describe_bodies import describe_bodies
+    from tensegrity_codegen.scene.describe_bodies import describe_subject
 
     if isinstance(structure, BodySystem):
-        settled = structure.with_changes(coordinate=found.coordinate, velocity=0 * structure.velocity)
-        return describe_bodies(settled, request)
-    at_rest = {"node_position": found.node_position, "node_velocity": 0 * structure.node_velocity}
-    return describe_structure(structure.with_changes(**at_rest), request)
+        at_rest = {"coordinate": found.coordinate, "velocity": 0 * structure.velocity}
+    else:
+        at_rest = {"node_position": found.node_position, "node_velocity": 0 * structure.node_velocity}
+    return describe_subject(structure.with_changes(**at_rest), request)
 
 
 def equilibrium_data(model: "CompiledModel", found: "Equilibrium") -> dict[str, Any]:

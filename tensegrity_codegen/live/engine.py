@@ -52,7 +52,8 @@ def find_scales(subject: Structure | BodySystem, structure: Structure) -> Scales
     force = max(tension, weight) or 0.1 * usual * size
     least = float(carried.min()) if carried.size else 0.0
     if isinstance(subject, BodySystem):
-        least = find_body_mass(subject)
+        moving = [body.mass for body in subject.bodies if isinstance(body, Bar | RigidBody)]
+        least = min(moving, default=0.0)
     return Scales(size, force, least, usual)
 
 
@@ -120,11 +121,6 @@ class Sliders:
             if name in self.arguments and any(self.arguments[name].nominal):
                 rows.append(_factor(label, self.arguments[name], low, high))
         return rows
-
-
-def find_body_mass(system: BodySystem) -> float:
-    """Return the mass of the lightest body that moves [kg]."""
-    return min((body.mass for body in system.bodies if isinstance(body, Bar | RigidBody)), default=0.0)
 
 
 def _places(argument: ArgumentSpec) -> list[int]:

@@ -25,7 +25,7 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_path, check_switch, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError
-from tensegrity_codegen.system.files import replaced
+from tensegrity_codegen.system.files import write_text
 
 FIRST, WORKER = "boot", "worker"  # scripts that are no modules
 HINT = "Point at a member or node; click to keep it here."
@@ -136,8 +136,7 @@ class LivePage:
         OutputError
             The file cannot be written, or exists already.
         """
-        with replaced(path, overwrite=overwrite) as temporary:
-            temporary.write_text(self.html, encoding="utf-8", newline="\n")
+        write_text(self.html, path, overwrite=overwrite)
 
 
 def view(

@@ -204,7 +204,16 @@ def build_library(
         with work_pass(GENERATING):
             source = _emit(structure, request, tool, flag_set, machine, measure)
         with work_pass(COMPILING):
-            entry, manifest = _compile(source, tool, flag_set, machine, cache, identity)
+            entry, manifest = compile_source(
+                source.files,
+                source.manifest,
+                compiler=tool,
+                flags=flag_set,
+                target=machine,
+                cache=cache,
+                scene=identity.scene,
+                matches=identity.matches,
+            )
         cache.store_request(request_key, entry.key, {"why_emitter": source.why_emitter})
     return BuiltLibrary(
         entry=entry,
@@ -300,24 +309,3 @@ def _emit(
         return object_size(sources, compiler=compiler, flags=flags, target=target) or 0
 
     return emit(structure, request, size if measure else None)
-
-
-def _compile(
-    source: "GeneratedSource",
-    compiler: Compiler,
-    flags: FlagSet,
-    target: Target,
-    cache: Cache,
-    identity: _Identity,
-) -> tuple[CacheEntry, Manifest]:
-    """Return the library of some source in the cache, and its manifest."""
-    return compile_source(
-        source.files,
-        source.manifest,
-        compiler=compiler,
-        flags=flags,
-        target=target,
-        cache=cache,
-        scene=identity.scene,
-        matches=identity.matches,
-    )

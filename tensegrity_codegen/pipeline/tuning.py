@@ -26,7 +26,7 @@ from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find
 from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.system.errors import TensegrityError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import TensegrityError, check_choice
 from tensegrity_codegen.system.temporary_files import work_folder
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -84,14 +84,8 @@ def build_tuned(
     Raises UnknownNameError for a `tune_for` that nobody wants, and what build_library raises.
     """
     cache = cache or Cache()
-    if tune_for is not None and tune_for not in request.quantities:
-        raise UnknownNameError(
-            "not one of the requested quantities",
-            where="tune_for",
-            given=tune_for,
-            allowed=", ".join(request.quantities),
-            hint=suggest(tune_for, request.quantities),
-        )
+    if tune_for is not None:
+        check_choice(tune_for, request.quantities, "requested quantity", "tune_for")
     sets = [find_flags(name, "flags") for name in dict.fromkeys(flags or (request.flags,))]
     named = [find_compiler(compiler)] if compiler is not None else find_compilers()
     tools = [(tool, item) for tool in named or [find_compiler()] for item in sets]

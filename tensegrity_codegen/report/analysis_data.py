@@ -18,35 +18,28 @@ def describe_analysis(
     found: Analysis, member_name: Sequence[str], node_name: Sequence[str]
 ) -> dict[str, Any]:
     """Return an analysis as one JSON-ready object, members and nodes by name."""
+    rank = found.rank
+    sizes = ("rank", "largest_rank", "n_coordinates", "n_members", "gap", "tolerance", "rounding", "warning")
     return {
-        "status": found.status,
-        "message": found.message,
-        "rank": _describe_rank(found),
-        "n_selfstress": found.n_selfstress,
-        "n_rigid_motions": found.n_rigid_motions,
-        "n_mechanisms": found.n_mechanisms,
-        "parts": found.parts,
+        **_pick(found, "status", "message", "n_selfstress", "n_rigid_motions", "n_mechanisms", "parts"),
+        "rank": {
+            **_pick(rank, *sizes, "singular_value"),
+            "above_gap": rank.above,
+            "below_gap": rank.below,
+        },
         "prestress": _describe_prestress(found.prestress, member_name),
         "load_prestress": _describe_prestress(found.load_prestress, member_name),
-        "is_loaded": found.is_loaded,
-        "load_note": found.load_note,
         "certificate": _describe_certificate(
             found.certificate, found.certificate_displacement, member_name, node_name
         ),
         "load_certificate": _describe_certificate(
             found.load_certificate, found.load_certificate_displacement, member_name, node_name
         ),
-        "prestress_stability": {
-            "is_stable": found.stability.is_stable,
-            "smallest_eigenvalue": found.stability.smallest_eigenvalue,
-            "eigenvalue": found.stability.eigenvalue,
-        },
-        "is_balanced": found.is_balanced,
-        "residual": found.residual,
-        "largest_force": found.largest_force,
+        "prestress_stability": _pick(found.stability, "is_stable", "smallest_eigenvalue", "eigenvalue"),
+        **_pick(found, "is_loaded", "load_note", "is_balanced", "residual", "largest_force"),
         "smallest_eigenvalue": found.smallest_eigenvalue,
         "neutral_motions": found.stiffness.neutral_motions,
-        "modes": _describe_modes(found),
+        "modes": found.modes and _pick(found.modes, "frequency", "growth_rate", "n_rigid", "n_total"),
         "member_length": _name(member_name, found.member_length),
         "member_tension": _name(member_name, found.member_tension),
         "limits": _describe_limits(found, member_name),
@@ -66,16 +59,12 @@ def write_analysis(
     arrays: dict[str, Any] = {
         "node_name": np.array(node_name, dtype=str),
         "member_name": np.array(member_name, dtype=str),
-        "node_position": found.node_position,
-        "member_length": found.member_length,
-        "member_tension": found.member_tension,
-        "singular_value": found.rank.singular_value,
+        **_pick(
+            found, "node_position", "member_length", "member_tension", "rigid_motion", "mechanism", "load"
+        ),
+        **_pick(found.rank, "singular_value", "selfstress"),
         "rank": np.array(found.rank.rank),
-        "selfstress": found.rank.selfstress,
-        "rigid_motion": found.rigid_motion,
-        "mechanism": found.mechanism,
         "prestress": found.prestress.tension,
-        "load": found.load,
         "member_stress": found.members.stress,
         "buckling_factor": found.members.buckling_factor,
     }
@@ -88,40 +77,19 @@ def write_analysis(
         if proof is not None:
             arrays |= {f"{name}_displacement": motion, f"{name}_elongation": proof.elongation}
     if found.modes is not None:
-        arrays |= {
-            "frequency": found.modes.frequency,
-            "growth_rate": found.modes.growth_rate,
-            "mode_shape": found.modes.shape,
-        }
+        arrays |= _pick(found.modes, "frequency", "growth_rate") | {"mode_shape": found.modes.shape}
     write_arrays(path, arrays, overwrite=overwrite)
 
 
-def _describe_rank(found: Analysis) -> dict[str, Any]:
-    rank = found.rank
-    return {
-        "rank": rank.rank,
-        "largest_rank": rank.largest_rank,
-        "n_coordinates": rank.n_coordinates,
-        "n_members": rank.n_members,
-        "above_gap": rank.above,
-        "below_gap": rank.below,
-        "gap": rank.gap,
-        "tolerance": rank.tolerance,
-        "rounding": rank.rounding,
-        "warning": rank.warning,
-        "singular_value": rank.singular_value,
-    }
+def _pick(item: Any, *names: str) -> dict[str, Any]:
+    return {name: getattr(item, name) for name in names}
 
 
 def _describe_prestress(prestress: Prestress | None, member_name: Sequence[str]) -> dict[str, Any] | None:
     if prestress is None:
         return None
-    return {
-        "is_found": prestress.is_found,
-        "least_tension": prestress.least_tension,
-        "largest_force": prestress.largest_force,
-        "tension": _name(member_name, prestress.tension),
-    }
+    facts = _pick(prestress, "is_found", "least_tension", "largest_force")
+    return facts | {"tension": _name(member_name, prestress.tension)}
 
 
 def _describe_certificate(
@@ -133,26 +101,12 @@ def _describe_certificate(
     if proof is None or motion is None:
         return None
     return {
-        "is_verified": proof.is_verified,
+        **_pick(proof, "is_verified", "least_shortening", "error", "load_work"),
         "shortening": [member_name[e] for e in proof.shortening],
-        "least_shortening": proof.least_shortening,
         "largest_bar_change": proof.bar_change,
         "largest_cable_lengthening": proof.cable_lengthening,
-        "error": proof.error,
-        "load_work": proof.load_work,
         "displacement": _name(node_name, motion),
         "elongation": _name(member_name, proof.elongation),
-    }
-
-
-def _describe_modes(found: Analysis) -> dict[str, Any] | None:
-    if found.modes is None:
-        return None
-    return {
-        "frequency": found.modes.frequency,
-        "growth_rate": found.modes.growth_rate,
-        "n_rigid": found.modes.n_rigid,
-        "n_total": found.modes.n_total,
     }
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tensegrity_codegen.report.analysis_tables import (
+    LIMIT_NAMES,
     describe_analysis_finding,
     describe_counts,
     describe_modes,
@@ -43,13 +44,6 @@ STATUS = {
     "unstable": "unstable",
     "infeasible": "no prestress exists",
     "undecided": "undecided",
-}
-# Heads of the columns of limits.
-USED = {
-    "least_tension": "least tension",
-    "most_tension": "most tension",
-    "yield_stress": "yield stress",
-    "buckling": "buckling",
 }
 
 
@@ -229,7 +223,7 @@ def _members(found: Analysis, member_name: tuple[str, ...]) -> Section:
     with_section = not np.isnan(members.stress).all()
     columns = [Column("member", numeric=False), Column("prestress", "1"), Column("tension", "N")]
     columns += [Column("stress", "MPa"), Column("buckling factor")] if with_section else []
-    columns += [Column(f"{USED[name]} used", "%") for name in limited]
+    columns += [Column(f"{LIMIT_NAMES[name]} used", "%") for name in limited]
     rows = []
     for e, name in enumerate(member_name):
         cells = [
@@ -244,7 +238,7 @@ def _members(found: Analysis, member_name: tuple[str, ...]) -> Section:
     text = "no limits are stated"
     if members.worst is not None:
         member, limit, use = members.worst
-        text = f"nearest to a limit: {member}, {USED[limit]}, {100 * use:.3g} % used"
+        text = f"nearest to a limit: {member}, {LIMIT_NAMES[limit]}, {100 * use:.3g} % used"
     uses = np.array([members.use[name] for name in limited]).reshape(len(limited), len(member_name))
     order = np.argsort(-np.nan_to_num(uses, nan=0.0).max(axis=0, initial=0.0), kind="stable")
     head = tuple(order[:8].tolist()) if limited else ()

@@ -12,6 +12,7 @@ from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.summaries import describe_count
 
 NO_STIFFNESS = 1e-9  # of the largest force density: less is rounding
 
@@ -22,13 +23,13 @@ def describe_analysis_finding(found: Analysis) -> str:
         assert found.certificate is not None
         count = len(found.certificate.shortening)
         return (
-            f"No prestress exists: {_count(count, 'cable', 's')} can only be slack, for a motion shortens "
+            f"No prestress exists: {describe_count(count, 'cable')} can only be slack, for a motion shortens "
             f"{'them' if count != 1 else 'it'}, lengthens no cable and changes no bar"
         )
     if found.status == "undecided":
         return (
             "Undecided: within rounding neither a prestress with every cable in tension is found nor a proof "
-            f"that there is none ({_count(found.n_selfstress, 'self-stress', 'es')}, rank "
+            f"that there is none ({describe_count(found.n_selfstress, 'self-stress', 'self-stresses')}, rank "
             f"{found.rank.rank} of {found.rank.largest_rank})"
         )
     parts = [_describe_unstable(found) if found.status == "unstable" else _describe_stable(found)]
@@ -43,11 +44,11 @@ def describe_modes(found: Analysis) -> str:
     growing = int((found.modes.growth_rate > 0.0).sum())
     if growing:
         rate = format_short(float(found.modes.growth_rate.max()))
-        modes = _count(growing, "unstable mode", "s")
+        modes = describe_count(growing, "unstable mode")
         return f"{modes} at the present tensions, the fastest grows by {rate} 1/s"
     frequency = found.modes.frequency[found.modes.frequency > 0.0]
     without = int((found.modes.frequency == 0.0).sum())
-    more = f", {_count(without, 'mode', 's')} without stiffness" if without else ""
+    more = f", {describe_count(without, 'mode')} without stiffness" if without else ""
     if not len(frequency):
         return f"no natural frequency{more}"
     return f"lowest natural frequency {format_short(float(frequency.min()))} Hz{more}"
@@ -56,12 +57,12 @@ def describe_modes(found: Analysis) -> str:
 def _describe_stable(found: Analysis) -> str:
     """Return what keeps the shape: self-stress or loads, and mechanisms that they stiffen."""
     count = found.n_mechanisms
-    stiffened = f"{_count(count, 'mechanism', 's')}, stiffened by tensions" if count else "no mechanism"
+    stiffened = f"{describe_count(count, 'mechanism')}, stiffened by tensions" if count else "no mechanism"
     own, loaded = found.prestress, found.load_prestress
     if not len(own.tension) or math.isinf(own.least_tension):
         return f"Stable without cables that need tension: {stiffened}"
     if own.is_found:
-        kinds = _count(found.n_selfstress, "self-stress", "es")
+        kinds = describe_count(found.n_selfstress, "self-stress", "self-stresses")
         part = format_short(100 * own.least_tension / own.largest_force)
         return (
             f"Stable: {kinds}, every cable in tension (at least {part} % of the largest force); {stiffened}"
@@ -89,17 +90,13 @@ def _of_mechanisms(found: Analysis) -> str:
     return "the only mechanism" if count == 1 else f"one of {count:,} mechanisms"
 
 
-def _count(number: int, what: str, plural: str) -> str:
-    return f"{number:,} {what}{plural if number != 1 else ''}"
-
-
 Subject = Structure | BodySystem
 
-# Limits, and the heads of their columns.
-HEADS = {
+# Names of the limits in tables.
+LIMIT_NAMES = {
     "least_tension": "least tension",
     "most_tension": "most tension",
-    "yield_stress": "yield",
+    "yield_stress": "yield stress",
     "buckling": "buckling",
 }
 
@@ -141,7 +138,7 @@ def analysis_members_table(found: Analysis, subject: Subject) -> Table:
     known = not np.isnan(found.members.stress).all()
     columns = {"prestress": "right", "tension\n[N]": "right"}
     columns |= {"stress\n[MPa]": "right", "buckling\nfactor": "right"} if known else {}
-    columns |= {f"{HEADS[name]}\nused [%]": "right" for name in limited}
+    columns |= {f"{LIMIT_NAMES[name]}\nused [%]": "right" for name in limited}
     table = new_table(f"{subject.name}: members", "member", **columns)
     shown = found.prestress
     if not shown.is_found and found.load_prestress is not None:

@@ -3,57 +3,39 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
 from tensegrity_codegen.report.pages.page import Page
+from tensegrity_codegen.report.tables import add_row, new_table
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.files import check_ending, replaced
+from tensegrity_codegen.system.files import check_ending, plain, write_text
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.table_files import write_csv
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.runtime.linear.spectrum import Spectrum
 
 REAL = 1e-9  # imaginary part over modulus, up to which an eigenvalue is a real one
 
 
-class Eigenvalues(Protocol):
-    """Eigenvalues of a state matrix, see runtime.spectrum."""
-
-    @property
-    def eigenvalue(self) -> NDArray[np.complex128]:
-        """All of them, ascending by modulus [1/s]."""
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether none is missing."""
-
-    @property
-    def zero_eigenvalues(self) -> int:
-        """How many are zero to rounding."""
-
-    @property
-    def growing(self) -> int:
-        """How many have a positive real part."""
-
-
 def modes_table(frequency: FloatArray, damping: FloatArray, most: int) -> Table:
     """Return a table of the oscillating modes: frequency [Hz] and damping ratio; at most `most` rows."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
-    for name in ("mode", "frequency [Hz]", "damping ratio"):
-        table.add_column(name, justify="right")
+    columns = dict.fromkeys(("mode", "frequency [Hz]", "damping ratio"), "right")
+    table = new_table("", **columns)
     for number, (f, zeta) in enumerate(zip(frequency[:most], damping[:most], strict=True), 1):
-        table.add_row(str(number), f"{f:.6g}", f"{zeta:.4g}")
+        add_row(table, str(number), f"{f:.6g}", f"{zeta:.4g}")
     return table
 
 
-def say_finding(frequency: FloatArray, spectrum: Eigenvalues) -> str:
+def say_finding(frequency: FloatArray, spectrum: "Spectrum") -> str:
     """Return whether motions grow, and the lowest natural frequency [Hz], as a sentence."""
     finding = "no motion grows exponentially"
     if spectrum.growing:
@@ -64,7 +46,7 @@ def say_finding(frequency: FloatArray, spectrum: Eigenvalues) -> str:
     return f"{finding}; lowest natural frequency {frequency.min():.6g} Hz of {len(frequency)}"
 
 
-def say_spectrum(spectrum: Eigenvalues, most: int) -> list[str]:
+def say_spectrum(spectrum: "Spectrum", most: int) -> list[str]:
     """Return what the table of oscillating modes does not show, a sentence each."""
     value, zeros = spectrum.eigenvalue, spectrum.zero_eigenvalues
     moving = value[zeros:]
@@ -117,9 +99,7 @@ def write_path(columns: dict[str, FloatArray], path: LoadPath, file: Path, *, ov
         write_csv(file, list(columns), rows, overwrite=overwrite)
         return
     data = path.as_evidence() | {"points": {name: values.tolist() for name, values in columns.items()}}
-    with replaced(file, overwrite=overwrite) as temporary:
-        text = json.dumps(_without_infinity(data), indent=1, allow_nan=False) + "\n"
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(json.dumps(plain(data), indent=1, allow_nan=False) + "\n", file, overwrite=overwrite)
 
 
 def events_table(events: Sequence[PathEvent]) -> Table:
@@ -134,14 +114,6 @@ def events_table(events: Sequence[PathEvent]) -> Table:
 def _columns(prefix: str, names: Sequence[str], rows: FloatArray) -> dict[str, FloatArray]:
     table = rows.reshape(len(rows), len(names))
     return {f"{prefix}{name}": table[:, k] for k, name in enumerate(names)}
-
-
-def _without_infinity(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _without_infinity(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_infinity(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def list_columns(found: Sensitivity) -> dict[str, dict[str, Any]]:
@@ -173,47 +145,35 @@ def _extreme(found: Sensitivity, change: Any, member: int, sign: float) -> dict[
 
 def columns_table(found: Sensitivity) -> Table:
     """Return a table of what one millimetre more rest length does most, column by column."""
-    table = _table(
-        "per mm of rest length: the node that moves most, the tensions that rise and fall most",
-        ("of", "node", "moves [mm]", "rises", "[N]", "falls", "[N]"),
-    )
+    title = "per mm of rest length: the node that moves most, the tensions that rise and fall most"
+    table = new_table(title)
+    for name in ("of", "node", "moves [mm]", "rises", "[N]", "falls", "[N]"):
+        is_number = "[" in name
+        table.add_column(
+            Text(name), justify="right" if is_number else "left", no_wrap=is_number, overflow="fold"
+        )
     for name, facts in list_columns(found).items():
         cells = [name, facts["node"], f"{np.linalg.norm(facts['motion']):.3g}"]
         for extreme in (facts["raised"], facts["lowered"]):
             cells += (
                 ["", ""] if extreme is None else [extreme["member"], f"{extreme['derivative'] / 1e3:+.3g}"]
             )
-        table.add_row(*(Text(cell) for cell in cells))
+        add_row(table, *cells)
     return table
 
 
 def ranks_table(title: str, unit: str, ranks: Sequence[tuple[str, float]]) -> Table:
     """Return a table of the columns that do most, with their derivatives."""
-    table = _table(title, ("rest length of", f"derivative [{unit}]"))
+    table = new_table(title, "rest length of", **{f"derivative [{unit}]": "right"})
     for name, value in ranks:
-        table.add_row(Text(name), f"{value:+.6g}")
-    return table
-
-
-def _table(title: str, columns: Sequence[str]) -> Table:
-    table = Table(
-        title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True
-    )
-    for name in columns:
-        is_number = "[" in name
-        table.add_column(
-            Text(name), justify="right" if is_number else "left", no_wrap=is_number, overflow="fold"
-        )
+        add_row(table, name, f"{value:+.6g}")
     return table
 
 
 def outcome_table(page: Page) -> Table:
     """Return a table with a row for each section of the page: paper, place, title, verdict."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
-    for name in ("paper", "there", "what", "result"):
-        table.add_column(name, overflow="fold")
+    table = new_table("", "paper", "there", "what", "result")
     for chapter in page.chapters:
         for section in chapter.sections:
-            words = (chapter.name, section.source, section.title, section.outcome)
-            table.add_row(*(Text(word) for word in words))
+            add_row(table, chapter.name, section.source, section.title, section.outcome)
     return table

@@ -1,7 +1,7 @@
 """Tables for the terminal: what a library holds and leaves out, nodes, members, how a run went."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from rich import box
@@ -50,39 +50,6 @@ def functions_table(manifest: Manifest) -> Table:
     for solver in manifest.solvers:
         passed = ", ".join(("coordinate", *solver.arguments))
         add_row(table, f"find_{solver.name}", passed, "", "", "")
-    return table
-
-
-class Candidate(Protocol):
-    """What was measured, see tuning.TuningRow."""
-
-    @property
-    def emitter(self) -> str:
-        """Way of writing the C code."""
-
-    @property
-    def compiler(self) -> str:
-        """Family of the compiler."""
-
-    @property
-    def flags(self) -> str:
-        """Name of the set of flags."""
-
-    @property
-    def total(self) -> float | None:
-        """Nanoseconds, None where `problem` says why."""
-
-    @property
-    def problem(self) -> str:
-        """Why there are no nanoseconds."""
-
-
-def candidates_table(rows: Sequence[Candidate]) -> Table:
-    """Return a table of what was measured, the fastest first, those without a time last."""
-    table = new_table("candidates", "emitter", "compiler", "flags", ns="right")
-    for row in sorted(rows, key=lambda row: float("inf") if row.total is None else row.total):
-        time = row.problem if row.total is None else f"{row.total:,.1f}"
-        add_row(table, row.emitter, row.compiler, row.flags, time)
     return table
 
 
@@ -196,10 +163,10 @@ def new_table(title: str, *texts: str, **columns: str) -> Table:
         collapse_padding=True,
     )
     for name in texts:
-        table.add_column(name.replace("_", " "), overflow="fold")
+        table.add_column(Text(name.replace("_", " ")), overflow="fold")
     for name, side in columns.items():
         justify: Any = side
-        table.add_column(name.replace("_", " "), justify=justify, no_wrap=True)
+        table.add_column(Text(name.replace("_", " ")), justify=justify, no_wrap=True)
     return table
 
 

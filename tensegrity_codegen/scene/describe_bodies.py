@@ -5,10 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.scene.describe import describe_request, describe_values
+from tensegrity_codegen.scene.describe import describe_request, describe_structure, describe_values
 from tensegrity_codegen.scene.describe_control import describe_control
+from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import Bar, Body, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.tables.request import ModelRequest
+
+
+def describe_subject(subject: Subject, request: ModelRequest) -> dict[str, Any]:
+    """Return the scene document of a structure or a body system and what is wanted of it."""
+    if isinstance(subject, BodySystem):
+        return describe_bodies(subject, request)
+    return describe_structure(subject, request)
 
 
 def describe_bodies(system: BodySystem, request: ModelRequest | None = None) -> dict[str, Any]:

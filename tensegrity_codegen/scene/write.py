@@ -8,7 +8,7 @@ from tensegrity_codegen.scene.checks.limits import LARGEST_FILE
 from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.system.checks import check_instance, check_path, check_switch
 from tensegrity_codegen.system.errors import InvalidValueError
-from tensegrity_codegen.system.files import replaced
+from tensegrity_codegen.system.files import write_text
 
 
 def write_scene(document: Mapping[str, Any], path: str | Path, *, overwrite: bool = False) -> None:
@@ -30,5 +30,4 @@ def write_scene(document: Mapping[str, Any], path: str | Path, *, overwrite: boo
             given=f"{len(text) >> 20} MB",
             allowed=f"up to {LARGEST_FILE >> 20} MB",
         )
-    with replaced(path, overwrite=overwrite) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(text, path, overwrite=overwrite)

@@ -1,10 +1,12 @@
-"""Writing files whole or not at all, and replacing files only where that is asked for."""
+"""Writing of files, whole or not at all, which replaces files only where that is asked for."""
 
+import math
 import os
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from tensegrity_codegen.system.checks import check_path
 from tensegrity_codegen.system.errors import OutputError
@@ -117,6 +119,27 @@ def replaced(path: str | Path, *, overwrite: bool) -> Iterator[Path]:
             withdraw(temporary)
     except OSError as error:
         raise explain_unwritable(path, _reason(error)) from error
+
+
+def write_text(text: str, path: str | Path, *, overwrite: bool) -> None:
+    """Write a text file whole or not at all; OutputError where one exists and may not be replaced."""
+    with replaced(path, overwrite=overwrite) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def plain(value: Any) -> Any:
+    """Return `value` in JSON's types; a number that is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float):  # NumPy's too
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, str | int) or value is None:
+        return value
+    import numpy as np  # loaded already, where there is such a value
+
+    return plain(value.tolist()) if isinstance(value, np.ndarray | np.generic) else value
 
 
 def explain_unwritable(path: str | Path, reason: str, what: str = "file") -> OutputError:

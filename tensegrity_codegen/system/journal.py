@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
 from tensegrity_codegen.system.errors import OutputError
-from tensegrity_codegen.system.files import replaced
+from tensegrity_codegen.system.files import write_text
 
 
 @dataclass(frozen=True)
@@ -178,8 +178,7 @@ class Journal:
         self._times.clear()
         lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
         others = [line for line in lines if (found := _read_line(line)) is not None and found[0] != self.key]
-        with replaced(path, overwrite=True) as temporary:
-            temporary.write_text("".join(f"{line}\n" for line in others), encoding="utf-8", newline="\n")
+        write_text("".join(f"{line}\n" for line in others), path, overwrite=True)
 
 
 def _read_line(line: str) -> tuple[str, str, Any, float | None] | None:

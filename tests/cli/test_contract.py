@@ -8,7 +8,7 @@ import pytest
 import typer
 
 from tensegrity_codegen.cli.app import app, main
-from tensegrity_codegen.cli.output import plain
+from tensegrity_codegen.system.files import plain
 from tensegrity_codegen.system.version import VERSION
 from tests.cases import thorough
 from tests.cli.conftest import Run

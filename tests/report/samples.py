@@ -1,11 +1,17 @@
 """Structures and motions, written by hand, that the tests of the report package draw."""
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.report.pictures import plots
+from tensegrity_codegen.report.pictures.canvas import PICTURE_SUFFIXES, check_suffix
+from tensegrity_codegen.report.pictures.choices import LABELS, PictureChoices
+from tensegrity_codegen.report.pictures.panel import describe_size, set_up
+from tensegrity_codegen.report.pictures.shown import show_structure
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tests.runtime.build import bar, cable, make_structure
@@ -17,6 +23,34 @@ def frame(**more: Any) -> Structure:
     members = [bar(0, 2, 5**0.5), bar(1, 3, 5**0.5)]
     members += [cable(0, 1, 1.9), cable(1, 2, 0.9), cable(2, 3, 1.9), cable(3, 0, 0.9)]
     return make_structure(position, members, axes="xz", anchored={0: "xz", 1: "z"}, **more)
+
+
+def draw_structure(
+    structure: Structure,
+    *,
+    node_position: Any = None,
+    member_tension: Any = None,
+    title: str = "",
+    labels: bool = False,
+    choices: PictureChoices = plots.DEFAULT,
+    load: Any = None,
+    is_vector: bool = False,
+) -> Any:
+    """The figure of a structure, by default at its stated positions and without tensions."""
+    position = structure.node_position if node_position is None else node_position
+    shown = show_structure(structure, position, member_tension, load=load)
+    setting = set_up(shown, replace(choices, labels=LABELS) if labels else choices)
+    note = describe_size(structure, shown.parts)
+    return plots.draw_shown(setting, 0, title or structure.name, note, is_vector=is_vector)
+
+
+def plot_structure(structure: Structure, path: Path, **given: Any) -> Path:
+    """The picture of `draw_structure` in a file."""
+    suffix = check_suffix(path, PICTURE_SUFFIXES)
+    plots.save_figure(
+        draw_structure(structure, is_vector=suffix in plots.VECTOR, **given), path, overwrite=False
+    )
+    return path
 
 
 def thread(axes: str = "z") -> Structure:

@@ -191,7 +191,7 @@ def build(
         if preset == "mcu":
             source = built.entry.folder
             memory = measure_memory(source, built.manifest, compiler=compiler, target=target)
-        _tell(output, built, folder, tuned, wheel, memory, _find_next(scene, out, target, wheel))
+        _report(output, built, folder, tuned, wheel, memory, _name_next_command(scene, out, target, wheel))
 
 
 def _check_target(target: str | None, tunes: bool) -> None:
@@ -237,7 +237,7 @@ def _tune(
     return build_tuned(structure, request, compiler=compiler, flags=sets, tune_for=by, measure=measure)
 
 
-def _tell(
+def _report(
     output: Output,
     built: "BuiltLibrary",
     folder: Path,
@@ -246,20 +246,26 @@ def _tell(
     memory: "MemoryUse | None",
     following: str,
 ) -> None:
-    """Say what a library holds, where it is, and which command comes next."""
+    """Print what a library contains, where it is, and which command uses it."""
     from tensegrity_codegen.codegen.wheels.wheel import wheel_file_name
     from tensegrity_codegen.report.tables import (
-        candidates_table,
+        add_row,
         describe_parts,
         functions_table,
         left_out_table,
         memory_table,
+        new_table,
     )
     from tensegrity_codegen.system.summaries import describe_count
 
     data, tables = _describe(built, folder), [functions_table(built.manifest), left_out_table(built.manifest)]
     if tuned is not None:
-        tables.append(candidates_table(tuned.rows))
+        # What was measured, the fastest first, those without a time last
+        table = new_table("candidates", "emitter", "compiler", "flags", ns="right")
+        for row in sorted(tuned.rows, key=lambda row: float("inf") if row.total is None else row.total):
+            time = row.problem if row.total is None else f"{row.total:,.1f}"
+            add_row(table, row.emitter, row.compiler, row.flags, time)
+        tables.append(table)
         rows = [vars(row) for row in tuned.rows]
         data["tuned"] = {"by": tuned.by, "from_cache": tuned.from_cache, "candidates": rows}
     written = [data["library"]]
@@ -289,7 +295,7 @@ def _tell(
     )
 
 
-def _find_next(scene: Path, out: Path | None, target: str | None, wheel: bool) -> str:
+def _name_next_command(scene: Path, out: Path | None, target: str | None, wheel: bool) -> str:
     """Return the command that uses the library, or copies it to a folder."""
     if out is None:
         return f"tensegrity-codegen build {quote(str(scene))} --out {quote(scene.stem)}"

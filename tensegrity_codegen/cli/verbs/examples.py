@@ -7,9 +7,9 @@ import typer
 
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import list_examples, read_example, write_text
+from tensegrity_codegen.cli.scene_files import list_examples, read_example
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.system.files import check_ending
+from tensegrity_codegen.system.files import check_ending, write_text
 
 
 def examples(

@@ -105,9 +105,7 @@ def load_path(
     output = Output(json)
     with output.guard(scene):
         kinds = _parse_events(events)
-        _check_options(step, out, scene, overwrite)
-        _check_most(most)
-        _check_floor(floor, most)
+        _check_options(most, floor, step, out, scene, overwrite)
         from tensegrity_codegen.report.result_tables import events_table, tabulate_path, write_path
 
         subject, request = output.load(scene, settles=True)
@@ -147,29 +145,10 @@ def _parse_events(text: str) -> tuple[str, ...]:
     return tuple(kind for word in words for kind in EVENTS[word])
 
 
-def _check_most(most: float) -> None:
-    if not math.isfinite(most) or most == 0:
-        raise InvalidValueError(
-            "not a valid load factor" if most else "the path has no length",
-            where="--most",
-            given=most,
-            allowed="a finite number other than 0",
-            hint="1 reaches the full load",
-        )
-
-
-def _check_floor(floor: float | None, most: float) -> None:
-    if floor is not None and not floor * most <= 0:
-        raise InvalidValueError(
-            "the path would end before its start",
-            where="--floor",
-            given=floor,
-            allowed=f"0 or a load factor {'below' if most > 0 else 'above'} it",
-            hint="0 ends a path that has turned back at its start",
-        )
-
-
-def _check_options(step: float, out: Path | None, scene: Path, overwrite: bool) -> None:
+def _check_options(
+    most: float, floor: float | None, step: float, out: Path | None, scene: Path, overwrite: bool
+) -> None:
+    """Raise the error of a load factor, a step or an output that cannot be, before the work begins."""
     if not 1e-4 <= step <= 1:
         raise InvalidValueError(
             "the step is out of range",
@@ -184,6 +163,22 @@ def _check_options(step: float, out: Path | None, scene: Path, overwrite: bool) 
                 "unknown file ending", where="--out", given=out.name, allowed=" or ".join(FORMATS)
             )
         check_output(out, inputs=[scene], overwrite=overwrite)
+    if not math.isfinite(most) or most == 0:
+        raise InvalidValueError(
+            "not a valid load factor" if most else "the path has no length",
+            where="--most",
+            given=most,
+            allowed="a finite number other than 0",
+            hint="1 reaches the full load",
+        )
+    if floor is not None and not floor * most <= 0:
+        raise InvalidValueError(
+            "the path would end before its start",
+            where="--floor",
+            given=floor,
+            allowed=f"0 or a load factor {'below' if most > 0 else 'above'} it",
+            hint="0 ends a path that has turned back at its start",
+        )
 
 
 def _build(

@@ -141,7 +141,9 @@ def plan(
     """
     output = Output(json)
     with output.guard(scene):
+        from tensegrity_codegen.cli.controlled_motion import compile_actuated
         from tensegrity_codegen.control.planning.record_plan import ENDINGS, write_plan
+        from tensegrity_codegen.pipeline.analyses import find_needs
 
         files = list(out or [])
         for file in files:
@@ -149,7 +151,10 @@ def plan(
         check_result(page, ".html", inputs=[scene], overwrite=overwrite, draws=True)
         check_result(motion, *MOTION_ENDINGS, inputs=[scene], overwrite=overwrite)
         analysis = "plan" if motion is None else "time_motion"
-        subject, model, chosen = _compile(output, scene, to, actuate, compiler, analysis)
+        subject, model, chosen = compile_actuated(
+            output, scene, to, actuate, compiler,
+            lambda subject, request: find_needs(analysis, subject, request).alone(request),
+        )  # fmt: skip
         arguments = read_inputs(input, subject, output)
         found = _plan(
             output, model, to, chosen, arguments=arguments, steps=steps, max_steps=max_steps,
@@ -184,36 +189,6 @@ def plan(
         _report(output, subject, found, written | {"motion": describe_motion(timed, motion)})
         if not found.is_found:
             raise typer.Exit(3)
-
-
-def _compile(
-    output: Output,
-    scene: Path,
-    to: Sequence[str],
-    actuate: Sequence[str] | None,
-    compiler: str | None,
-    analysis: str,
-) -> "tuple[Subject, Any, tuple[str, ...] | None]":
-    """Return the structure with its actuators, its model, and the names of the actuators that move."""
-    from tensegrity_codegen.control.planning.quadratic_program import require_solver
-    from tensegrity_codegen.control.planning.target_text import read_targets
-    from tensegrity_codegen.control.planning.targets import find_target_quantities
-    from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
-    from tensegrity_codegen.pipeline.settle import with_statics
-    from tensegrity_codegen.structure.actuate import actuate_members
-
-    require_solver()
-    targets = read_targets(to)
-    quantities = find_target_quantities(targets)
-    subject, request = output.load(scene, settles=True)
-    chosen = None
-    if actuate:
-        subject, chosen = actuate_members(subject, actuate)
-    statics = with_statics(subject, request)
-    needs = find_needs(analysis, subject, statics).alone(statics)
-    wanted = needs.wanting(*needs.quantities, *quantities)
-    return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
 
 
 def _plan(

@@ -10,6 +10,7 @@ from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArg
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import check_result
 from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import InvalidValueError
 
 MOST_SAMPLES = 100_000
@@ -68,10 +69,7 @@ def reconfigure(
 
         first = read_numbers(start, "--from", "al,de,Z")
         last = read_numbers(end, "--to", "al" if zero_torque else "al,de")
-        if not 2 <= samples <= MOST_SAMPLES:
-            raise InvalidValueError(
-                "out of range", where="--samples", given=samples, allowed=f"2 to {MOST_SAMPLES}"
-            )
+        check_whole(samples, "--samples", 2, MOST_SAMPLES)
         check_result(out, ".npz", inputs=[scene], overwrite=overwrite)
         tower = SymmetricTower(output.load(scene)[0])
         target = (

@@ -8,10 +8,9 @@ import typer
 
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.cli.streams import print_text
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.system.files import check_ending
+from tensegrity_codegen.system.files import check_ending, write_text
 
 
 def schema(

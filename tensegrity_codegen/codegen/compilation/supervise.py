@@ -34,16 +34,16 @@ def main(arguments: list[str]) -> None:
     started = time.monotonic()
     child = os.fork()
     if child == 0:
-        _become(command, memory_limit)
-    _own_group(child)
+        _start_command(command, memory_limit)
+    _set_group(child)
     ended, number, peak = _watch(child, started + seconds, wake_read)
     os.write(1, f"{ended} {number} {time.monotonic() - started!r} {peak}\n".encode("ascii"))
 
 
-def _become(command: list[str], memory_limit: int) -> None:
+def _start_command(command: list[str], memory_limit: int) -> None:
     """Turn this forked process into the command; does not return."""
     try:
-        _own_group(0)
+        _set_group(0)
         for number in (signal.SIGPIPE, signal.SIGXFSZ, signal.SIGTERM):
             signal.signal(number, signal.SIG_DFL)
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
@@ -65,7 +65,7 @@ def _limit_memory(memory_limit: int) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (bound, bound))
 
 
-def _own_group(child: int) -> None:
+def _set_group(child: int) -> None:
     """Give the child its own process group; called on both sides of the fork, the first one counts."""
     with contextlib.suppress(OSError):
         os.setpgid(child, child)

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.report.pages.picture import CSS_DPI, Picture
 from tensegrity_codegen.report.pictures.animate import write_gif
-from tensegrity_codegen.report.pictures.canvas import new_figure
+from tensegrity_codegen.report.pictures.canvas import PICTURE_DPI, new_figure
 from tensegrity_codegen.report.pictures.drawing import StructureDrawing, find_tension_limit
 from tensegrity_codegen.report.pictures.frame import draw_frame, picture_size
 from tensegrity_codegen.report.pictures.palette import INK, MUTED
 from tensegrity_codegen.report.pictures.panel import add_color_bar
-from tensegrity_codegen.report.pictures.view import find_box, fit_view
+from tensegrity_codegen.report.pictures.view import View, find_box, fit_view
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.extras import import_extra
@@ -42,14 +42,9 @@ def draw_tensions(
     pictures of the same view and colours show.
     """
     places, tensions = (position, tension) if among is None else among
-    box = find_box(places.reshape(-1, 3), structure.axes)
-    view, limit = (
-        fit_view(structure, box, places.reshape(-1, *position.shape)[0]),
-        find_tension_limit(tensions),
-    )
-    figure = new_figure(*picture_size(view, box, with_bar=limit is not None, area=AREA))
-    axes = figure.add_subplot()
-    draw_frame(axes, view, box)
+    limit = find_tension_limit(tensions)
+    first = places.reshape(-1, *position.shape)[0]
+    figure, axes, view = _new_panel(structure, places, first, with_bar=limit is not None)
     drawing = StructureDrawing(axes, structure, view, tension_limit=limit)
     drawing.show(position, tension)
     if drawing.mappable is not None:
@@ -64,11 +59,7 @@ def draw_motion(structure: Structure, position: FloatArray, motion: FloatArray) 
     largest = float(np.linalg.norm(motion, axis=1).max(initial=0.0))
     side = float(np.ptp(position, axis=0).max(initial=0.0))
     moved = position + motion * (SHOWN * side / largest if largest else 0.0)
-    box = find_box(np.vstack([position, moved]), structure.axes)
-    view = fit_view(structure, box, position)
-    figure = new_figure(*picture_size(view, box, with_bar=False, area=AREA))
-    axes = figure.add_subplot()
-    draw_frame(axes, view, box)
+    figure, axes, view = _new_panel(structure, np.stack([position, moved]), position, with_bar=False)
     place, _ = view.project(position)
     shadow = LineCollection(
         list(place[structure.connectivity]), colors=MUTED, linewidths=0.7, linestyles="dotted", zorder=2
@@ -77,6 +68,18 @@ def draw_motion(structure: Structure, position: FloatArray, motion: FloatArray) 
     drawing = StructureDrawing(axes, structure, view)
     drawing.show(moved, np.ones(structure.n_members))  # no cable is shown as slack
     return figure
+
+
+def _new_panel(
+    structure: Structure, places: FloatArray, first: FloatArray, *, with_bar: bool, dpi: float = PICTURE_DPI
+) -> "tuple[Figure, Any, View]":
+    """Return a new figure with axes that hold all places (..., 3) [m], and the view that suits `first`."""
+    box = find_box(places, structure.axes)
+    view = fit_view(structure, box, first)
+    figure = new_figure(*picture_size(view, box, with_bar=with_bar, area=AREA), dpi=dpi)
+    axes = figure.add_subplot()
+    draw_frame(axes, view, box)
+    return figure, axes, view
 
 
 PAUSE = 1.0  # [s], on the last picture
@@ -97,13 +100,9 @@ def draw_film(
     second of the motion.
     """
     import_extra("PIL.Image")
-    box = find_box(np.concatenate([position, planned]).reshape(-1, 3), structure.axes)
-    view = fit_view(structure, box, position[0])
     limit = find_tension_limit(tension)
-    size = picture_size(view, box, with_bar=limit is not None, area=AREA)
-    figure = new_figure(*size, dpi=CSS_DPI)
-    axes = figure.add_subplot()
-    draw_frame(axes, view, box)
+    places = np.concatenate([position, planned])
+    figure, axes, view = _new_panel(structure, places, position[0], with_bar=limit is not None, dpi=CSS_DPI)
     shadow, clock = _add_shadow(axes)
     drawing = StructureDrawing(axes, structure, view, tension_limit=limit)
     if drawing.mappable is not None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.report.loads import compute_reactions
 from tensegrity_codegen.report.pictures.palette import LOAD, REACTION
-from tensegrity_codegen.report.pictures.view import View
+from tensegrity_codegen.report.pictures.view import View, round_up
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
@@ -54,12 +54,6 @@ class Arrows:
     scale: float
     size: float
 
-    def points(self) -> FloatArray:
-        """Return all ends of arrows, (n, 3) [m]."""
-        ends = np.concatenate([self.tail.reshape(-1, 3), self.tip.reshape(-1, 3)])
-        found: FloatArray = ends[np.isfinite(ends).all(axis=1)]
-        return found
-
 
 def lay_out_arrows(
     structure: Structure,
@@ -99,7 +93,8 @@ def lay_out_arrows(
     largest = max(_largest(force) for _, _, _, force in rows)
     size = float(np.linalg.norm(np.ptp(position[0], axis=0))) or 1.0
     count = len(loaded) + len(held)
-    scale = _nice_scale(largest / (LONGEST * size * find_crowd(count)))
+    force_per_length = largest / (LONGEST * size * find_crowd(count))
+    scale = round_up(force_per_length) if force_per_length > 0 else 1.0
     found = []
     for name, color, nodes, force in rows:
         length = np.linalg.norm(force, axis=2, keepdims=True)
@@ -193,11 +188,3 @@ def _describe(force: float) -> str:
         if force >= factor * (1 if unit == "N" else 9.995):
             return f"{force / factor:.3g} {unit}"
     return f"{force:.3g} N" if force == 0 or force >= 0.01 else f"{force * 1e3:.3g} mN"
-
-
-def _nice_scale(value: float) -> float:
-    """Return 1, 2 or 5 times a power of ten, the least that is not below `value`; 1 for zero."""
-    if not value > 0:
-        return 1.0
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= value * (1 - 1e-9)))

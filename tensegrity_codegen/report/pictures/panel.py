@@ -225,7 +225,6 @@ class Panel:
 
 TEXT_SIZE = 9.0
 ROOM = 0.8  # part of a figure's height that a scale may have beside it
-UNKNOWN_NAMES = {color: unknown for color, (_, unknown) in COLOR_NAMES.items()}
 ARROW = {"marker": ">", "markersize": 6.0, "markevery": [1]}
 
 
@@ -241,40 +240,14 @@ def describe_size(structure: Structure, parts: BodyParts | None = None) -> str:
 
 
 def add_key(figure: "Figure | SubFigure", setting: Setting, *, slack: bool) -> None:
-    """Explain below the panels what a picture shows; slack: whether a cable is slack."""
-    add_legend(
-        figure,
-        setting.shown.structure,
-        slack=slack,
-        colored=setting.limit is not None,
-        unknown=UNKNOWN_NAMES.get(setting.choices.color, "") if setting.has_unknown else "",
-        parts=setting.shown.parts,
-        arrows=describe_arrows(setting.arrows),
-    )
-
-
-def add_legend(
-    figure: "Figure | SubFigure",
-    structure: Structure,
-    *,
-    slack: bool,
-    colored: bool,
-    unknown: str = "",
-    parts: BodyParts | None = None,
-    arrows: Sequence[tuple[str, str]] = (),
-) -> None:
-    """Explain below the panels the kinds of lines and marks that occur.
-
-    colored: colour means a value; unknown: what members of the colour UNKNOWN are called, if there are any;
-    arrows: colour and text of each line on arrows, with the colour "none" text alone.
-    """
+    """Explain below the panels the kinds of lines and marks that occur; slack: whether a cable is slack."""
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import Normal, Stroke
 
     def line(color: str, width: float, name: str, **more: Any) -> Line2D:
         return Line2D([], [], color=color, linewidth=width, label=name, **more)
 
-    parts = BodyParts.none(structure) if parts is None else parts
+    structure, parts, colored = setting.shown.structure, setting.shown.parts, setting.limit is not None
     handles = []
     if (structure.is_bar & ~parts.edge).any():
         handles.append(line(MUTED if colored else BAR, BAR_WIDTH, "bar", solid_capstyle="round"))
@@ -284,7 +257,8 @@ def add_legend(
         handles.append(line(BODY, BAR_WIDTH, "rigid body", solid_capstyle="round"))
     if slack:
         handles.append(line(SLACK, CABLE_WIDTH, "slack cable", linestyle=DASHES))
-    if unknown and colored:
+    if colored and setting.has_unknown:
+        unknown = COLOR_NAMES[setting.choices.color][1]
         rim = [Stroke(linewidth=BAR_WIDTH + 1.5, foreground=MUTED), Normal()]
         handles.append(line(UNKNOWN, BAR_WIDTH, unknown, path_effects=rim))
     held = structure.node_anchored[:, list(structure.axes)]
@@ -293,19 +267,17 @@ def add_legend(
         if chosen.any():
             mark = {"marker": "^", "markerfacecolor": fill, "markeredgecolor": INK, "markersize": 7.5}
             handles.append(line("none", 0.0, name, **mark))
-    handles += [line(color, 1.9, text, **(ARROW if color != "none" else {})) for color, text in arrows]
+    # Lines on arrows; with the colour "none" text alone
+    for color, text in describe_arrows(setting.arrows):
+        handles.append(line(color, 1.9, text, **(ARROW if color != "none" else {})))
     # As many columns as fit side by side: each is as wide as its longest text, and a figure has about 13
     # letters an inch.
     longest = max((len(str(item.get_label())) for item in handles), default=1) + 7
+    letters = int(13.0 * figure.bbox.width / figure.dpi)
     figure.legend(
-        handles=handles, loc="outside lower center", ncols=int(np.clip(_letters(figure) // longest, 1, 5)),
+        handles=handles, loc="outside lower center", ncols=int(np.clip(letters // longest, 1, 5)),
         frameon=False, fontsize=TEXT_SIZE, labelcolor=INK, handlelength=2.2, columnspacing=1.8,
     )  # fmt: skip
-
-
-def _letters(figure: "Figure | SubFigure") -> int:
-    """Return about how many letters of the legend fit side by side."""
-    return int(13.0 * figure.bbox.width / figure.dpi)
 
 
 def add_color_bar(

@@ -1,11 +1,9 @@
 """Still pictures: a structure, and a simulated motion on one page."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from tensegrity_codegen.report.pictures.canvas import (
     PICTURE_SUFFIXES,
@@ -14,14 +12,7 @@ from tensegrity_codegen.report.pictures.canvas import (
     new_figure,
     save_figure,
 )
-from tensegrity_codegen.report.pictures.choices import (
-    PictureChoices,
-    check_array,
-    check_tension,
-    check_trajectory,
-    read_labels,
-)
-from tensegrity_codegen.report.pictures.drawing import BodyParts
+from tensegrity_codegen.report.pictures.choices import PictureChoices, check_trajectory
 from tensegrity_codegen.report.pictures.frame import panel_ratio
 from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, SEQUENCE
 from tensegrity_codegen.report.pictures.panel import (
@@ -33,7 +24,7 @@ from tensegrity_codegen.report.pictures.panel import (
     fit_size,
     set_up,
 )
-from tensegrity_codegen.report.pictures.shown import Shown, show_motion, show_structure
+from tensegrity_codegen.report.pictures.shown import Shown, show_motion
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
@@ -167,69 +158,6 @@ VECTOR = (".svg", ".pdf")
 DEFAULT = PictureChoices()
 
 
-def plot_structure(
-    structure: Structure,
-    path: str | Path,
-    *,
-    node_position: ArrayLike | None = None,
-    member_tension: ArrayLike | None = None,
-    title: str | None = None,
-    labels: bool = False,
-    choices: PictureChoices = DEFAULT,
-    load: ArrayLike | None = None,
-    parts: BodyParts | None = None,
-    note: str | None = None,
-    overwrite: bool = False,
-) -> Path:
-    """Draw a structure into a PNG, SVG or PDF file and return its path.
-
-    node_position (n_nodes, 3) [m]: the stated positions by default; member_tension (n_members,) [N] gives
-    the members' colours, NaN where that of a bar is unknown; labels: with the names of nodes and members;
-    load (n_nodes, 3) [N]: by default that of the structure; parts: of an outline of bodies. Raises
-    InvalidValueError for another suffix or shape, NonFiniteError, OutputError for a file that cannot be
-    written or exists (without `overwrite`), MissingExtraError without matplotlib.
-    """
-    target = Path(path)
-    suffix = check_suffix(target, PICTURE_SUFFIXES)
-    figure = draw_structure(
-        structure, node_position=node_position, member_tension=member_tension, title=title, labels=labels,
-        choices=choices, load=load, parts=parts, note=note, is_vector=suffix in VECTOR,
-    )  # fmt: skip
-    save_figure(figure, target, overwrite=overwrite)
-    return target
-
-
-def draw_structure(
-    structure: Structure,
-    *,
-    node_position: ArrayLike | None = None,
-    member_tension: ArrayLike | None = None,
-    title: str | None = None,
-    note: str | None = None,
-    labels: bool = False,
-    choices: PictureChoices = DEFAULT,
-    load: ArrayLike | None = None,
-    parts: BodyParts | None = None,
-    is_vector: bool = False,
-) -> "Figure":
-    """Return the figure of `plot_structure`; note: the line below the title, by default the size."""
-    position = structure.node_position if node_position is None else node_position
-    place = check_array("node_position", position, (structure.n_nodes, 3), "nodes, axes")
-    tension = None
-    if member_tension is not None:
-        tension = check_tension(member_tension, (structure.n_members,), structure, "members")
-    pushed = None
-    if load is not None:
-        pushed = check_array("node_load", load, (structure.n_nodes, 3), "nodes, axes")
-    shown = show_structure(structure, place, tension, load=pushed, parts=parts)
-    if labels:
-        choices = replace(choices, labels=read_labels(True))
-    setting = set_up(shown, choices)
-    heading = structure.name if title is None else title
-    size = describe_size(structure, shown.parts)
-    return draw_shown(setting, 0, heading, size if note is None else note, is_vector=is_vector)
-
-
 def draw_shown(setting: Setting, sample: int, title: str, note: str, *, is_vector: bool = False) -> "Figure":
     """Return a figure of one sample; setting: axes, view and colours; is_vector: for a file of lines."""
     width, height, dpi = fit_size(setting, area=AREA, dpi=PICTURE_DPI, is_vector=is_vector)
@@ -257,8 +185,9 @@ def plot_trajectory(
     """Draw a motion into a PNG, SVG or PDF file and return its path.
 
     Left: the first and the last shape with the paths of the nodes; right: energies, member tensions and
-    energy drift over time. subject: what the structure is the outline of. Raises what `plot_structure`
-    raises.
+    energy drift over time. subject: what the structure is the outline of. Raises
+    InvalidValueError for another suffix or structure, NonFiniteError, OutputError for a file that cannot be
+    written or exists (without `overwrite`), MissingExtraError without matplotlib.
     """
     target = Path(path)
     suffix = check_suffix(target, PICTURE_SUFFIXES)

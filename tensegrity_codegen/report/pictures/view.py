@@ -142,9 +142,13 @@ class PlanarView:
 
 def nice_step(span: float) -> float:
     """Return 1, 2 or 5 times a power of ten, the least such that STEPS of it about reach over `span` > 0."""
-    raw = span / STEPS
-    power = 10.0 ** np.floor(np.log10(raw))
-    return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= raw * (1 - OVERHANG)))
+    return round_up(span / STEPS, OVERHANG)
+
+
+def round_up(value: float, tolerance: float = 1e-9) -> float:
+    """Return the least of 1, 2 and 5 times a power of ten that is not below `value` > 0, up to a part."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= value * (1 - tolerance)))
 
 
 def _ground_step(low: FloatArray, high: FloatArray, span: float) -> float:

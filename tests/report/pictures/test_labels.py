@@ -7,9 +7,8 @@ import pytest
 
 from tensegrity_codegen.report.pictures.choices import PictureChoices
 from tensegrity_codegen.report.pictures.labels import MOST_NAMES, choose_names
-from tensegrity_codegen.report.pictures.plots import draw_structure
 from tests.cases import thorough
-from tests.report.samples import frame
+from tests.report.samples import draw_structure, frame
 from tests.runtime.build import prism
 
 

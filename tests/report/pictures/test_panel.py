@@ -7,12 +7,12 @@ from tensegrity_codegen.report.pictures.animate import write_animation
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.choices import PictureChoices, read_view
 from tensegrity_codegen.report.pictures.panel import Panel, set_up
-from tensegrity_codegen.report.pictures.plots import draw_structure, plot_structure, plot_trajectory
+from tensegrity_codegen.report.pictures.plots import plot_trajectory
 from tensegrity_codegen.report.pictures.shown import compute_colors, show_motion, show_structure
 from tensegrity_codegen.system.errors import InvalidValueError
 from tests.cases import thorough
 from tests.report.pictures.test_animate import read_gif
-from tests.report.samples import frame, make_trajectory, png_size
+from tests.report.samples import draw_structure, frame, make_trajectory, plot_structure, png_size
 from tests.runtime.build import prism
 
 

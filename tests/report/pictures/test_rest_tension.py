@@ -56,8 +56,8 @@ def test_pictures_show_what_is_unknown(tmp_path: Path) -> None:
     from tensegrity_codegen.report.pictures.canvas import new_figure
     from tensegrity_codegen.report.pictures.drawing import StructureDrawing
     from tensegrity_codegen.report.pictures.palette import UNKNOWN
-    from tensegrity_codegen.report.pictures.plots import plot_structure
     from tensegrity_codegen.report.pictures.view import find_box, fit_view
+    from tests.report.samples import plot_structure
 
     structure = toggle()
     tension = np.array([np.nan, -3.0, 2.0])

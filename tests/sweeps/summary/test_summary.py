@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from tensegrity_codegen.cli.output import plain
 from tensegrity_codegen.cli.sweep_commands import build_commands
 from tensegrity_codegen.sweeps.summary.figures import bin_means, find_edges, is_logarithmic, make_bins
 from tensegrity_codegen.sweeps.summary.statistics import compute_rank_correlation, describe_distribution
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tensegrity_codegen.system.errors import UnknownNameError
+from tensegrity_codegen.system.files import plain
 from tests.sweeps.summary.sweeps import make_grid, make_sample, make_sweep
 
 
