@@ -32,7 +32,7 @@ def prepare_prism() -> tuple[Any, ...]:
     """Return model, motion, gains, estimator, draws and end of the pinned prism."""
     model = build_prism()
     motion = move_prism(model)
-    draws = [{**draw_errors(model, seed), "seed": seed} for seed in range(DRAWS)]
+    draws = [draw_errors(model, seed, seed) for seed in range(DRAWS)]
     return model, motion, design_gains(model, motion).at_knots(), design_kalman(model, motion), draws, 3.0
 
 
@@ -42,7 +42,7 @@ def prepare_tower() -> tuple[Any, ...]:
     motion = move_tower(model)
     gains = design_tower_gains(model, motion)
     estimator = design_tower_estimator(model, motion)
-    draws = [{**draw_tower_errors(model, seed), "seed": seed} for seed in range(DRAWS)]
+    draws = [draw_tower_errors(model, seed, seed) for seed in range(DRAWS)]
     return model, motion, gains.at_knots(), estimator, draws, 12.0
 
 
@@ -67,7 +67,9 @@ def compare(name: str, parts: Sequence[Any]) -> None:
 
     def in_python() -> float:
         return measure(
-            lambda: simulate_control(model, motion, gains, estimator=estimator, t_end=t_end, **draws[0])
+            lambda: simulate_control(
+                model, motion, gains, estimator=estimator, t_end=t_end, disturbance=draws[0]
+            )
         )
 
     first = in_c(1)

@@ -6,10 +6,10 @@ import itertools
 import re
 import shlex
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -102,7 +102,8 @@ class Verb:
     Attributes
     ----------
     run : Callable
-        Does the work. Typer makes the arguments and options from its signature, the help from its docstring.
+        Does the work. Typer makes the arguments and options from its signature, the help from its docstring;
+        a parameter whose type is a dataclass stands for one option for each of its fields.
     order : int
         Place in the list of `--help`; decides the group, see GROUPS.
     name : str
@@ -196,8 +197,37 @@ class VerbGroup(TyperGroup):
 def build_command(verb: Verb) -> Any:
     """Return the command of a verb, with its options."""
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    alone.command(verb.word, cls=verb.command)(verb.run)
+    alone.command(verb.word, cls=verb.command)(_spread_groups(verb.run))
     return typer.main.get_command(alone)
+
+
+def _spread_groups(run: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function with one parameter for each field of parameters that are dataclasses."""
+    hints = get_type_hints(run, include_extras=True)
+    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    parameters: list[inspect.Parameter] = []
+    for parameter in inspect.signature(run).parameters.values():
+        kind = groups.get(parameter.name)
+        if kind is None:
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+        else:
+            types = get_type_hints(kind, include_extras=True)
+            parameters += [_to_parameter(field, types[field.name]) for field in fields(kind)]
+
+    @functools.wraps(run)
+    def call(**given: Any) -> Any:
+        for name, kind in groups.items():
+            given[name] = kind(**{field.name: given.pop(field.name) for field in fields(kind)})
+        return run(**given)
+
+    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    call.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return call
+
+
+def _to_parameter(field: Field[Any], kind: Any) -> inspect.Parameter:
+    default = inspect.Parameter.empty if field.default is MISSING else field.default
+    return inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
 
 
 def _first_sentence(verb: Verb, limit: int) -> str:

@@ -1,12 +1,13 @@
 """`tensegrity-codegen plan`: rest lengths that move a structure to a target through stable equilibria."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.control_options import ActuateOption
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
@@ -78,15 +79,6 @@ ToOption = Annotated[
         show_default=False,
     ),
 ]
-ActuateOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--actuate",
-        help="What moves: cables, all, or a name of actuators, members, groups or classes; may be repeated; "
-        "default: the actuators of the scene.",
-        show_default=False,
-    ),
-]
 OutOption = Annotated[
     list[Path] | None,
     typer.Option(
@@ -116,14 +108,22 @@ DurationOption = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class StepOptions:
+    """Steps of a path."""
+
+    steps: StepsOption = 20
+    max_steps: MostOption = 200
+    least_progress: LeastOption = 0.4
+
+
 def plan(
     scene: SceneArgument,
     to: ToOption,
     actuate: ActuateOption = None,
     input: InputOption = None,
-    steps: StepsOption = 20,
-    max_steps: MostOption = 200,
-    least_progress: LeastOption = 0.4,
+    *,
+    stepping: StepOptions,
     duration: DurationOption = None,
     out: OutOption = None,
     page: PageOption = None,
@@ -151,10 +151,7 @@ def plan(
         analysis = "plan" if motion is None else "time_motion"
         subject, model, chosen = _compile(output, scene, to, actuate, compiler, analysis)
         arguments = read_inputs(input, subject, output)
-        found = _plan(
-            output, model, to, chosen, arguments=arguments, steps=steps, max_steps=max_steps,
-            least_progress=least_progress, duration=duration,
-        )  # fmt: skip
+        found = _plan(output, model, to, chosen, arguments=arguments, duration=duration, **vars(stepping))
         timed = time_plan(
             output, model, found, motion, duration=duration, arguments=arguments, overwrite=overwrite
         )

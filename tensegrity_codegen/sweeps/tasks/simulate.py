@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.analyses import BATCH_METHOD, Needs, find_needs
-from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
+from tensegrity_codegen.runtime.integrate.options import Stepping, check_options, complete_run_options
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
@@ -165,11 +165,8 @@ class Simulate(Operation):
             self.t_end,
             samples=self.samples,
             method=self.method,
-            step=self.step,
             rtol=self.rtol,
-            atol=self.atol,
-            max_steps=self.max_steps,
-            control=self.control,
+            stepping=Stepping(self.step, self.atol, self.max_steps, control=self.control),
             coordinate=start.get("coordinate"),
             velocity=start.get("velocity"),
             arguments={**shared, **own},
