@@ -13,6 +13,7 @@ from tensegrity_codegen.cli.control_options import (
     read_least_tension,
 )
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.planned_motion import compile_actuated, find_plan
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     FormulationError,
@@ -189,13 +190,7 @@ def compile_control(
     compiler: str | None,
 ) -> "tuple[Subject, CompiledModel, tuple[str, ...] | None]":
     """Return the structure with its actuators, its model, and the names of the actuators that are chosen."""
-    from tensegrity_codegen.control.planning.quadratic_program import require_solver
-    from tensegrity_codegen.control.planning.target_text import read_targets
-    from tensegrity_codegen.control.planning.targets import find_target_quantities
     from tensegrity_codegen.pipeline.analyses import find_needs, want_analyses
-    from tensegrity_codegen.pipeline.build_library import build_library
-    from tensegrity_codegen.pipeline.settle import with_statics
-    from tensegrity_codegen.structure.actuate import actuate_members
 
     if held.to and held.plan is not None:
         raise InvalidValueError(
@@ -204,20 +199,16 @@ def compile_control(
             given=f"--to {held.to[0]} and --plan {held.plan}",
             allowed="one of them",
         )
-    quantities: Sequence[str] = ()
-    if held.to:
-        require_solver()
-        quantities = find_target_quantities(read_targets(list(held.to)))
-    subject, request = output.load(scene, settles=True)
-    chosen = None
-    if held.actuate:
-        subject, chosen = actuate_members(subject, held.actuate)
-    statics = with_statics(subject, request)
-    _check_formulation(subject, statics)
-    needs = find_needs("time_motion", subject, statics).alone(statics)
-    wanted = want_analyses(subject, needs, ("control",))
-    wanted = wanted.wanting(*wanted.quantities, *quantities, integrators=wanted.integrators)
-    return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
+
+    def find_request(
+        subject: "Subject", request: "ModelRequest", quantities: Sequence[str]
+    ) -> "ModelRequest":
+        _check_formulation(subject, request)
+        needs = find_needs("time_motion", subject, request).alone(request)
+        wanted = want_analyses(subject, needs, ("control",))
+        return wanted.wanting(*wanted.quantities, *quantities, integrators=wanted.integrators)
+
+    return compile_actuated(output, scene, held.to, held.actuate, compiler, find_request)
 
 
 def _check_formulation(subject: "Subject", request: "ModelRequest") -> None:
@@ -281,13 +272,7 @@ def _find_plan(
     arguments: Mapping[str, Any],
 ) -> "PlanResult":
     """Return a plan that was found; raises InfeasibleError or ConvergenceError where there is none."""
-    from tensegrity_codegen.control.planning.plan import plan
-
-    with output.progress("planning") as move:
-        found = plan(
-            model, list(to), actuators=chosen, arguments=arguments, progress=lambda points, done: move(done)
-        )
-    output.warn(*found.warnings)
+    found = find_plan(output, model, to, chosen, arguments=arguments)
     if not found.is_found:
         kind = InfeasibleError if found.status == "infeasible" else ConvergenceError
         raise kind(

@@ -11,6 +11,7 @@ from tensegrity_codegen.cli.control_options import ActuateOption
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.planned_motion import compile_actuated, find_plan
 from tensegrity_codegen.cli.scene_files import check_result, write_page
 from tensegrity_codegen.cli.verb import Verb, name_options, quote_command
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.records.plan_result import PlanResult
     from tensegrity_codegen.runtime.records.timed_motion import Motion
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.request import ModelRequest
 
 MOTION_ENDINGS = (".npz", ".csv")
 
@@ -142,6 +144,8 @@ def plan(
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.control.planning.record_plan import ENDINGS, write_plan
+        from tensegrity_codegen.pipeline.analyses import find_needs
+        from tensegrity_codegen.sweeps.engines.threads import limit_threads
 
         files = list(out or [])
         for file in files:
@@ -149,9 +153,17 @@ def plan(
         check_result(page, ".html", inputs=[scene], overwrite=overwrite, draws=True)
         check_result(motion, *MOTION_ENDINGS, inputs=[scene], overwrite=overwrite)
         analysis = "plan" if motion is None else "time_motion"
-        subject, model, chosen = _compile(output, scene, to, actuate, compiler, analysis)
+
+        def find_request(
+            subject: "Subject", request: "ModelRequest", quantities: Sequence[str]
+        ) -> "ModelRequest":
+            needs = find_needs(analysis, subject, request).alone(request)
+            return needs.wanting(*needs.quantities, *quantities)
+
+        subject, model, chosen = compile_actuated(output, scene, to, actuate, compiler, find_request)
         arguments = read_inputs(input, subject, output)
-        found = _plan(output, model, to, chosen, arguments=arguments, duration=duration, **vars(stepping))
+        limit_threads()  # the matrices are too small for several: waiting for each other takes longer
+        found = find_plan(output, model, to, chosen, arguments=arguments, duration=duration, **vars(stepping))
         timed = time_plan(
             output, model, found, motion, duration=duration, arguments=arguments, overwrite=overwrite
         )
@@ -181,51 +193,6 @@ def plan(
         _report(output, subject, found, written | {"motion": describe_motion(timed, motion)})
         if not found.is_found:
             raise typer.Exit(3)
-
-
-def _compile(
-    output: Output,
-    scene: Path,
-    to: Sequence[str],
-    actuate: Sequence[str] | None,
-    compiler: str | None,
-    analysis: str,
-) -> "tuple[Subject, Any, tuple[str, ...] | None]":
-    """Return the structure with its actuators, its model, and the names of the actuators that move."""
-    from tensegrity_codegen.control.planning.quadratic_program import require_solver
-    from tensegrity_codegen.control.planning.target_text import read_targets
-    from tensegrity_codegen.control.planning.targets import find_target_quantities
-    from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
-    from tensegrity_codegen.pipeline.settle import with_statics
-    from tensegrity_codegen.structure.actuate import actuate_members
-
-    require_solver()
-    targets = read_targets(to)
-    quantities = find_target_quantities(targets)
-    subject, request = output.load(scene, settles=True)
-    chosen = None
-    if actuate:
-        subject, chosen = actuate_members(subject, actuate)
-    statics = with_statics(subject, request)
-    needs = find_needs(analysis, subject, statics).alone(statics)
-    wanted = needs.wanting(*needs.quantities, *quantities)
-    return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
-
-
-def _plan(
-    output: Output, model: Any, to: Sequence[str], chosen: tuple[str, ...] | None, **options: Any
-) -> "PlanResult":
-    from tensegrity_codegen.control.planning.plan import plan as run
-    from tensegrity_codegen.sweeps.engines.threads import limit_threads
-
-    limit_threads()  # the matrices are too small for several: waiting for each other takes longer
-    with output.progress("planning") as move:
-        found = run(
-            model, list(to), actuators=chosen, progress=lambda points, progress: move(progress), **options
-        )
-    output.warn(*found.warnings)
-    return found
 
 
 def _report(output: Output, subject: "Subject", found: "PlanResult", more: dict[str, Any]) -> None:

@@ -6,14 +6,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
-from tensegrity_codegen.control.embedded.closed_loop import CompiledLoop, LoopDraw
+from tensegrity_codegen.control.embedded.closed_loop import CompiledLoop
 from tensegrity_codegen.control.embedded.parts import (
     MOVED_TO_CODE,
     NAME,
     ControllerCode,
-    ControllerParts,
     collect_parts,
     find_described,
     read_code,
@@ -141,7 +138,9 @@ def simulate_control_batch(
     )  # fmt: skip
     # The draws, all of them checked before the first one is simulated.
     count = count_samples(reference.duration if t_end is None else t_end, parts.sample)
-    ready = [_read_draw(model, parts, k, draw, count) for k, draw in enumerate(draws)]
+    for k, draw in enumerate(draws):
+        check_instance(draw, Disturbance, f"draws[{k}]", "a Disturbance")
+    ready = [read_disturbance(model, parts.motion, draw, f"draws[{k}]") for k, draw in enumerate(draws)]
     if not ready:
         return ()
     # Controller and plant in one library; the draws in several threads.
@@ -159,15 +158,3 @@ def simulate_control_batch(
         compare_with_open_loop(model, reference, run, partial(open_loop, disturbance=draw))
         for run, draw in zip(runs, draws, strict=True)
     )
-
-
-def _read_draw(
-    model: CompiledModel, parts: ControllerParts, k: int, draw: Disturbance, count: int
-) -> LoopDraw:
-    """Return a draw after the checks of `simulate_control`."""
-    check_instance(draw, Disturbance, f"draws[{k}]", "a Disturbance")
-    start, noise = read_disturbance(model, parts.motion, draw, f"draws[{k}]"), np.zeros((0, 0))
-    if parts.estimator is not None:
-        size = parts.estimator.sensing.noise
-        noise = size * np.random.default_rng(start.seed).normal(size=(count, len(size)))
-    return LoopDraw(start.state, start.given, start.gusts, noise)
