@@ -1,5 +1,6 @@
 """Controllers in C with a distribution of tensions: whole loops, limits, precision, two in one program."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from tensegrity_codegen.system.errors import InvalidValueError, MissingSourceErr
 from tests.body_scenes import assemble_document
 from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run
 from tests.codegen.compilers import require_compiler
+from tests.codegen.quickly import without_optimisation
 from tests.control.embedded.daqp import require_daqp_archive
 from tests.control.embedded.replay import check_same, replay, replay_states
 from tests.control.feedback.pinned_prism import draw_errors, move_prism, prism_document
@@ -35,8 +37,10 @@ SEED = 1
 
 
 @pytest.fixture(scope="module", autouse=True)
-def archive() -> None:
+def archive() -> Iterator[None]:
     require_daqp_archive()
+    with without_optimisation():
+        yield
 
 
 @pytest.fixture(scope="module")

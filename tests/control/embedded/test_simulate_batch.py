@@ -1,5 +1,6 @@
 """Simulated loops in C have the numbers of simulate_control: noise, gusts, delays, sensors of all kinds."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +20,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError
+from tests.codegen.quickly import without_optimisation
 from tests.control.feedback.pinned_prism import draw_errors
 from tests.control.feedback.tower_motion import (
     build_tower,
@@ -30,6 +32,12 @@ from tests.control.feedback.tower_motion import (
 
 DELAY = [0.0, 0.002, 0.005, 0.008, 0.0, 0.002, 0.005, 0.0, 0.0]
 FIELDS = ("coordinate", "velocity", "command", "input", "member_tension", "estimate", "disturbance")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quickly() -> Iterator[None]:
+    with without_optimisation():
+        yield
 
 
 def check_same(found: ControlRun, expected: ControlRun, tolerance: float = 1e-9) -> None:

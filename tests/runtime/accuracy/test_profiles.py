@@ -1,5 +1,7 @@
 """`auto` with profiles: a motor ramp on a prism whose cables go slack, with soft and with stiff bars."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -103,8 +105,8 @@ def test_the_rates_are_those_of_the_whole_profile() -> None:
 def test_a_batch_runs_its_motions_in_c_one_after_the_other() -> None:
     model = build_prism(1e3)
     start = model.nominal("coordinate") + np.linspace(0.0, 0.01, 3)[:, None]
-    options = {"samples": 5, "rtol": 1e-8, "stepping": Stepping(atol=1e-9)}
-    batch = simulate_batch(model, END, coordinate=start, schedule=RAMP, threads=2, **options)  # type: ignore[arg-type]
+    options: dict[str, Any] = {"samples": 5, "rtol": 1e-8, "schedule": RAMP}
+    batch = simulate_batch(model, END, coordinate=start, threads=2, stepping=Stepping(atol=1e-9), **options)
     assert batch.status == ("ok",) * 3
     assert batch.method == "rk853"
     for k in range(3):
@@ -113,9 +115,8 @@ def test_a_batch_runs_its_motions_in_c_one_after_the_other() -> None:
             END,
             method="rk853",
             coordinate=start[k],
-            schedule=RAMP,
-            stepping=Stepping(control="steps"),
-            **options,  # type: ignore[arg-type]
+            stepping=Stepping(atol=1e-9, control="steps"),
+            **options,
         )
         np.testing.assert_array_equal(batch.coordinate[k], alone.coordinate)
 
