@@ -31,7 +31,7 @@ def prepare_prism() -> tuple[Any, ...]:
     """Return model, motion, gains, estimator, draws and end of the pinned prism."""
     model = build_prism()
     motion = move_prism(model)
-    draws = [{**draw_errors(model, seed), "seed": seed} for seed in range(DRAWS)]
+    draws = [draw_errors(model, seed, seed) for seed in range(DRAWS)]
     return model, motion, design_gains(model, motion).at_knots(), design_kalman(model, motion), draws, 3.0
 
 
@@ -41,7 +41,7 @@ def prepare_tower() -> tuple[Any, ...]:
     motion = move_tower(model)
     gains = design_tower_gains(model, motion)
     estimator = design_tower_estimator(model, motion)
-    draws = [{**draw_tower_errors(model, seed), "seed": seed} for seed in range(DRAWS)]
+    draws = [draw_tower_errors(model, seed, seed) for seed in range(DRAWS)]
     return model, motion, gains.at_knots(), estimator, draws, 12.0
 
 
@@ -56,7 +56,7 @@ def compare(name: str, parts: Sequence[Any]) -> None:
         return measure_call(call, clock=time.perf_counter)
 
     def in_python() -> float:
-        call = partial(simulate_control, model, motion, gains, **given, **draws[0])
+        call = partial(simulate_control, model, motion, gains, **given, disturbance=draws[0])
         return measure_call(call, clock=time.perf_counter)
 
     first = in_c(1)

@@ -19,10 +19,12 @@ import numpy as np
 from tensegrity_codegen.codegen.compilation.flags import build_program_command, find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.control.embedded.build_controller import build_controller
+from tensegrity_codegen.control.embedded.parts import ControllerCode
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.kalman import design_kalman
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.control.feedback.loop.tension_distribution import (
     TensionDistribution,
     design_distribution,
@@ -55,7 +57,7 @@ class Case:
     estimator: Estimator
     distribution: TensionDistribution
     t_end: float
-    errors: dict[str, object]
+    errors: Disturbance
 
 
 def main() -> None:
@@ -99,7 +101,9 @@ def make_prism() -> Case:
     motion = move_prism(model)
     estimator = design_kalman(model, motion, sample=0.005)
     tensions = design_distribution(model, motion, least_tension=10.0)
-    return Case(model, motion, design_gains(model, motion), estimator, tensions, 3.0, draw_errors(model, 1))
+    return Case(
+        model, motion, design_gains(model, motion), estimator, tensions, 3.0, draw_errors(model, 1, 1)
+    )
 
 
 def make_tower() -> Case:
@@ -109,7 +113,7 @@ def make_tower() -> Case:
     gains = design_tower_gains(model, motion)
     estimator = design_tower_estimator(model, motion)
     tensions = design_distribution(model, motion, least_tension=1.0)
-    return Case(model, motion, gains, estimator, tensions, 12.0, draw_tower_errors(model, 1))
+    return Case(model, motion, gains, estimator, tensions, 12.0, draw_tower_errors(model, 1, 1))
 
 
 def time_steps(case: Case, steps: int, kind: str) -> dict[str, float]:
@@ -123,8 +127,7 @@ def time_steps(case: Case, steps: int, kind: str) -> dict[str, float]:
         estimator=estimator,
         distribution=distribution,
         t_end=case.t_end,
-        seed=1,
-        **case.errors,
+        disturbance=case.errors,
     )
     rows = np.hstack([run.coordinate, run.velocity])[:-1]
     if estimator is not None:
@@ -139,7 +142,9 @@ def time_steps(case: Case, steps: int, kind: str) -> dict[str, float]:
 
 def drive(case: Case, parts: dict[str, Any], rows: np.ndarray, steps: int, folder: Path) -> dict[str, float]:
     """Build a controller and a program around it, run it, and return what it prints in its best round."""
-    bundle = build_controller(case.model, case.motion, case.gains, **parts, out=folder / "ctl", library=False)
+    bundle = build_controller(
+        case.model, case.motion, case.gains, **parts, out=folder / "ctl", code=ControllerCode(library=False)
+    )
     has_estimator = parts["estimator"] is not None
     name = f"{bundle.description.name}_control"
     rows.astype(np.float64).tofile(folder / "rows")

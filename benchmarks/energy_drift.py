@@ -15,6 +15,7 @@ from harness.turns import EXAMPLES
 
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
@@ -85,8 +86,8 @@ def main() -> None:
             for keep in ("energy", ""):
                 started = time.perf_counter()
                 found = simulate(
-                    model, span, samples=SAMPLES, method=method, rtol=tolerance, atol=tolerance, keep=keep,
-                    max_steps=MOST_STEPS, control="steps",
+                    model, span, samples=SAMPLES, method=method, rtol=tolerance,
+                    stepping=Stepping(None, tolerance, MOST_STEPS, keep, "steps"),
                 )  # fmt: skip
                 seconds = time.perf_counter() - started
                 energy = found.total_energy

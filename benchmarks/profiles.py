@@ -22,6 +22,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
 from tensegrity_codegen import CompiledModel, Profile, simulate
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.integrate.scipy_methods import build_derivative
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
 from tensegrity_codegen.studies.papers.scs.figures import load_paper_tower, plan_paper_motions
@@ -106,7 +107,12 @@ def make_run(
 ) -> Callable[[], Any]:
     """Return a call of `simulate`; the tolerance is that of the steps."""
     control = None if method == "auto" else "steps"
-    given = {"rtol": tolerance, "atol": 0.1 * tolerance, "schedule": schedule, "control": control, **start}
+    given = {
+        "rtol": tolerance,
+        "stepping": Stepping(atol=0.1 * tolerance, control=control),
+        "schedule": schedule,
+        **start,
+    }
     return lambda: simulate(model, END, samples=SAMPLES, method=method, **given)
 
 

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from scipy import integrate, optimize
 
 from tensegrity_codegen import find_equilibrium, simulate, symbolic_functions
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.engines.work import library_request, select_arguments
 from tensegrity_codegen.sweeps.operations import build_operation
@@ -246,7 +247,7 @@ def run_alone(work: Work, k: int, rtol: float) -> FloatArray:
     """Return the end of one motion by `simulate`."""
     own = work.of_case(k)
     start = {name: own.pop(name) for name in ("coordinate", "velocity") if name in own}
-    options = {"method": "rk853", "rtol": rtol, "atol": rtol, "control": "steps"}
+    options = {"method": "rk853", "rtol": rtol, "stepping": Stepping(atol=rtol, control="steps")}
     return simulate(work.model, 1.0, samples=11, arguments=own, **start, **options).node_position[-1]
 
 
@@ -279,7 +280,7 @@ def _make_solve_ivp(work: Work, chosen: list[int], rtol: float) -> Way:
         for k in chosen:
             own = work.of_case(k)
             parts = (own.pop(name, work.model.nominal(name)) for name in ("coordinate", "velocity"))
-            start, options = np.concatenate(list(parts)), {"rtol": rtol, "atol": rtol}
+            start, options = np.concatenate(list(parts)), {"rtol": rtol, "stepping": Stepping(atol=rtol)}
             integrate.solve_ivp(lambda _, x, own=own: rate(x, own), (0.0, 1.0), start, "DOP853", **options)
         return len(chosen)
 

@@ -15,21 +15,23 @@ if TYPE_CHECKING:
 
     from tensegrity_codegen.control.embedded.build_controller import ControllerBundle, build_controller
     from tensegrity_codegen.control.embedded.loaded import LoadedController, load_controller
+    from tensegrity_codegen.control.embedded.parts import ControllerCode
     from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
     from tensegrity_codegen.control.feedback.closed_loop import simulate_control
     from tensegrity_codegen.control.feedback.design.estimator import Estimator
     from tensegrity_codegen.control.feedback.design.gains import Gains
     from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
     from tensegrity_codegen.control.feedback.kalman import design_kalman
+    from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
     from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
-    from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
+    from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, Gust
     from tensegrity_codegen.control.feedback.loop.tension_distribution import (
         TensionDistribution,
         design_distribution,
     )
     from tensegrity_codegen.control.feedback.lqr import design_lqr
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
-    from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust, StatedErrors
+    from tensegrity_codegen.control.feedback.study.stated_errors import Draws, RandomGust, StatedErrors
     from tensegrity_codegen.control.feedback.study.study import study_control
     from tensegrity_codegen.control.feedback.study.tuning import Tuning, choose_weights
     from tensegrity_codegen.control.feedback.time_motion import time_motion
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions, symbolic_functions
     from tensegrity_codegen.runtime.analysis.analyse import analyse
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
+    from tensegrity_codegen.runtime.integrate.options import Stepping
     from tensegrity_codegen.runtime.linear.linearize import LinearModel, linearize
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.profiles.profile import Profile
@@ -52,6 +55,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
     from tensegrity_codegen.runtime.simulate.simulate import simulate
     from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
+    from tensegrity_codegen.runtime.simulate.until import Until
     from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
     from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -68,6 +72,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = [
+    "ActuatorLimits",
     "Analysis",
     "BatchTrajectory",
     "Cluster",
@@ -75,6 +80,9 @@ __all__ = [
     "ControlRun",
     "ControlStudy",
     "ControllerBundle",
+    "ControllerCode",
+    "Disturbance",
+    "Draws",
     "Equilibria",
     "Equilibrium",
     "EquilibriumPath",
@@ -93,12 +101,14 @@ __all__ = [
     "Scene",
     "Sensitivity",
     "StatedErrors",
+    "Stepping",
     "Structure",
     "SymbolicFunctions",
     "TensegrityError",
     "TensionDistribution",
     "Trajectory",
     "Tuning",
+    "Until",
     "__version__",
     "analyse",
     "build_controller",
@@ -131,6 +141,12 @@ __all__ = [
 ]
 
 _HOME = {
+    "ActuatorLimits": "control.feedback.loop.actuator_bounds",
+    "ControllerCode": "control.embedded.parts",
+    "Disturbance": "control.feedback.loop.sampled_plant",
+    "Draws": "control.feedback.study.stated_errors",
+    "Stepping": "runtime.integrate.options",
+    "Until": "runtime.simulate.until",
     "Analysis": "runtime.analysis.analysis",
     "BatchTrajectory": "runtime.trajectory.batch_trajectory",
     "Cluster": "sweeps.engines.cluster",

@@ -1,5 +1,6 @@
 """The house itself: verbs, checks, floors, and documents that say what the code does."""
 
+import ast
 import json
 import os
 import re
@@ -244,6 +245,23 @@ def test_no_folder_has_more_than_fifteen_modules(room: str) -> None:
     for folder in (top, *(path for path in top.rglob("*") if path.is_dir())):
         modules = [path for path in folder.glob("*.py") if path.name != "__init__.py"]
         assert len(modules) <= 15, f"{folder.relative_to(ROOT)} has {len(modules)} modules"
+
+
+MOST_PARAMETERS = 12
+
+
+def test_functions_have_few_parameters() -> None:
+    """What belongs together is an object; options of a verb are dataclasses. Sweeps still have more."""
+    many = []
+    for path in sorted((ROOT / "tensegrity_codegen").rglob("*.py")):
+        if "sweeps" in path.parts or path.name.startswith("sweep"):
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef):
+                count = len([*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs])
+                if count > MOST_PARAMETERS:
+                    many.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name} has {count}")
+    assert many == []
 
 
 # --- documents -------------------------------------------------------------------------------------

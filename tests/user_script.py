@@ -40,6 +40,8 @@ def main(folder: Path) -> dict[str, object]:
     (folder / "profile.csv").write_text("time,winch\n0,0\n0.5,-0.1\n1,-0.1\n", encoding="utf-8")
     profile: tc.Profile = tc.read_profile(folder / "profile.csv", ["winch"])
     motion: tc.Trajectory = tc.simulate(model, t_end=1.0, samples=11, schedule=profile)
+    steps = tc.Stepping(atol=1e-10, max_steps=10_000)
+    fall = tc.simulate(model, t_end=0.1, samples=3, until=tc.Until("load.z < -5"), stepping=steps)
     many = tc.compile_scene(scene, for_="simulate_batch")
     batch: tc.BatchTrajectory = tc.simulate_batch(many, t_end=0.1, samples=3, coordinate=[[-1.0], [-1.1]])
     planned: tc.PlanResult = tc.plan(model, "load.z=-0.95")
@@ -49,7 +51,15 @@ def main(folder: Path) -> dict[str, object]:
     estimator: tc.Estimator = tc.design_kalman(model, found, sample=0.02, knots=2)
     distribution: tc.TensionDistribution = tc.design_distribution(model, timed, least_tension=0.1)
     gust = tc.Gust("load", (0.0, 0.0, -0.5), 0.1, 0.1)
-    run: tc.ControlRun = tc.simulate_control(model, found, gains, estimator=estimator, t_end=0.5, gust=gust)
+    run: tc.ControlRun = tc.simulate_control(
+        model,
+        found,
+        gains,
+        estimator=estimator,
+        t_end=0.5,
+        disturbance=tc.Disturbance(gust=gust),
+        limits=tc.ActuatorLimits(rate=2.0),
+    )
     tc.draw(motion, time=0.5, labels=True).savefig(folder / "lift.png")
     tc.draw(model, view="front", size="600x500", settle=True).savefig(folder / "rest.png")
     try:
@@ -64,7 +74,7 @@ def main(folder: Path) -> dict[str, object]:
         motion.position("lood")
     except tc.TensegrityError as error:
         problem: str = error.hint
-    print(tc.__version__, found.position("load"), length, speed, pull, problem)
+    print(fall.status, tc.__version__, found.position("load"), length, speed, pull, problem)
     names = (
         "scene",
         "structure",
@@ -91,10 +101,14 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
     tuning: tc.Tuning = tc.choose_weights(model, motion, sample=0.02)
     errors = tc.StatedErrors(start_error=1e-3, gusts=(tc.RandomGust("load", 0.2, 0.1),))
     study: tc.ControlStudy = tc.study_control(
-        model, motion, tuning=tuning, estimator=None, errors=errors, sample=0.02, draws=2
+        model, motion, tuning=tuning, estimator=None, errors=errors, sample=0.02, draws=tc.Draws(2, seed=1)
     )
-    runs: tuple[tc.ControlRun, ...] = tc.simulate_control_batch(model, motion, gains, draws=[{}], sample=0.02)
-    bundle: tc.ControllerBundle = tc.build_controller(model, motion, gains, out=folder / "controller")
+    runs: tuple[tc.ControlRun, ...] = tc.simulate_control_batch(
+        model, motion, gains, draws=[tc.Disturbance()], sample=0.02
+    )
+    bundle: tc.ControllerBundle = tc.build_controller(
+        model, motion, gains, out=folder / "controller", code=tc.ControllerCode(knots=5)
+    )
     loaded: tc.LoadedController = tc.load_controller(bundle.folder)
     graphs: tc.SymbolicFunctions = tc.symbolic_functions(SCENE)
     fmu = tc.export_fmu(folder / "lift.toml", folder / "lift.fmu")

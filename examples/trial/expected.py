@@ -7,6 +7,7 @@ bounds the error of the samples. Only the functions of the library are the same.
 import numpy as np
 
 from tensegrity_codegen import find_equilibrium, simulate
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from trial.rows import Row
 
@@ -26,7 +27,7 @@ def expect_mast(model: CompiledModel) -> tuple[Row, ...]:
         samples=SAMPLES,
         method="rk853",
         rtol=1e-9,
-        atol=1e-12,
+        stepping=Stepping(atol=1e-12),
         coordinate=rest.coordinate,
         arguments=arguments,
     )

@@ -3,11 +3,13 @@
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tensegrity_codegen.cli.inputs import InputOption
 from tensegrity_codegen.cli.options import parse_vector, read_folder
 from tensegrity_codegen.system.errors import InvalidValueError
 
@@ -21,6 +23,15 @@ ToOption = Annotated[
         "--to",
         help="TARGET=VALUE of a plan, as of the verb plan; may be repeated; without it and --plan the "
         "equilibrium is held.",
+        show_default=False,
+    ),
+]
+ActuateOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--actuate",
+        help="What moves: cables, all, or a name of actuators, members, groups or classes; may be repeated; "
+        "default: the actuators of the scene.",
         show_default=False,
     ),
 ]
@@ -148,6 +159,61 @@ OnlyObservableOption = Annotated[
     ),
 ]
 
+
+@dataclass(frozen=True)
+class MotionOptions:
+    """What is held: a motion to targets, that of a plan, or an equilibrium."""
+
+    to: ToOption = None
+    plan: PlanOption = None
+    actuate: ActuateOption = None
+    input: InputOption = None
+    duration: DurationOption = None
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether an equilibrium is held."""
+        return not self.to and self.plan is None
+
+
+@dataclass(frozen=True)
+class DesignOptions:
+    """Weights, gains, least tensions and estimator of the controller."""
+
+    sample: SampleOption = 0.005
+    tolerance: ToleranceOption = None
+    effort: EffortOption = None
+    response_time: ResponseOption = None
+    integral_action: IntegralOption = None
+    weights: WeightsOption = None
+    least_tension: LeastTensionOption = None
+    estimator: EstimatorOption = True
+    disturbance: DisturbanceOption = None
+    only_observable: OnlyObservableOption = False
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """Disturbances, their draws, and the simulated time."""
+
+    start_error: StartErrorOption = None
+    stiffness_error: StiffnessErrorOption = 0.05
+    gust: GustOption = None
+    draws: DrawsOption = 5
+    seed: SeedOption = 0
+    t_end: TEndOption = None
+    in_c: InCOption = False
+    last: LastOption = None
+
+
+@dataclass(frozen=True)
+class CodeOptions:
+    """The controller in C that is written."""
+
+    build: BuildOption = None
+    precision: BuiltPrecisionOption = "double"
+
+
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 ERROR = re.compile(rf"\s*({NUMBER})\s*(deg|rad|mm|cm|m)?\s*")
 TIMES = re.compile(rf"\s*({NUMBER})\s*(?:\+\s*({NUMBER})\s*)?")
@@ -155,14 +221,12 @@ LENGTHS = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 ANGLES = {"deg": math.pi / 180, "rad": 1.0}
 
 
-def read_errors(
-    start: Sequence[str] | None, stiffness: float, gusts: Sequence[str] | None, axes: Sequence[int]
-) -> "StatedErrors":
+def read_errors(options: StudyOptions, axes: Sequence[int]) -> "StatedErrors":
     """Return the disturbances that the options state; raises InvalidValueError for texts that state none."""
     from tensegrity_codegen.control.feedback.study.stated_errors import StatedErrors
 
     length = angle = None
-    for text in start or ():
+    for text in options.start_error or ():
         match = ERROR.fullmatch(text)
         unit = (match[2] or "") if match else ""
         is_angle = unit in ANGLES
@@ -177,8 +241,8 @@ def read_errors(
             angle = float(match[1]) * ANGLES[unit]
         else:
             length = float(match[1]) * LENGTHS[unit]
-    drawn = tuple(_read_gust(text, axes) for text in gusts or ())
-    return StatedErrors(length, angle, stiffness, drawn)
+    drawn = tuple(_read_gust(text, axes) for text in options.gust or ())
+    return StatedErrors(length, angle, options.stiffness_error, drawn)
 
 
 def _read_gust(text: str, axes: Sequence[int]) -> "RandomGust":

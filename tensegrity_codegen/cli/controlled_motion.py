@@ -5,8 +5,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tensegrity_codegen.cli.control_options import read_least_tension
+from tensegrity_codegen.cli.control_options import (
+    CodeOptions,
+    DesignOptions,
+    MotionOptions,
+    StudyOptions,
+    read_least_tension,
+)
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.planned_motion import compile_actuated, find_plan
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     FormulationError,
@@ -34,16 +41,7 @@ class ControlDesign:
 
     model: "CompiledModel"
     motion: "Motion"
-    sample: float
-    tolerance: float | None
-    effort: float | None
-    response_time: float | None
-    integral_action: Sequence[str] | None
-    weights: Path | None
-    estimator: bool
-    disturbance: float | None
-    only_observable: bool
-    least_tension: str | None
+    options: DesignOptions
     arguments: Mapping[str, Any]
     in_c: bool = False
     warn: Callable[[str], None] | None = None
@@ -52,7 +50,7 @@ class ControlDesign:
     def lacks_sensors(self) -> bool:
         """Whether an estimator has nothing to measure."""
         structure = self.model.structure
-        return self.estimator and (structure is None or not structure.sensors)
+        return self.options.estimator and (structure is None or not structure.sensors)
 
     def build(self) -> dict[str, Any]:
         """Return tuning, gains, estimator and distribution, as `study_control` takes them."""
@@ -61,21 +59,22 @@ class ControlDesign:
         from tensegrity_codegen.control.feedback.study.tuning import choose_weights
 
         model, motion, given = self.model, self.motion, self.arguments
-        wanted = self.integral_action
+        wanted = self.options.integral_action
         names = None if wanted is None else [name for name in wanted if name != "none"]
         tuning = choose_weights(
-            model, motion, sample=self.sample, tolerance=self.tolerance, effort=self.effort,
-            response_time=self.response_time, integral_action=names, arguments=given,
+            model, motion, sample=self.options.sample, tolerance=self.options.tolerance,
+            effort=self.options.effort, response_time=self.options.response_time,
+            integral_action=names, arguments=given,
         )  # fmt: skip
-        if self.weights is not None:
-            q, r = read_weights(self.weights)
+        if self.options.weights is not None:
+            q, r = read_weights(self.options.weights)
             tuning = replace(tuning, Q=q, R=r)
         gains = self._design_gains(tuning)
         senses = spread = None
-        if self.estimator and not self.lacks_sensors:
+        if self.options.estimator and not self.lacks_sensors:
             senses = self._design_estimator(tuning, gains)
-        if self.least_tension is not None:
-            least = read_least_tension(self.least_tension)
+        if self.options.least_tension is not None:
+            least = read_least_tension(self.options.least_tension)
             spread = design_distribution(model, motion, least_tension=least, arguments=given)
         return {"tuning": tuning, "gains": gains, "estimator": senses, "distribution": spread}
 
@@ -84,13 +83,13 @@ class ControlDesign:
         from tensegrity_codegen.control.feedback.kalman import design_kalman
         from tensegrity_codegen.control.feedback.study.linear_loop import design_slow_estimator
 
-        if self.disturbance is not None:
+        if self.options.disturbance is not None:
             return design_kalman(
-                self.model, self.motion, sample=self.sample, disturbance=self.disturbance,
-                only_observable=self.only_observable, arguments=self.arguments,
+                self.model, self.motion, sample=self.options.sample, disturbance=self.options.disturbance,
+                only_observable=self.options.only_observable, arguments=self.arguments,
             )  # fmt: skip
         estimator, warning = design_slow_estimator(
-            self.model, self.motion, gains, tuning.scales, only_observable=self.only_observable,
+            self.model, self.motion, gains, tuning.scales, only_observable=self.options.only_observable,
             arguments=self.arguments,
         )  # fmt: skip
         if warning is not None and self.warn is not None:
@@ -103,48 +102,49 @@ class ControlDesign:
 
         try:
             gains = design_lqr(
-                self.model, self.motion, tuning.Q, tuning.R, sample=self.sample,
+                self.model, self.motion, tuning.Q, tuning.R, sample=self.options.sample,
                 integral_action=tuning.integral_action, arguments=self.arguments,
             )  # fmt: skip
         except InvalidValueError as error:
-            if self.weights is not None and error.where in ("Q", "R"):
-                error.where = f"{self.weights}: {error.where}"
+            if self.options.weights is not None and error.where in ("Q", "R"):
+                error.where = f"{self.options.weights}: {error.where}"
             raise
         return gains.at_knots() if self.in_c else gains  # as a controller in C stores them
 
 
-def check_build(folder: Path | None, precision: str, scene: Path, overwrite: bool) -> None:
+def check_build(code: CodeOptions, scene: Path, overwrite: bool) -> None:
     """Raise OutputError for a folder that cannot be written, UnknownNameError for a precision."""
     from tensegrity_codegen.system.output_folder import check_folder
     from tensegrity_codegen.tables.precision import find_precision
 
-    find_precision(precision, "precision")
-    if folder is not None:
-        check_folder(folder, inputs=[scene], overwrite=overwrite)
+    find_precision(code.precision, "precision")
+    if code.build is not None:
+        check_folder(code.build, inputs=[scene], overwrite=overwrite)
 
 
 def write_controller(
     output: Output,
     study: "ControlStudy",
     model: "CompiledModel",
-    folder: Path | None,
+    code: CodeOptions,
     *,
     scene: Path,
-    precision: str,
     compiler: str | None,
     overwrite: bool,
 ) -> dict[str, Any] | None:
     """Write the controller of a study that holds; return folder, files and sizes, JSON-ready."""
     from tensegrity_codegen.control.embedded.build_controller import build_controller
+    from tensegrity_codegen.control.embedded.parts import ControllerCode
 
-    if folder is None:
+    if code.build is None:
         return None
     if not study.holds:
         output.warn("the controller in C is not written, for feedback does not hold")
         return None
     bundle = build_controller(
         model, study.motion, study.gains, estimator=study.estimator, distribution=study.distribution,
-        out=folder, precision=precision, compiler=compiler, overwrite=overwrite, inputs=[scene],
+        out=code.build, code=ControllerCode(precision=code.precision, compiler=compiler),
+        overwrite=overwrite, inputs=[scene],
     )  # fmt: skip
     made = bundle.description
     return {
@@ -161,23 +161,18 @@ def write_controller(
 SLOWER = 2.0  # than the shortest motion: the other half of the rates is for feedback
 
 
-def check_motion_times(
-    sample: float, duration: float | None, t_end: float | None, last: float | None, *, is_held: bool
-) -> None:
-    """Raise InvalidValueError for times that are wrong whatever the motion will be.
-
-    is_held: whether an equilibrium is held, whose time is known.
-    """
+def check_motion_times(held: MotionOptions, design: DesignOptions, study: StudyOptions) -> None:
+    """Raise InvalidValueError for times that are wrong whatever the motion will be."""
     from tensegrity_codegen.control.feedback.study.stated_errors import HELD_TIME, check_times
 
-    if is_held and duration is not None:
+    if held.is_at_rest and held.duration is not None:
         raise InvalidValueError(
             "an equilibrium that is held has no duration",
-            where="--duration", given=duration, allowed="--duration with --to or --plan",
+            where="--duration", given=held.duration, allowed="--duration with --to or --plan",
             hint="--t-end sets the simulated time",
         )  # fmt: skip
-    length = HELD_TIME if is_held and t_end is None else duration
-    check_times(sample, duration=length, t_end=t_end, last=last)
+    length = HELD_TIME if held.is_at_rest and study.t_end is None else held.duration
+    check_times(design.sample, duration=length, t_end=study.t_end, last=study.last)
 
 
 def check_motion_gusts(gusts: "Sequence[Gust | RandomGust]", t_end: float | None) -> None:
@@ -191,61 +186,29 @@ def check_motion_gusts(gusts: "Sequence[Gust | RandomGust]", t_end: float | None
 def compile_control(
     output: Output,
     scene: Path,
-    to: Sequence[str] | None,
-    plan: Path | None,
-    actuate: Sequence[str] | None,
+    held: MotionOptions,
     compiler: str | None,
 ) -> "tuple[Subject, CompiledModel, tuple[str, ...] | None]":
     """Return the structure with its actuators, its model, and the names of the actuators that are chosen."""
     from tensegrity_codegen.pipeline.analyses import find_needs, want_analyses
 
-    if to and plan is not None:
+    if held.to and held.plan is not None:
         raise InvalidValueError(
             "a motion is given twice",
             where="--plan",
-            given=f"--to {to[0]} and --plan {plan}",
+            given=f"--to {held.to[0]} and --plan {held.plan}",
             allowed="one of them",
         )
 
-    def narrow(subject: "Subject", statics: "ModelRequest") -> "ModelRequest":
-        _check_formulation(subject, statics)
-        needs = find_needs("time_motion", subject, statics).alone(statics)
-        return want_analyses(subject, needs, ("control",))
+    def find_request(
+        subject: "Subject", request: "ModelRequest", quantities: Sequence[str]
+    ) -> "ModelRequest":
+        _check_formulation(subject, request)
+        needs = find_needs("time_motion", subject, request).alone(request)
+        wanted = want_analyses(subject, needs, ("control",))
+        return wanted.wanting(*wanted.quantities, *quantities, integrators=wanted.integrators)
 
-    return compile_actuated(output, scene, to, actuate, compiler, narrow)
-
-
-def compile_actuated(
-    output: Output,
-    scene: Path,
-    to: Sequence[str] | None,
-    actuate: Sequence[str] | None,
-    compiler: str | None,
-    narrow: "Callable[[Subject, ModelRequest], ModelRequest]",
-) -> "tuple[Subject, CompiledModel, tuple[str, ...] | None]":
-    """Return what `compile_control` returns.
-
-    narrow: gives what an analysis needs of a structure whose request has statics; the quantities of the
-    targets `to` are added.
-    """
-    from tensegrity_codegen.control.planning.quadratic_program import require_solver
-    from tensegrity_codegen.control.planning.target_text import read_targets
-    from tensegrity_codegen.control.planning.targets import find_target_quantities
-    from tensegrity_codegen.pipeline.build_library import build_library
-    from tensegrity_codegen.pipeline.settle import with_statics
-    from tensegrity_codegen.structure.actuate import actuate_members
-
-    quantities: Sequence[str] = ()
-    if to:
-        require_solver()
-        quantities = find_target_quantities(read_targets(list(to)))
-    subject, request = output.load(scene, settles=True)
-    chosen = None
-    if actuate:
-        subject, chosen = actuate_members(subject, actuate)
-    wanted = narrow(subject, with_statics(subject, request))
-    wanted = wanted.wanting(*wanted.quantities, *quantities, integrators=wanted.integrators)
-    return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
+    return compile_actuated(output, scene, held.to, held.actuate, compiler, find_request)
 
 
 def _check_formulation(subject: "Subject", request: "ModelRequest") -> None:
@@ -267,11 +230,9 @@ def _check_formulation(subject: "Subject", request: "ModelRequest") -> None:
 def find_motion(
     output: Output,
     model: "CompiledModel",
-    to: Sequence[str] | None,
-    plan: Path | None,
+    held: MotionOptions,
     chosen: tuple[str, ...] | None,
     *,
-    duration: float | None,
     arguments: Mapping[str, Any],
     t_end: float | None,
 ) -> "Motion":
@@ -282,21 +243,21 @@ def find_motion(
     from tensegrity_codegen.control.feedback.time_motion import time_motion
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
-    if to:
-        path: Any = _find_plan(output, model, to, chosen, arguments)
-    elif plan is not None:
-        path = read_path(plan, model)
+    if held.to:
+        path: Any = _find_plan(output, model, held.to, chosen, arguments)
+    elif held.plan is not None:
+        path = read_path(held.plan, model)
     else:
         found = find_equilibrium(model, arguments=arguments)
         return build_rest(model, found, HELD_TIME if t_end is None else t_end, arguments, chosen)
     try:
         with output.progress("putting the plan in time"):
-            motion = time_motion(model, path, duration, arguments=arguments)
-            if duration is None:
+            motion = time_motion(model, path, held.duration, arguments=arguments)
+            if held.duration is None:
                 motion = time_motion(model, path, SLOWER * motion.duration, arguments=arguments)
     except InvalidValueError as error:
-        if plan is not None and error.where == "path":
-            error.where = f"{plan}: path"
+        if held.plan is not None and error.where == "path":
+            error.where = f"{held.plan}: path"
             error.hint = "the plan may be of another scene, or of other values of --input: plan anew"
         raise
     output.warn(*motion.warnings)
@@ -311,13 +272,7 @@ def _find_plan(
     arguments: Mapping[str, Any],
 ) -> "PlanResult":
     """Return a plan that was found; raises InfeasibleError or ConvergenceError where there is none."""
-    from tensegrity_codegen.control.planning.plan import plan
-
-    with output.progress("planning") as move:
-        found = plan(
-            model, list(to), actuators=chosen, arguments=arguments, progress=lambda points, done: move(done)
-        )
-    output.warn(*found.warnings)
+    found = find_plan(output, model, to, chosen, arguments=arguments)
     if not found.is_found:
         kind = InfeasibleError if found.status == "infeasible" else ConvergenceError
         raise kind(

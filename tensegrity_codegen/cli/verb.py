@@ -103,7 +103,8 @@ class Verb:
     Attributes
     ----------
     run : Callable
-        Does the work. Typer makes the arguments and options from its signature, the help from its docstring.
+        Does the work. Typer makes the arguments and options from its signature, the help from its docstring;
+        a parameter whose type is a dataclass stands for one option for each of its fields.
     order : int
         Place in the list of `--help`; decides the group, see GROUPS.
     name : str

@@ -15,6 +15,7 @@ from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_compilers
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
@@ -216,7 +217,7 @@ def test_the_example_integrates_the_motion(models: Any, name: str, tmp_path: Pat
     rows = [(float(time), found.split()) for time, found in MOTION_ROW.findall(text)]
     assert [time for time, _ in rows] == [k / 100 for k in range(11)]
     model = models["everything"]
-    motion = simulate(model, 0.1, samples=11, method="rk853", rtol=1e-10, atol=1e-12)
+    motion = simulate(model, 0.1, samples=11, method="rk853", rtol=1e-10, stepping=Stepping(atol=1e-12))
     names = list(model.manifest.coordinate_name)
     for k, (_, words) in enumerate(rows):
         for coordinate, value in zip(words[::2], words[1::2], strict=True):

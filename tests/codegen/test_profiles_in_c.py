@@ -10,6 +10,7 @@ import pytest
 from tensegrity_codegen import Profile, load_scene, simulate
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
 from tests.cases import thorough
@@ -60,7 +61,7 @@ def test_the_documented_program_steps_the_model(tmp_path: Path) -> None:
             samples=2,
             method="rk54",
             rtol=1e-9,
-            atol=1e-12,
+            stepping=Stepping(atol=1e-12),
             arguments={"input": motor_input},
             **start,
         )
@@ -88,7 +89,13 @@ def test_the_documented_c_drives_the_motor_as_simulate_does(tmp_path: Path) -> N
     pull = Profile([0.0, 0.1, 0.3, 1.0], {"v1": [0.0, 0.0, -0.01, -0.01]})
     model = build_library(structure, request).load()
     driven = simulate(
-        model, 1.0, samples=2, method="rk853", rtol=1e-8, atol=1e-10, control="steps", schedule=pull
+        model,
+        1.0,
+        samples=2,
+        method="rk853",
+        rtol=1e-8,
+        stepping=Stepping(atol=1e-10, control="steps"),
+        schedule=pull,
     )
     expected = np.concatenate([driven.coordinate[-1], driven.velocity[-1]])
     np.testing.assert_allclose([float(word[0]) for word in state], expected, atol=1e-9)

@@ -233,7 +233,7 @@ ANALYSES = {
     "equilibrium in C": EquilibriumSolver,
     "linearize": linearize,
     "load path": lambda model: ModelPath(model, np.zeros((4, 3))),
-    "contact": lambda model: simulate(model, 0.1, until_contact=True),
+    "contact": lambda model: simulate(model, 0.1, until="contact"),
 }
 
 

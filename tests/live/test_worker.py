@@ -16,6 +16,7 @@ from tensegrity_codegen.live.engine import add_engine
 from tensegrity_codegen.live.live_page import live_folder
 from tensegrity_codegen.live.live_scene import build_live_scene
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tests.codegen.compilers import require_compiler
 from tests.live.pages import EXAMPLES
 from tests.live.test_channels import unpack
@@ -145,7 +146,7 @@ def test_a_pulled_bar_has_the_tension_of_native_c_under_the_same_force(
     load = np.repeat(subject.node_load[None], len(time), axis=0)
     load[:, node] += np.array([row[1] for row in rows])
     motion = simulate(
-        native, float(time[-1]), samples=time, method="rk853", rtol=1e-9, control="steps",
+        native, float(time[-1]), samples=time, method="rk853", rtol=1e-9, stepping=Stepping(control="steps"),
         schedule=Profile(time, {"node_load": load}, "cubic"),
     )  # fmt: skip
     expected = motion.member_tension[:, bars]

@@ -21,6 +21,8 @@ from tensegrity_codegen import (
     simulate_batch,
 )
 from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.runtime.integrate.options import Stepping
+from tensegrity_codegen.runtime.simulate.until import Until
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 from tests.codegen.quickly import without_optimisation
 
@@ -56,8 +58,8 @@ def calls(model: CompiledModel, scene: Path) -> dict[str, Call]:
     table.write_text("time,motor\n0,0\n0.1,0.01\n", encoding="utf-8")
     place = model.nominal("coordinate")
     many = np.tile(place, (3, 1))
-    run = {"t_end": 0.1, "samples": 5, "rtol": 1e-4, "atol": 1e-6, "max_steps": 1000, "keep": "",
-           "control": "steps", "progress": None, "step": None, "method": "rk853"}  # fmt: skip
+    run = {"t_end": 0.1, "samples": 5, "rtol": 1e-4, "progress": None, "method": "rk853",
+           "stepping": Stepping(atol=1e-6, max_steps=1000, control="steps")}  # fmt: skip
     search = {"tolerance": 1e-9, "max_iterations": 100, "method": "auto", "progress": None}
 
     def compute(quantity: Any, **more: Any) -> None:
@@ -68,8 +70,8 @@ def calls(model: CompiledModel, scene: Path) -> dict[str, Call]:
 
     return {
         "simulate": (simulate, {**run, "model": model, "coordinate": place, "velocity": 0 * place,
-                                "arguments": {"motor": 0.0}, "schedule": None, "until_contact": False,
-                                "condition": "motor > 1", "until_condition": False}),
+                                "arguments": {"motor": 0.0}, "schedule": None,
+                                "until": Until("motor > 1", stops=False)}),
         "simulate_batch": (simulate_batch, {**run, "model": model, "coordinate": many, "velocity": 0 * many,
                                             "arguments": {"motor": np.zeros(3)}, "schedule": None,
                                             "threads": 1}),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tensegrity_codegen as package
-from tensegrity_codegen import compile_scene, find_equilibrium, simulate, simulate_batch
+from tensegrity_codegen import Stepping, compile_scene, find_equilibrium, simulate, simulate_batch
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError, UnknownNameError
 from tests.codegen.quickly import without_optimisation
 from tests.scene.samples import ARCH
@@ -52,8 +52,7 @@ def test_what_is_no_model_is_refused_with_the_way_to_one(name, given):
         (simulate, {"t_end": 1.0, "samples": "12"}),
         (simulate, {"t_end": 1.0, "samples": [[0.0, 1.0]]}),
         (simulate, {"t_end": 1.0, "samples": 5.0}),
-        (simulate, {"t_end": 1.0, "max_steps": "many"}),
-        (simulate, {"t_end": 1.0, "keep": 3}),
+        (simulate, {"t_end": 1.0, "stepping": "many"}),
         (simulate, {"t_end": "long"}),
         (simulate_batch, {"t_end": 1.0, "samples": "5"}),
         (find_equilibrium, {"tolerance": "small"}),
@@ -66,6 +65,13 @@ def test_values_of_a_wrong_type_are_named(arch, function, options):
     with pytest.raises((InvalidValueError, UnknownNameError)) as caught:
         function(arch, **options)
     assert list(options)[-1] in str(caught.value)
+
+
+@pytest.mark.parametrize("options", [{"max_steps": "many"}, {"keep": 3}, {"control": 1.0}])
+def test_values_of_a_wrong_type_in_an_object_are_named(arch, options):
+    with pytest.raises(InvalidValueError) as caught:
+        simulate(arch, 1.0, stepping=Stepping(**options))
+    assert next(iter(options)) in str(caught.value)
 
 
 def test_a_quantity_that_is_no_text_is_an_unknown_name(arch):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.cli.app import main
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_nodes
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.work_precision import scene_report
@@ -136,7 +137,9 @@ def still_going(structure: Structure) -> NDArray[np.float64]:
     """Return node positions after 0.2 s by our own rk853."""
     request = ModelRequest(("acceleration", "member_tension", "kinetic_energy", "total_energy"))
     model = build_library(structure, replace(request, integrators=("rk853",))).load()
-    return simulate(model, 0.2, samples=3, method="rk853", rtol=1e-11, atol=1e-12).node_position
+    return simulate(
+        model, 0.2, samples=3, method="rk853", rtol=1e-11, stepping=Stepping(atol=1e-12)
+    ).node_position
 
 
 def sprung() -> Structure:

@@ -1,7 +1,7 @@
 """`tensegrity-codegen build`: from a scene to a compiled library."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
@@ -99,34 +99,54 @@ def use_preset(request: "ModelRequest", name: str | None) -> "ModelRequest":
     return request if name is None else replace(request, **find_preset(name, "--preset").settings)
 
 
-def narrow_request(
-    request: "ModelRequest",
-    quantity: list[str] | None,
-    precision: str | None,
-    emitter: str | None,
-    batch_width: int | None,
-    flags: str | None,
-) -> "ModelRequest":
+@dataclass(frozen=True)
+class RequestOptions:
+    """What is asked of a library in place of the scene's."""
+
+    quantity: QuantityOption = None
+    precision: PrecisionOption = None
+    emitter: EmitterOption = None
+    batch_width: BatchWidthOption = None
+    interface: InterfaceOption = None
+    preset: PresetOption = None
+    flags: FlagsOption = None
+
+
+@dataclass(frozen=True)
+class TuneOptions:
+    """Whether and by what emitters and compilers are compared."""
+
+    tune: TuneOption = False
+    tune_for: TuneForOption = None
+    any_flags: AnyFlagsOption = False
+
+    @property
+    def is_given(self) -> bool:
+        """Whether they are compared."""
+        return self.tune or self.tune_for is not None
+
+
+def narrow_request(request: "ModelRequest", wanted: RequestOptions) -> "ModelRequest":
     """Return the request with the choices of the command line in place of the scene's."""
     from tensegrity_codegen.codegen.compilation.flags import find_flags
     from tensegrity_codegen.tables.precision import find_precision
     from tensegrity_codegen.tables.request import check_batch_width
 
-    if quantity:
+    if wanted.quantity:
         # Without the acceleration there is nothing to integrate.
-        integrators = request.integrators if "acceleration" in quantity else ()
-        minimised = {"potential_energy", "tangent_stiffness"} <= set(quantity)
+        integrators = request.integrators if "acceleration" in wanted.quantity else ()
+        minimised = {"potential_energy", "tangent_stiffness"} <= set(wanted.quantity)
         solvers = request.solvers if minimised else ()
-        request = request.wanting(*quantity, integrators=integrators, solvers=solvers)
-    if precision is not None:
-        request = replace(request, precision=find_precision(precision, "--precision").name)
-    if emitter is not None:
-        request = replace(request, emitter=emitter)
-    if batch_width is not None:
-        check_batch_width(batch_width, "--batch-width")
-        request = replace(request, batch_width=batch_width)
-    if flags is not None:
-        request = replace(request, flags=find_flags(flags, "--flags").name)
+        request = request.wanting(*wanted.quantity, integrators=integrators, solvers=solvers)
+    if wanted.precision is not None:
+        request = replace(request, precision=find_precision(wanted.precision, "--precision").name)
+    if wanted.emitter is not None:
+        request = replace(request, emitter=wanted.emitter)
+    if wanted.batch_width is not None:
+        check_batch_width(wanted.batch_width, "--batch-width")
+        request = replace(request, batch_width=wanted.batch_width)
+    if wanted.flags is not None:
+        request = replace(request, flags=find_flags(wanted.flags, "--flags").name)
     return request
 
 
@@ -142,18 +162,11 @@ def build(
     scene: SceneArgument,
     out: FolderOption = None,
     overwrite: OverwriteOption = False,
-    quantity: QuantityOption = None,
+    *,
+    wanted: RequestOptions,
     measure: MeasureOption = False,
-    precision: PrecisionOption = None,
-    emitter: EmitterOption = None,
-    tune: TuneOption = False,
-    tune_for: TuneForOption = None,
-    any_flags: AnyFlagsOption = False,
-    batch_width: BatchWidthOption = None,
-    interface: InterfaceOption = None,
-    preset: PresetOption = None,
+    tuning: TuneOptions,
     compiler: CompilerOption = None,
-    flags: FlagsOption = None,
     target: TargetOption = None,
     wheel: WheelOption = False,
     json: JsonOption = False,
@@ -169,18 +182,18 @@ def build(
 
         if out is not None:
             check_folder(out)
-        _check_target(target, tune or tune_for is not None)
+        _check_target(target, tuning.is_given)
         structure, request = output.load(scene)
         if wheel:
             _check_wheel(target, structure.name, out)
-        request = use_preset(request, preset)
-        request = narrow_request(request, quantity, precision, emitter, batch_width, flags)
-        request = add_interfaces(request, interface or ())
+        request = use_preset(request, wanted.preset)
+        request = narrow_request(request, wanted)
+        request = add_interfaces(request, wanted.interface or ())
         tuned = None
-        if tune or tune_for is not None:
-            tuned = _tune(structure, request, compiler, tune_for, any_flags, measure)
+        if tuning.is_given:
+            tuned = _tune(structure, request, compiler, tuning, measure)
             built = tuned.built
-        elif any_flags:
+        elif tuning.any_flags:
             raise InvalidValueError("nothing to compare", where="--any-flags", hint="add --tune")
         else:
             built = build_library(structure, request, compiler=compiler, target=target, measure=measure)
@@ -188,7 +201,7 @@ def build(
         if out is not None:
             folder = built.export(out, overwrite=overwrite, inputs=[scene], wheel=wheel)
         memory = None
-        if preset == "mcu":
+        if wanted.preset == "mcu":
             source = built.entry.folder
             memory = measure_memory(source, built.manifest, compiler=compiler, target=target)
         _report(output, built, folder, tuned, wheel, memory, _name_next_command(scene, out, target, wheel))
@@ -225,16 +238,17 @@ def _tune(
     structure: "Subject",
     request: "ModelRequest",
     compiler: str | None,
-    by: str | None,
-    any_flags: bool,
+    tuning: TuneOptions,
     measure: bool,
 ) -> "TunedLibrary":
     """Return the fastest library for this machine, and what it was compared with."""
     from tensegrity_codegen.codegen.compilation.flags import MEASURED
     from tensegrity_codegen.pipeline.tuning import build_tuned
 
-    sets = MEASURED if any_flags else ()
-    return build_tuned(structure, request, compiler=compiler, flags=sets, tune_for=by, measure=measure)
+    sets = MEASURED if tuning.any_flags else ()
+    return build_tuned(
+        structure, request, compiler=compiler, flags=sets, tune_for=tuning.tune_for, measure=measure
+    )
 
 
 def _report(

@@ -8,29 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.control_options import (
-    BuildOption,
-    BuiltPrecisionOption,
-    DisturbanceOption,
-    DrawsOption,
-    DurationOption,
-    EffortOption,
-    EstimatorOption,
-    GustOption,
-    InCOption,
-    IntegralOption,
-    LastOption,
-    LeastTensionOption,
-    OnlyObservableOption,
-    PlanOption,
-    ResponseOption,
-    SampleOption,
-    SeedOption,
-    StartErrorOption,
-    StiffnessErrorOption,
-    TEndOption,
-    ToleranceOption,
-    ToOption,
-    WeightsOption,
+    CodeOptions,
+    DesignOptions,
+    MotionOptions,
+    StudyOptions,
     read_errors,
     read_least_tension,
 )
@@ -43,12 +24,11 @@ from tensegrity_codegen.cli.controlled_motion import (
     find_motion,
     write_controller,
 )
-from tensegrity_codegen.cli.inputs import InputOption, read_inputs
+from tensegrity_codegen.cli.inputs import read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import check_result, write_page
 from tensegrity_codegen.cli.verb import Verb, quote_command
-from tensegrity_codegen.cli.verbs.plan import ActuateOption
 
 if TYPE_CHECKING:
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
@@ -64,33 +44,13 @@ PageOption = Annotated[
 
 def control(
     scene: SceneArgument,
-    to: ToOption = None,
-    plan: PlanOption = None,
-    actuate: ActuateOption = None,
-    input: InputOption = None,
-    duration: DurationOption = None,
-    sample: SampleOption = 0.005,
-    tolerance: ToleranceOption = None,
-    effort: EffortOption = None,
-    response_time: ResponseOption = None,
-    integral_action: IntegralOption = None,
-    weights: WeightsOption = None,
-    least_tension: LeastTensionOption = None,
-    estimator: EstimatorOption = True,
-    disturbance: DisturbanceOption = None,
-    only_observable: OnlyObservableOption = False,
-    start_error: StartErrorOption = None,
-    stiffness_error: StiffnessErrorOption = 0.05,
-    gust: GustOption = None,
-    draws: DrawsOption = 5,
-    seed: SeedOption = 0,
-    t_end: TEndOption = None,
-    in_c: InCOption = False,
-    last: LastOption = None,
+    held: MotionOptions,
+    design: DesignOptions,
+    study: StudyOptions,
     out: OutOption = None,
     page: PageOption = None,
-    build: BuildOption = None,
-    precision: BuiltPrecisionOption = "double",
+    *,
+    code: CodeOptions,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
     json: JsonOption = False,
@@ -106,63 +66,71 @@ def control(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.control.feedback.study.study import study_control
         from tensegrity_codegen.runtime.model.array_file import write_arrays
 
-        inputs = [scene, *(file for file in (plan, weights) if file is not None)]
+        inputs = [scene, *(file for file in (held.plan, design.weights) if file is not None)]
         check_result(out, ".npz", inputs=inputs, overwrite=overwrite)
         check_result(page, ".html", inputs=inputs, overwrite=overwrite, draws=True)
-        check_build(build, precision, scene, overwrite)
-        read_least_tension(least_tension)
-        is_held = not to and plan is None
-        check_motion_times(sample, duration, t_end, last, is_held=is_held)
-        subject, model, chosen = compile_control(output, scene, to, plan, actuate, compiler)
-        arguments = read_inputs(input, subject, output)
-        errors = read_errors(start_error, stiffness_error, gust, subject.axes)
-        check_motion_gusts(errors.gusts, t_end)
-        motion = find_motion(
-            output, model, to, plan, chosen, duration=duration, arguments=arguments, t_end=t_end
+        check_build(code, scene, overwrite)
+        read_least_tension(design.least_tension)
+        check_motion_times(held, design, study)
+        # The motion, feedback about it, and its study.
+        subject, model, chosen = compile_control(output, scene, held, compiler)
+        arguments = read_inputs(held.input, subject, output)
+        errors = read_errors(study, subject.axes)
+        check_motion_gusts(errors.gusts, study.t_end)
+        motion = find_motion(output, model, held, chosen, arguments=arguments, t_end=study.t_end)
+        controller = ControlDesign(
+            model, motion, design, arguments, study.in_c or code.build is not None, output.warn
         )
-        design = ControlDesign(
-            model, motion, sample, tolerance, effort, response_time, integral_action, weights, estimator,
-            disturbance, only_observable, least_tension, arguments,
-            in_c or build is not None, output.warn,
-        )  # fmt: skip
-        if design.lacks_sensors:
+        if controller.lacks_sensors:
             output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")
         with output.progress("designing feedback"):
-            parts = design.build()
-        # Many draws at once in C, or one after the other in Python.
-        batch = None
-        if in_c:
-            from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
-
-            batch = partial(simulate_control_batch, compiler=compiler)
-        with output.progress("simulating") as progress:
-            study = study_control(
-                model, motion, errors=errors, t_end=t_end, last=last, draws=draws, seed=seed,
-                arguments=arguments, progress=progress, batch=batch, **parts,
-            )  # fmt: skip
-        output.warn(*study.warnings)
+            parts = controller.build()
+        found = _study(
+            output, study, model, motion, errors=errors, arguments=arguments, compiler=compiler, **parts
+        )
+        # Its arrays, its page, the controller in C.
         if out is not None:
-            write_arrays(out, study.arrays(), overwrite=overwrite)
+            write_arrays(out, found.arrays(), overwrite=overwrite)
         if page is not None:
-            from tensegrity_codegen.control.pages.control_page import build_control_page
-            from tensegrity_codegen.structure.outline import outline_bodies
-
-            with output.progress("drawing"):
-                drawn = outline_bodies(subject)
-                shown = build_control_page(study, model, drawn, quote_command())
-                write_page(shown, page, overwrite=overwrite)
+            _write_page(output, found, model, subject, page, overwrite)
         written: dict[str, Any] = {"out": None if out is None else str(out)}
         written["page"] = None if page is None else str(page)
         written["build"] = write_controller(
-            output, study, model, build, scene=scene, precision=precision, compiler=compiler,
-            overwrite=overwrite,
-        )  # fmt: skip
-        _report(output, subject, study, written)
-        if not study.holds:
+            output, found, model, code, scene=scene, compiler=compiler, overwrite=overwrite
+        )
+        _report(output, subject, found, written)
+        if not found.holds:
             raise typer.Exit(3)
+
+
+def _study(
+    output: Output, options: StudyOptions, model: Any, motion: Any, *, compiler: str | None, **parts: Any
+) -> "ControlStudy":
+    """Simulate all loops: many draws at once in C, by this compiler, or one after the other in Python."""
+    from tensegrity_codegen.control.embedded.parts import ControllerCode
+    from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
+    from tensegrity_codegen.control.feedback.study.stated_errors import Draws
+    from tensegrity_codegen.control.feedback.study.study import study_control
+
+    batch = partial(simulate_control_batch, code=ControllerCode(compiler=compiler)) if options.in_c else None
+    draws = Draws(options.draws, options.seed, options.last, batch)
+    with output.progress("simulating") as progress:
+        study = study_control(model, motion, t_end=options.t_end, draws=draws, progress=progress, **parts)
+    output.warn(*study.warnings)
+    return study
+
+
+def _write_page(
+    output: Output, study: "ControlStudy", model: Any, subject: "Subject", page: Path, overwrite: bool
+) -> None:
+    from tensegrity_codegen.control.pages.control_page import build_control_page
+    from tensegrity_codegen.structure.outline import outline_bodies
+
+    with output.progress("drawing"):
+        shown = build_control_page(study, model, outline_bodies(subject), quote_command())
+        write_page(shown, page, overwrite=overwrite)
 
 
 def _report(output: Output, subject: "Subject", study: "ControlStudy", more: Mapping[str, Any]) -> None:

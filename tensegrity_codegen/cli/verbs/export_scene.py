@@ -1,5 +1,6 @@
 """The verb `export`: a scene is written in the format of another program."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -58,18 +59,26 @@ class ExportCommand(VerbCommand):
                 formatter.write_dl(rows)
 
 
+@dataclass(frozen=True)
+class FmuOptions:
+    """Options that only FMUs have; None where they are not given."""
+
+    fmi: FmiOption = None
+    kind: KindOption = None
+    outputs: OutputsOption = None
+    method: MethodOption = None
+    t_end: EndOption = None
+    rtol: ToleranceOption = None
+    sources_only: SourcesOption = False
+    targets: TargetsOption = None
+
+
 def export_scene(
     format_name: FormatArgument,
     scene: SceneArgument,
     out: OutOption,
-    fmi: FmiOption = None,
-    kind: KindOption = None,
-    outputs: OutputsOption = None,
-    method: MethodOption = None,
-    t_end: EndOption = None,
-    rtol: ToleranceOption = None,
-    sources_only: SourcesOption = False,
-    targets: TargetsOption = None,
+    *,
+    fmu: FmuOptions,
     compiler: CompilerOption = None,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
@@ -78,15 +87,10 @@ def export_scene(
 
     Example: tensegrity-codegen export fmu prism.toml --out prism.fmu
     """
-    # Options of single formats: None where they are not given.
+    # An option that is not given is None.
     options: dict[str, Any] = {
-        "fmi": fmi,
-        "kind": kind,
-        "outputs": outputs or None,
-        "method": method,
-        "t_end": t_end,
+        name: None if value is False or value == [] else value for name, value in vars(fmu).items()
     }
-    options |= {"rtol": rtol, "sources_only": sources_only or None, "targets": targets or None}
     options["compiler"] = compiler
     output = Output(json)
     with output.guard(scene):

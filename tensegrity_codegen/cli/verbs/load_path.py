@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -77,12 +78,20 @@ OutOption = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class LoadOptions:
+    """Loads and inputs of a path, and which of them increase."""
+
+    load: LoadOption = None
+    input: InputOption = None
+    ramp: RampOption = None
+
+
 def load_path(
     scene: SceneArgument,
     most: MostOption = 1.0,
-    load: LoadOption = None,
-    input: InputOption = None,
-    ramp: RampOption = None,
+    *,
+    loading: LoadOptions,
     floor: FloorOption = None,
     events: EventsOption = ALL_EVENTS,
     past_contact: PastContactOption = False,
@@ -109,8 +118,8 @@ def load_path(
         from tensegrity_codegen.report.result_tables import events_table, tabulate_path, write_path
 
         subject, request = output.load(scene, settles=True)
-        values = read_inputs(input, subject, output)
-        model = _build(subject, request, ramp, load or [], compiler, values)
+        values = read_inputs(loading.input, subject, output)
+        model = _build(subject, request, loading.ramp, loading.load or [], compiler, values)
         watches = _find_watches(model, subject, past_contact)
         with output.progress("load path") as show:
             path = _follow(

@@ -1,15 +1,17 @@
 """`tensegrity-codegen plan`: rest lengths that move a structure to a target through stable equilibria."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.control_options import ActuateOption
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.planned_motion import compile_actuated, find_plan
 from tensegrity_codegen.cli.scene_files import check_result, write_page
 from tensegrity_codegen.cli.verb import Verb, name_options, quote_command
 
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.records.plan_result import PlanResult
     from tensegrity_codegen.runtime.records.timed_motion import Motion
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.request import ModelRequest
 
 MOTION_ENDINGS = (".npz", ".csv")
 
@@ -78,15 +81,6 @@ ToOption = Annotated[
         show_default=False,
     ),
 ]
-ActuateOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--actuate",
-        help="What moves: cables, all, or a name of actuators, members, groups or classes; may be repeated; "
-        "default: the actuators of the scene.",
-        show_default=False,
-    ),
-]
 OutOption = Annotated[
     list[Path] | None,
     typer.Option(
@@ -116,14 +110,22 @@ DurationOption = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class StepOptions:
+    """Steps of a path."""
+
+    steps: StepsOption = 20
+    max_steps: MostOption = 200
+    least_progress: LeastOption = 0.4
+
+
 def plan(
     scene: SceneArgument,
     to: ToOption,
     actuate: ActuateOption = None,
     input: InputOption = None,
-    steps: StepsOption = 20,
-    max_steps: MostOption = 200,
-    least_progress: LeastOption = 0.4,
+    *,
+    stepping: StepOptions,
     duration: DurationOption = None,
     out: OutOption = None,
     page: PageOption = None,
@@ -141,9 +143,9 @@ def plan(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.cli.controlled_motion import compile_actuated
         from tensegrity_codegen.control.planning.record_plan import ENDINGS, write_plan
         from tensegrity_codegen.pipeline.analyses import find_needs
+        from tensegrity_codegen.sweeps.engines.threads import limit_threads
 
         files = list(out or [])
         for file in files:
@@ -151,15 +153,17 @@ def plan(
         check_result(page, ".html", inputs=[scene], overwrite=overwrite, draws=True)
         check_result(motion, *MOTION_ENDINGS, inputs=[scene], overwrite=overwrite)
         analysis = "plan" if motion is None else "time_motion"
-        subject, model, chosen = compile_actuated(
-            output, scene, to, actuate, compiler,
-            lambda subject, request: find_needs(analysis, subject, request).alone(request),
-        )  # fmt: skip
+
+        def find_request(
+            subject: "Subject", request: "ModelRequest", quantities: Sequence[str]
+        ) -> "ModelRequest":
+            needs = find_needs(analysis, subject, request).alone(request)
+            return needs.wanting(*needs.quantities, *quantities)
+
+        subject, model, chosen = compile_actuated(output, scene, to, actuate, compiler, find_request)
         arguments = read_inputs(input, subject, output)
-        found = _plan(
-            output, model, to, chosen, arguments=arguments, steps=steps, max_steps=max_steps,
-            least_progress=least_progress, duration=duration,
-        )  # fmt: skip
+        limit_threads()  # the matrices are too small for several: waiting for each other takes longer
+        found = find_plan(output, model, to, chosen, arguments=arguments, duration=duration, **vars(stepping))
         timed = time_plan(
             output, model, found, motion, duration=duration, arguments=arguments, overwrite=overwrite
         )
@@ -189,21 +193,6 @@ def plan(
         _report(output, subject, found, written | {"motion": describe_motion(timed, motion)})
         if not found.is_found:
             raise typer.Exit(3)
-
-
-def _plan(
-    output: Output, model: Any, to: Sequence[str], chosen: tuple[str, ...] | None, **options: Any
-) -> "PlanResult":
-    from tensegrity_codegen.control.planning.plan import plan as run
-    from tensegrity_codegen.sweeps.engines.threads import limit_threads
-
-    limit_threads()  # the matrices are too small for several: waiting for each other takes longer
-    with output.progress("planning") as move:
-        found = run(
-            model, list(to), actuators=chosen, progress=lambda points, progress: move(progress), **options
-        )
-    output.warn(*found.warnings)
-    return found
 
 
 def _report(output: Output, subject: "Subject", found: "PlanResult", more: dict[str, Any]) -> None:

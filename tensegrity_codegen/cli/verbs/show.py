@@ -1,5 +1,6 @@
 """`tensegrity-codegen show`: pictures, films and live pages."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -48,6 +49,64 @@ def _is_value(following: list[str]) -> bool:
 USUAL_COLOR = "tension"
 
 
+@dataclass(frozen=True)
+class PictureOptions:
+    """What is seen of a structure, and from where."""
+
+    view: Annotated[
+        str | None,
+        typer.Option(
+            "--view",
+            help="iso, front (along y), side (along x), top, or AZIMUTH,ELEVATION of the eye in degrees.",
+        ),
+    ] = None
+    size: Annotated[
+        str | None,
+        typer.Option(
+            "--size",
+            help="WIDTHxHEIGHT in pixels; .svg, .pdf: 150 pixels an inch, 1200x900 is 8 x 6 in.",
+        ),
+    ] = None
+    labels: Annotated[
+        str,
+        typer.Option(
+            "--labels",
+            metavar="[nodes|members|none]",
+            help="Write names of nodes, members or both (nodes,members); without a value: of both.",
+        ),
+    ] = "none"
+    color: Annotated[
+        str | None,
+        typer.Option(
+            "--color", help="What colours of members show: tension, force_density, stress, kind; tension."
+        ),
+    ] = None
+    forces: Annotated[
+        bool, typer.Option("--forces/--no-forces", help="Draw loads and reactions as arrows.")
+    ] = True
+    settle: Annotated[
+        bool, typer.Option("--settle", help="Draw the equilibrium instead of the stated positions.")
+    ] = False
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Let the axes move with the structure and keep their size.")
+    ] = False
+
+
+@dataclass(frozen=True)
+class FileOptions:
+    """What films and live pages have besides."""
+
+    fps: Annotated[float | None, typer.Option("--fps", help="Frames a second of a film; 25.")] = None
+    slow_down: Annotated[
+        float | None, typer.Option("--slow-down", help="Seconds of film per simulated second; 1.")
+    ] = None
+    modes: Annotated[
+        int | None,
+        typer.Option("--modes", min=0, help="Natural modes of a live page; 6; 0 without an analysis."),
+    ] = None
+    three: ThreeOption = None
+
+
 def show(
     scene: SceneArgument,
     out: Annotated[
@@ -60,52 +119,9 @@ def show(
     trajectory: Annotated[
         Path | None, typer.Option("--trajectory", help="Result file of the verb simulate (.npz).")
     ] = None,
-    view: Annotated[
-        str | None,
-        typer.Option(
-            "--view",
-            help="iso, front (along y), side (along x), top, or AZIMUTH,ELEVATION of the eye in degrees.",
-        ),
-    ] = None,
-    size: Annotated[
-        str | None,
-        typer.Option(
-            "--size",
-            help="WIDTHxHEIGHT in pixels; .svg, .pdf: 150 pixels an inch, 1200x900 is 8 x 6 in.",
-        ),
-    ] = None,
-    labels: Annotated[
-        str,
-        typer.Option(
-            "--labels",
-            metavar="[nodes|members|none]",
-            help="Write names of nodes, members or both (nodes,members); without a value: of both.",
-        ),
-    ] = "none",
-    color: Annotated[
-        str | None,
-        typer.Option(
-            "--color", help="What colours of members show: tension, force_density, stress, kind; tension."
-        ),
-    ] = None,
-    forces: Annotated[
-        bool, typer.Option("--forces/--no-forces", help="Draw loads and reactions as arrows.")
-    ] = True,
-    settle: Annotated[
-        bool, typer.Option("--settle", help="Draw the equilibrium instead of the stated positions.")
-    ] = False,
-    follow: Annotated[
-        bool, typer.Option("--follow", help="Let the axes move with the structure and keep their size.")
-    ] = False,
-    fps: Annotated[float | None, typer.Option("--fps", help="Frames a second of a film; 25.")] = None,
-    slow_down: Annotated[
-        float | None, typer.Option("--slow-down", help="Seconds of film per simulated second; 1.")
-    ] = None,
-    modes: Annotated[
-        int | None,
-        typer.Option("--modes", min=0, help="Natural modes of a live page; 6; 0 without an analysis."),
-    ] = None,
-    three: ThreeOption = None,
+    *,
+    picture: PictureOptions,
+    file: FileOptions,
     json: JsonOption = False,
 ) -> None:
     """Draw a structure or a simulated motion, as a picture, a film or a live page.
@@ -127,10 +143,14 @@ def show(
         )
 
         choices = PictureChoices(
-            view=read_view(view), size=read_size(size), labels=read_labels(labels),
-            color=USUAL_COLOR if color is None else color, follow=follow, forces=forces,
+            view=read_view(picture.view), size=read_size(picture.size), labels=read_labels(picture.labels),
+            color=USUAL_COLOR if picture.color is None else picture.color,
+            follow=picture.follow, forces=picture.forces,
         )  # fmt: skip
-        options = ShowOptions(choices, fps, slow_down, settle, color is not None, modes, three, overwrite)
+        options = ShowOptions(
+            choices, file.fps, file.slow_down, picture.settle, picture.color is not None, file.modes,
+            file.three, overwrite,
+        )  # fmt: skip
         inputs = [scene] if trajectory is None else [scene, trajectory]
         check_output(out, inputs=inputs, overwrite=overwrite)
         check_kind(out, trajectory, options)

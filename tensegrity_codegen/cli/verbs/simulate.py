@@ -136,30 +136,57 @@ OutOption = Annotated[
 MOST_EVENTS = 10  # in the text
 
 
+@dataclass(frozen=True)
+class MethodOptions:
+    """How a motion is integrated."""
+
+    rtol: RtolOption = 1e-6
+    atol: AtolOption = None
+    method: MethodOption = "auto"
+    step: StepOption = None
+    max_steps: MaxStepsOption = None
+    keep: KeepOption = ""
+    control: ControlOption = None
+
+
+@dataclass(frozen=True)
+class InputOptions:
+    """Inputs of a motion, constant and over time."""
+
+    input: InputOption = None
+    profile: ProfileOption = None
+    profile_kind: ProfileKindOption = "linear"
+
+
+@dataclass(frozen=True)
+class BatchOptions:
+    """Many motions at once."""
+
+    batch: BatchOption = None
+    threads: ThreadsOption = 1
+
+
+@dataclass(frozen=True)
+class CompileOptions:
+    """How the library is compiled."""
+
+    compiler: CompilerOption = None
+    flags: FlagsOption = None
+
+
 def simulate(
     scene: SceneArgument,
     t_end: TEndOption,
     samples: SamplesOption = 101,
-    rtol: RtolOption = 1e-6,
-    atol: AtolOption = None,
-    method: MethodOption = "auto",
-    step: StepOption = None,
-    max_steps: MaxStepsOption = None,
-    keep: KeepOption = "",
-    control: ControlOption = None,
+    *,
+    integration: MethodOptions,
     settle: SettleOption = False,
     until: UntilOption = None,
-    input: InputOption = None,
-    profile: ProfileOption = None,
-    profile_kind: ProfileKindOption = "linear",
-    batch: BatchOption = None,
-    threads: ThreadsOption = 1,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Result file (.npz, .csv, .parquet or .mat).")
-    ] = None,
+    given: InputOptions,
+    many: BatchOptions,
+    out: OutOption = None,
     overwrite: OverwriteOption = False,
-    compiler: CompilerOption = None,
-    flags: FlagsOption = None,
+    compilation: CompileOptions,
     json: JsonOption = False,
 ) -> None:
     """Simulate the motion of a scene and write it to a file.
@@ -190,35 +217,27 @@ def simulate(
         from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
         from tensegrity_codegen.runtime.trajectory.write_motion import check_motion_file
 
-        options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
-        asked = _Asked(options, *read_until(until), settle, profile, profile_kind, tuple(input or ()))
+        options = complete_run_options(**vars(integration))
+        asked = _Asked(options, *read_until(until), settle, given)
         check_options(options, t_end, samples)
         if out is not None:
             check_motion_file(out)
-            inputs = [path for path in (scene, batch, profile) if path is not None]
+            inputs = [path for path in (scene, many.batch, given.profile) if path is not None]
             check_output(out, inputs=inputs, overwrite=overwrite)
-        if batch is not None:
+        if many.batch is not None:
             check_no_other(settle=settle, until=until)
-            options = choose_batch_control(options, control)
+            options = choose_batch_control(options, integration.control)
             built, values, schedule = build_for_batch(
-                output, scene, options, compiler, flags, input, profile, profile_kind, t_end
-            )
+                output, scene, options, compilation.compiler, compilation.flags, given.input, given.profile,
+                given.profile_kind, t_end,
+            )  # fmt: skip
             simulate_starts(
-                output,
-                built,
-                batch,
-                out,
-                overwrite,
-                options,
-                values,
-                t_end=t_end,
-                samples=samples,
-                threads=threads,
-                schedule=schedule,
-            )
+                output, built, many.batch, out, overwrite, options, values, t_end=t_end, samples=samples,
+                threads=many.threads, schedule=schedule,
+            )  # fmt: skip
             return
-        built, given = _build(scene, asked, t_end, compiler, flags, output)
-        _run(output, built, asked, out, overwrite, t_end=t_end, samples=samples, **given)
+        built, start = _build(scene, asked, t_end, compilation.compiler, compilation.flags, output)
+        _run(output, built, asked, out, overwrite, t_end=t_end, samples=samples, **start)
 
 
 @dataclass(frozen=True)
@@ -229,9 +248,7 @@ class _Asked:
     until_contact: bool
     condition: str | None
     settle: bool
-    profile: Path | None
-    profile_kind: str
-    inputs: tuple[str, ...] = ()
+    inputs: InputOptions
 
 
 def _run(
@@ -239,14 +256,13 @@ def _run(
 ) -> None:
     """Simulate the motion and say how it went; exit code 3 where it is not good."""
     from tensegrity_codegen.runtime.simulate.simulate import simulate as run
+    from tensegrity_codegen.runtime.simulate.until import Until
 
     model = built.load()
     with output.progress("simulating") as progress:
         trajectory = run(
             model,
-            until_contact=asked.until_contact,
-            condition=asked.condition,
-            until_condition=asked.condition is not None,
+            until=Until(asked.condition, asked.until_contact),
             progress=progress,
             **given,
             **asked.options.as_given(),
@@ -282,8 +298,10 @@ def _build(
     from tensegrity_codegen.structure.structure import Structure
 
     structure, request = output.load(scene, settles=asked.settle)
-    given: dict[str, Any] = {"arguments": read_inputs(list(asked.inputs), structure, output)}
-    schedule = read_schedule(asked.profile, asked.profile_kind, structure, t_end, given["arguments"])
+    given: dict[str, Any] = {"arguments": read_inputs(asked.inputs.input or [], structure, output)}
+    schedule = read_schedule(
+        asked.inputs.profile, asked.inputs.profile_kind, structure, t_end, given["arguments"]
+    )
     given["schedule"] = schedule
     warn_of_profile(schedule, structure, output)
     at_start = {name: float(values[0]) for name, values in schedule.values.items()} if schedule else {}

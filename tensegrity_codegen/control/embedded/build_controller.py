@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import ArrayLike
-
 from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
@@ -16,24 +14,26 @@ from tensegrity_codegen.control.embedded.loaded import (
     load_controller,
 )
 from tensegrity_codegen.control.embedded.parts import (
-    QP_ITERATIONS,
+    MOVED_TO_CODE,
+    ControllerCode,
     collect_parts,
     find_described,
     find_motion,
+    read_code,
 )
 from tensegrity_codegen.control.embedded.write import ControllerFiles, write_files
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import MOST_KNOTS, Gains
+from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import MOVED_TO_LIMITS, ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.names import check_scene_name
-from tensegrity_codegen.system.checks import check_instance, check_path, check_switch, check_whole
+from tensegrity_codegen.system.checks import check_instance, check_path, check_switch
+from tensegrity_codegen.system.moved_arguments import with_moved
 from tensegrity_codegen.system.output_folder import check_folder, write_folder
 from tensegrity_codegen.tables.precision import find_precision
-
-MOST_ITERATIONS = 10_000
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,7 @@ class ControllerBundle:
         return load_controller(self.folder)
 
 
+@with_moved(**MOVED_TO_CODE, **MOVED_TO_LIMITS)
 def build_controller(
     scene: str | Path | CompiledModel,
     motion: Motion | Equilibrium,
@@ -67,18 +68,10 @@ def build_controller(
     estimator: Estimator | None = None,
     distribution: TensionDistribution | None = None,
     out: str | Path,
-    name: str | None = None,
-    precision: str = "double",
-    knots: int | None = MOST_KNOTS,
     sample: float | None = None,
-    rate: ArrayLike | None = None,
-    range: ArrayLike | None = None,
-    delay: ArrayLike | None = None,
+    limits: ActuatorLimits | None = None,
     arguments: Mapping[str, Any] | None = None,
-    qp_iterations: int = QP_ITERATIONS,
-    daqp_sdist: str | Path | None = None,
-    library: bool = True,
-    compiler: str | None = None,
+    code: ControllerCode | None = None,
     overwrite: bool = False,
     inputs: Iterable[Path] = (),
 ) -> ControllerBundle:
@@ -98,28 +91,14 @@ def build_controller(
         Keeps tensions above the least ones.
     out : str or Path
         Folder, made where it does not exist.
-    name : str, optional
-        First word of all names in C and of the files; by default the name of the scene.
-    precision : str
-        ``"double"`` or ``"single"``, for every number of the controller and its model.
-    knots : int or None
-        Largest number of stored gains of feedback, see `Gains.at_knots`; None: all samples.
     sample : float, optional [s]
         Time between two steps; by default that of the gains, 0.005 s without.
-    rate, range, delay : float or array_like, optional [m/s, m, s]
-        Limits of the actuators, by default those of the scene.
+    limits : ActuatorLimits, optional
+        Rates, ranges and delays of the actuators, by default those of the scene.
     arguments : mapping, optional
         Inputs of an equilibrium that was found with others than those of the scene; a motion has its own.
-    qp_iterations : int
-        Most iterations of the solver in one quadratic program of the distribution; a step that needs more has
-        the status ``"not_solved"``.
-    daqp_sdist : str or Path, optional
-        Source package of DAQP, of which a distribution needs C text; by default that in the cache, else pip
-        downloads it. Version and SHA-256 are fixed.
-    library : bool
-        Whether to compile a shared library too, which `load_controller` needs.
-    compiler : str, optional
-        ``"gcc"``, ``"clang"``, ``"zig"`` or a command; by default the first compiler found.
+    code : ControllerCode, optional
+        Name, precision, stored gains, solver, library and compiler of the C text.
     overwrite : bool
         Whether files may be replaced that are not as SHA256SUMS in the folder says.
     inputs : iterable of Path
@@ -164,11 +143,10 @@ def build_controller(
     >>> controller.step_state(0.0, [*found.coordinate, 0.0])[0]
     'ok'
     """
-    check_instance(precision, str, "precision", '"double" or "single"')
-    real = find_precision(precision, "precision")
+    written = read_code(code)
+    real = find_precision(written.precision, "precision")
     check_path(out, "out")
-    for switch, where in ((library, "library"), (overwrite, "overwrite")):
-        check_switch(switch, where)
+    check_switch(overwrite, "overwrite")
     check_instance(inputs, Iterable, "inputs", "a list of paths")
     read = tuple(inputs)
     for path in read:
@@ -177,19 +155,17 @@ def build_controller(
     # Scene, motion and all parts of the controller.
     described, request = find_described(scene, motion)
     reference = find_motion(described, motion, arguments)
-    chosen = described.manifest.name if name is None else name
-    check_scene_name(chosen, "name")
+    check_scene_name(described.manifest.name if written.name is None else written.name, "name")
     parts = collect_parts(
-        described, reference, name=chosen, gains=gains, knots=knots, estimator=estimator,
-        distribution=distribution, sample=sample, rate=rate, range=range, delay=delay,
-        qp_iterations=check_whole(qp_iterations, "qp_iterations", 1, MOST_ITERATIONS), daqp_sdist=daqp_sdist,
+        described, reference, gains=gains, estimator=estimator, distribution=distribution, sample=sample,
+        limits=limits, code=written,
     )  # fmt: skip
     # Its texts, the library, and the folder with both.
     files = write_files(parts, replace(request, precision=real.name), real)
     contents = {file: text.encode("utf-8") for file, text in files.texts.items()}
     description = files.description
-    if library:
-        artifact = _compile(files, compiler)
+    if written.library:
+        artifact = _compile(files, written.compiler)
         contents[artifact.file_name] = artifact.library
         description = replace(description, library=artifact.file_name)
     contents["manifest.json"] = description.to_json().encode("utf-8")

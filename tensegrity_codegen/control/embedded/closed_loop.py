@@ -26,13 +26,13 @@ from tensegrity_codegen.control.embedded.parts import CONTROL_STATUS, Controller
 from tensegrity_codegen.control.embedded.tables import build_tables
 from tensegrity_codegen.control.embedded.write import ControllerFiles, read_declarations
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun, build_run
+from tensegrity_codegen.control.feedback.loop.loop_parts import LoopStart
 from tensegrity_codegen.control.feedback.loop.sampled_plant import (
     ATOL,
     ENDINGS,
     MOST_STEPS,
     NODE_LOAD,
     RTOL,
-    GustLoad,
 )
 from tensegrity_codegen.runtime.integrate.event_log import choose_watch
 from tensegrity_codegen.runtime.integrate.integration import find_integrator
@@ -170,16 +170,6 @@ def _write_field(declarations: str, field: str, symbol: str) -> str:
     return f"int (*{field})({found[1].strip()})"
 
 
-@dataclass(frozen=True, eq=False)
-class LoopDraw:
-    """One draw: start (n_states,), arguments of the plant, loads that change, noise (n_samples, n_y)."""
-
-    start: FloatArray
-    given: Mapping[str, Any]
-    gusts: GustLoad | None
-    noise: FloatArray
-
-
 class CompiledLoop:
     """A controller and the functions of a plant in one loop.
 
@@ -211,7 +201,7 @@ class CompiledLoop:
                 ) from error
         self._functions = self._bind(source)
 
-    def run(self, draw: LoopDraw, count: int) -> ControlRun:
+    def run(self, draw: LoopStart, count: int) -> ControlRun:
         """Return the run of a draw over so many samples; several threads may call it at the same time."""
         found, kept, loop = self._prepare(draw, count)
         getattr(self._library, self._source.function)(self._functions, loop)
@@ -219,7 +209,7 @@ class CompiledLoop:
         word = ESTIMATE_LOST if loop.is_lost else STATUS[loop.plant_status]
         if word not in ("ok", ESTIMATE_LOST, *ENDINGS):
             raise_for_status(
-                loop.plant_status, f"integrate_{CONTROL_METHOD}", {"state": draw.start, **draw.given}
+                loop.plant_status, f"integrate_{CONTROL_METHOD}", {"state": draw.state, **draw.given}
             )
         done, words = int(loop.n_done), tuple(CONTROL_STATUS)
         known = np.hstack([found["estimate"][:done], found["disturbance"][:done]])
@@ -254,7 +244,15 @@ class CompiledLoop:
             setattr(functions, field, ffi.cast(ffi.typeof(getattr(functions, field)), address))
         return functions
 
-    def _prepare(self, draw: LoopDraw, count: int) -> tuple[dict[str, NDArray[Any]], list[Any], Any]:
+    def _draw_noise(self, seed: int, count: int) -> FloatArray:
+        """Return the noise of the measurements (n_samples, n_y), in the order of `simulate_control`."""
+        if self.parts.estimator is None:
+            return np.zeros((0, 0))
+        size = self.parts.estimator.sensing.noise
+        noise: FloatArray = size * np.random.default_rng(seed).normal(size=(count, len(size)))
+        return noise
+
+    def _prepare(self, draw: LoopStart, count: int) -> tuple[dict[str, NDArray[Any]], list[Any], Any]:
         """Return the arrays that are filled, what must stay alive, and the struct of a draw."""
         manifest, ffi = self.model.manifest, self._ffi
         n, m = len(manifest.coordinate_name), len(self.parts.bounds.names)
@@ -274,8 +272,8 @@ class CompiledLoop:
         time, load = _tabulate_loads(self.model, draw)
         largest = max((int(np.prod(item.shape)) for item in manifest.functions), default=1)
         memory = {
-            "start": np.ascontiguousarray(draw.start),
-            "noise": np.ascontiguousarray(draw.noise),
+            "start": np.ascontiguousarray(draw.state),
+            "noise": self._draw_noise(draw.seed, count),
             "change_time": time,
             "load": load,
             "work": np.zeros(self._spec.work_size),
@@ -306,13 +304,13 @@ def _compile_loop(sources: tuple[tuple[str, str], ...], compiler: str | None) ->
     )
 
 
-def _read_argument(model: CompiledModel, draw: LoopDraw, name: str) -> FloatArray:
+def _read_argument(model: CompiledModel, draw: LoopStart, name: str) -> FloatArray:
     """Return an argument of the plant, of its own memory."""
     nominal = model.nominal(name)
     return np.array(to_sized(draw.given.get(name, nominal), nominal.shape, name), dtype=np.float64)
 
 
-def _tabulate_loads(model: CompiledModel, draw: LoopDraw) -> tuple[FloatArray, FloatArray]:
+def _tabulate_loads(model: CompiledModel, draw: LoopStart) -> tuple[FloatArray, FloatArray]:
     """Return the times at which loads change, and the loads before, between and after them."""
     if draw.gusts is None:
         has_loads = any(item.name == NODE_LOAD for item in model.manifest.arguments)

@@ -1,17 +1,17 @@
 """The parts of a controller: scene or model, motion, gains, estimator, distribution and actuators."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.control.embedded.daqp_source import find_daqp_archive
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import MOST_KNOTS, Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import (
     build_rest,
     check_independent,
@@ -20,6 +20,7 @@ from tensegrity_codegen.control.feedback.design.linear_samples import (
 )
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
     ActuatorBounds,
+    ActuatorLimits,
     DelayedInputs,
     find_bounds,
 )
@@ -33,8 +34,10 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.actuators import Sensor
+from tensegrity_codegen.system.checks import check_instance, check_switch, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError
 from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.request import ModelRequest
 
 # What the steps of a controller in C return. Word: sentence, in the order of the numbers. Simulated loops
@@ -58,6 +61,59 @@ CONTROL_STATUS: Mapping[str, str] = {
 QP_ITERATIONS = 100  # of the solver in one quadratic program
 START_TOLERANCE = 1e-9  # [m], by which the start may be outside of the range of an actuator
 DESCRIBED_QUANTITIES = ("member_length",)  # quantities of a description
+
+
+MOST_ITERATIONS = 10_000
+NAME = "loop"  # of a controller that is simulated in C
+
+
+@dataclass(frozen=True)
+class ControllerCode:
+    """How a controller is written in C, and compiled.
+
+    Attributes
+    ----------
+    name : str, optional
+        First word of all names in C and of the files; by default the name of the scene.
+    precision : str
+        ``"double"`` or ``"single"``, for every number of the controller and its model.
+    knots : int or None
+        Largest number of stored gains of feedback, see `Gains.at_knots`; None: all samples.
+    qp_iterations : int
+        Most iterations of the solver in one quadratic program of the distribution; a step that needs more has
+        the status ``"not_solved"``.
+    daqp_sdist : str or Path, optional
+        Source package of DAQP, of which a distribution needs C text; by default that in the cache, else pip
+        downloads it. Version and SHA-256 are fixed.
+    library : bool
+        Whether to compile a shared library too, which `load_controller` needs.
+    compiler : str, optional
+        ``"gcc"``, ``"clang"``, ``"zig"`` or a command; by default the first compiler found.
+    """
+
+    name: str | None = None
+    precision: str = "double"
+    knots: int | None = MOST_KNOTS
+    qp_iterations: int = QP_ITERATIONS
+    daqp_sdist: str | Path | None = None
+    library: bool = True
+    compiler: str | None = None
+
+
+# Arguments of `build_controller` and `simulate_control_batch` that `ControllerCode` has.
+MOVED_TO_CODE = {field.name: f"code=ControllerCode({field.name}=...)" for field in fields(ControllerCode)}
+
+
+def read_code(code: ControllerCode | None) -> ControllerCode:
+    """Return how a controller is written, as usual for None; raises InvalidValueError, UnknownNameError."""
+    check_instance(code, (ControllerCode, type(None)), "code", "a ControllerCode, or None")
+    stated = code or ControllerCode()
+    check_instance(stated.precision, str, "precision", '"double" or "single"')
+    find_precision(stated.precision, "precision")
+    check_switch(stated.library, "library")
+    check_instance(stated.compiler, (str, type(None)), "compiler", "the name of a compiler, or None")
+    check_whole(stated.qp_iterations, "qp_iterations", 1, MOST_ITERATIONS)
+    return stated
 
 
 @dataclass(frozen=True)
@@ -116,17 +172,12 @@ def collect_parts(
     described: Described,
     motion: Motion,
     *,
-    name: str,
     gains: Gains | None,
-    knots: int | None,
     estimator: Estimator | None,
     distribution: TensionDistribution | None,
     sample: float | None,
-    rate: ArrayLike | None,
-    range: ArrayLike | None,
-    delay: ArrayLike | None,
-    qp_iterations: int = QP_ITERATIONS,
-    daqp_sdist: str | Path | None = None,
+    limits: ActuatorLimits | None,
+    code: ControllerCode,
 ) -> ControllerParts:
     """Return the parts of a controller after the checks that all controllers need.
 
@@ -141,17 +192,17 @@ def collect_parts(
     check_same_motion(distribution, motion)
     assert described.structure is not None  # find_described refuses models without
     parts = ControllerParts(
-        name=name,
+        name=manifest.name if code.name is None else code.name,
         subject=described.structure,
         manifest=manifest,
         motion=motion,
-        gains=gains if gains is None or knots is None else gains.at_knots(knots),
+        gains=gains if gains is None or code.knots is None else gains.at_knots(code.knots),
         estimator=estimator,
         distribution=distribution,
-        bounds=find_bounds(described, motion, rate=rate, range=range, delay=delay),
+        bounds=find_bounds(described, motion, limits),
         sample=find_sample(gains, estimator, sample),
-        qp_iterations=qp_iterations,
-        daqp=b"" if distribution is None else find_daqp_archive(daqp_sdist),
+        qp_iterations=code.qp_iterations,
+        daqp=b"" if distribution is None else find_daqp_archive(code.daqp_sdist),
     )
     check_start(parts)
     return parts

@@ -1,61 +1,57 @@
 """Simulated closed loops in C: one motion and controller, many draws of errors."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from tensegrity_codegen.control.embedded.closed_loop import CompiledLoop, LoopDraw
-from tensegrity_codegen.control.embedded.parts import ControllerParts, collect_parts, find_described
+from tensegrity_codegen.control.embedded.closed_loop import CompiledLoop
+from tensegrity_codegen.control.embedded.parts import (
+    MOVED_TO_CODE,
+    NAME,
+    ControllerCode,
+    collect_parts,
+    find_described,
+    read_code,
+)
 from tensegrity_codegen.control.embedded.write import write_files
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import MOST_KNOTS, Gains
+from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import MOVED_TO_LIMITS, ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun, compare_with_open_loop
 from tensegrity_codegen.control.feedback.loop.loop_parts import (
     count_samples,
     describe_unknown_delays,
-    find_given,
-    find_start,
+    read_disturbance,
 )
-from tensegrity_codegen.control.feedback.loop.sampled_plant import NODE_LOAD, bind_gust
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.system.checks import check_instance, check_positive, check_switch, check_whole
-from tensegrity_codegen.system.errors import check_choice
+from tensegrity_codegen.system.moved_arguments import with_moved
 from tensegrity_codegen.tables.precision import find_precision
 
-OF_DRAWS = ("coordinate_error", "velocity_error", "axial_stiffness", "arguments", "gust", "seed")
-NAME = "loop"  # of the controller in C
 
-
+@with_moved(**MOVED_TO_CODE, **MOVED_TO_LIMITS)
 def simulate_control_batch(
     model: CompiledModel,
     motion: Motion | Equilibrium,
     gains: Gains | None = None,
     *,
-    draws: Sequence[Mapping[str, Any]],
+    draws: Sequence[Disturbance],
     estimator: Estimator | None = None,
     distribution: TensionDistribution | None = None,
-    knots: int | None = MOST_KNOTS,
     t_end: float | None = None,
     sample: float | None = None,
-    rate: ArrayLike | None = None,
-    range: ArrayLike | None = None,
-    delay: ArrayLike | None = None,
+    limits: ActuatorLimits | None = None,
     threads: int | None = None,
-    daqp_sdist: str | Path | None = None,
-    compiler: str | None = None,
+    code: ControllerCode | None = None,
     compare: bool = True,
 ) -> tuple[ControlRun, ...]:
     """Simulate a motion with sampled feedback many times, controller and model in one loop in C.
@@ -68,27 +64,22 @@ def simulate_control_batch(
         The motion to hold, as of `simulate_control`.
     gains : Gains, optional
         Feedback; without it the inputs of the motion alone act (open loop).
-    draws : sequence of mapping
-        One for each run: ``coordinate_error``, ``velocity_error``, ``axial_stiffness``, ``arguments``,
-        ``gust`` and ``seed`` as `simulate_control` takes them; those that are missing have its defaults.
+    draws : sequence of Disturbance
+        One for each run.
     estimator : Estimator, optional
         Estimates the state from noisy measurements; without it feedback acts on the true state.
     distribution : TensionDistribution, optional
         Keeps tensions above the least ones.
-    knots : int or None
-        Largest number of stored gains of feedback, as of `build_controller`; None: all samples.
     t_end : float, optional [s]
         End of the simulation; by default the end of the motion.
     sample : float, optional [s]
         Time between two commands; by default that of the gains, 0.005 s without.
-    rate, range, delay : float or array_like, optional [m/s, m, s]
-        Limits of the actuators, by default those of the scene.
+    limits : ActuatorLimits, optional
+        Rates, ranges and delays of the actuators, by default those of the scene.
     threads : int, optional
         Number of runs at the same time; by default the number of processors.
-    daqp_sdist : str or Path, optional
-        Source package of DAQP for a distribution, as of `build_controller`.
-    compiler : str, optional
-        As of `build_controller`.
+    code : ControllerCode, optional
+        Stored gains, solver and compiler, as of `build_controller`; name and precision are not used.
     compare : bool
         As of `simulate_control`, which simulates the open loops.
 
@@ -100,7 +91,7 @@ def simulate_control_batch(
     Raises
     ------
     InvalidValueError, NonFiniteError, UnknownNameError, FormulationError
-        As `simulate_control`; an unknown key of a draw.
+        As `simulate_control`.
     LibraryError
         The model was loaded without its structure.
     MissingSourceError
@@ -118,13 +109,14 @@ def simulate_control_batch(
     Examples
     --------
     >>> from pathlib import Path
-    >>> from tensegrity_codegen import compile_scene, design_lqr, find_equilibrium, simulate_control_batch
+    >>> from tensegrity_codegen import Disturbance, compile_scene, design_lqr, find_equilibrium
+    >>> from tensegrity_codegen import simulate_control_batch
     >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
     >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
     >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
     >>> found = find_equilibrium(model)
     >>> gains = design_lqr(model, found, [100.0, 1.0], [1.0], sample=0.02)
-    >>> draws = [{"coordinate_error": [error]} for error in (-0.01, 0.01)]
+    >>> draws = [Disturbance(coordinate_error=[error]) for error in (-0.01, 0.01)]
     >>> runs = simulate_control_batch(model, found, gains, draws=draws, t_end=1.0)
     >>> [run.status for run in runs], max(run.worst_error(last=0.2) for run in runs) < 1e-4
     (['ok', 'ok'], True)
@@ -133,24 +125,26 @@ def simulate_control_batch(
     require_double(model.manifest, "a simulated closed loop")
     require_quantities(model, ("member_tension",), "a simulated closed loop needs")
     check_switch(compare, "compare")
-    check_instance(compiler, (str, type(None)), "compiler", "the name of a compiler, or None")
-    check_instance(draws, Sequence, "draws", "a list of dictionaries")
+    check_instance(draws, Sequence, "draws", "a list of Disturbance")
+    written = replace(read_code(code), name=NAME, precision="double")
     held = 1.0 if t_end is None else check_positive(t_end, "t_end", "[s]")
     workers = (os.cpu_count() or 1) if threads is None else check_whole(threads, "threads", 1)
     # The controller, with the checks of all controllers.
     described, request = find_described(model, motion)
     reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held)
     parts = collect_parts(
-        described, reference, name=NAME, gains=gains, knots=knots, estimator=estimator,
-        distribution=distribution, sample=sample, rate=rate, range=range, delay=delay, daqp_sdist=daqp_sdist,
+        described, reference, gains=gains, estimator=estimator, distribution=distribution, sample=sample,
+        limits=limits, code=written,
     )  # fmt: skip
     # The draws, all of them checked before the first one is simulated.
     count = count_samples(reference.duration if t_end is None else t_end, parts.sample)
-    ready = [_read_draw(model, parts, k, draw, count) for k, draw in enumerate(draws)]
+    for k, draw in enumerate(draws):
+        check_instance(draw, Disturbance, f"draws[{k}]", "a Disturbance")
+    ready = [read_disturbance(model, parts.motion, draw, f"draws[{k}]") for k, draw in enumerate(draws)]
     if not ready:
         return ()
     # Controller and plant in one library; the draws in several threads.
-    loop = CompiledLoop(model, parts, write_files(parts, request, find_precision("double")), compiler)
+    loop = CompiledLoop(model, parts, write_files(parts, request, find_precision("double")), written.compiler)
     with ThreadPoolExecutor(workers) as pool:
         runs = list(pool.map(lambda draw: loop.run(draw, count), ready))
     late = describe_unknown_delays(gains, parts.bounds)
@@ -158,31 +152,9 @@ def simulate_control_batch(
     if gains is None or not compare:
         return tuple(runs)
     open_loop = partial(
-        simulate_control, model, reference, t_end=count * parts.sample, sample=parts.sample, rate=rate,
-        range=range, delay=delay,
-    )  # fmt: skip
-    return tuple(
-        compare_with_open_loop(model, reference, run, partial(open_loop, **draw))
-        for run, draw in zip(runs, draws, strict=True)
+        simulate_control, model, reference, t_end=count * parts.sample, sample=parts.sample, limits=limits
     )
-
-
-def _read_draw(
-    model: CompiledModel, parts: ControllerParts, k: int, draw: Mapping[str, Any], count: int
-) -> LoopDraw:
-    """Return a draw after the checks of `simulate_control`."""
-    check_instance(draw, Mapping, f"draws[{k}]", "a dictionary")
-    for key in draw:
-        check_choice(key, OF_DRAWS, "key of a draw", f"draws[{k}]")
-    given = find_given(model, draw.get("arguments"), draw.get("axial_stiffness"))
-    noise = np.zeros((0, 0))
-    seed = check_whole(draw.get("seed", 0), f"draws[{k}].seed", 0)
-    if parts.estimator is not None:
-        size = parts.estimator.sensing.noise
-        noise = size * np.random.default_rng(seed).normal(size=(count, len(size)))
-    return LoopDraw(
-        start=find_start(parts.motion, draw.get("coordinate_error"), draw.get("velocity_error")),
-        given=given,
-        gusts=bind_gust(model, draw.get("gust"), given.get(NODE_LOAD)),
-        noise=noise,
+    return tuple(
+        compare_with_open_loop(model, reference, run, partial(open_loop, disturbance=draw))
+        for run, draw in zip(runs, draws, strict=True)
     )

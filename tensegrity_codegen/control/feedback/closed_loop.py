@@ -1,17 +1,16 @@
 """Closed loops in simulation: the controller acts at samples, the full model moves in between."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, check_motion
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
+    MOVED_TO_LIMITS,
     ActuatorBounds,
+    ActuatorLimits,
     DelayedInputs,
     find_bounds,
 )
@@ -21,11 +20,10 @@ from tensegrity_codegen.control.feedback.loop.loop_parts import (
     check_parts,
     count_samples,
     describe_unknown_delays,
-    find_given,
     find_sample,
-    find_start,
+    read_disturbance,
 )
-from tensegrity_codegen.control.feedback.loop.sampled_plant import NODE_LOAD, Gust, SampledPlant, bind_gust
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, SampledPlant
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
@@ -33,10 +31,16 @@ from tensegrity_codegen.runtime.model.require import require_double, require_mod
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_positive, check_switch, check_whole
+from tensegrity_codegen.system.checks import check_instance, check_positive, check_switch
 from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.system.moved_arguments import with_moved
+
+MOVED_TO_DISTURBANCE = {
+    field.name: f"disturbance=Disturbance({field.name}=...)" for field in fields(Disturbance)
+}
 
 
+@with_moved(**MOVED_TO_DISTURBANCE, **MOVED_TO_LIMITS)
 def simulate_control(
     model: CompiledModel,
     motion: Motion | Equilibrium,
@@ -46,15 +50,8 @@ def simulate_control(
     distribution: TensionDistribution | None = None,
     t_end: float | None = None,
     sample: float | None = None,
-    coordinate_error: ArrayLike | None = None,
-    velocity_error: ArrayLike | None = None,
-    axial_stiffness: ArrayLike | None = None,
-    arguments: Mapping[str, Any] | None = None,
-    gust: Gust | Sequence[Gust] | None = None,
-    rate: ArrayLike | None = None,
-    range: ArrayLike | None = None,
-    delay: ArrayLike | None = None,
-    seed: int = 0,
+    disturbance: Disturbance | None = None,
+    limits: ActuatorLimits | None = None,
     compare: bool = True,
 ) -> ControlRun:
     """Simulate a motion of the full model with sampled feedback.
@@ -75,18 +72,10 @@ def simulate_control(
         End of the simulation, cut to whole samples; by default the end of the motion.
     sample : float, optional [s]
         Time between two commands; by default that of the gains, 0.005 s without.
-    coordinate_error, velocity_error : array_like, shape (n_coordinates,), optional
-        Added to the state of the motion at its start.
-    axial_stiffness : array_like, shape (k,), optional [N]
-        Of the simulated model, in the order of its run-time parameter.
-    arguments : mapping, optional
-        Run-time parameters of the simulated model where they differ from the scene.
-    gust : Gust or sequence of Gust, optional
-        Forces on nodes for a limited time.
-    rate, range, delay : float or array_like, optional [m/s, m, s]
-        Limits of the actuators, by default those of the scene.
-    seed : int
-        Of the noise of the measurements.
+    disturbance : Disturbance, optional
+        Errors of the start, other parameters of the simulated model, gusts, and the seed of the noise.
+    limits : ActuatorLimits, optional
+        Rates, ranges and delays of the actuators, by default those of the scene.
     compare : bool
         Whether a loop that ends far from the motion is compared with the open loop, which is simulated too.
 
@@ -105,7 +94,7 @@ def simulate_control(
 
     Notes
     -----
-    The controller and its estimator know the scene and the motion, not the errors, `arguments` and gusts.
+    The controller and its estimator know the scene and the motion, not the disturbance.
     Commands are held between samples, and arrive after the delays of the actuators. The motion in between is
     integrated in C (rk853, relative tolerance 1e-9), stretch by stretch between changes of
     inputs or loads.
@@ -113,37 +102,45 @@ def simulate_control(
     Examples
     --------
     >>> from pathlib import Path
-    >>> from tensegrity_codegen import compile_scene, design_lqr, find_equilibrium, simulate_control
+    >>> from tensegrity_codegen import Disturbance, compile_scene, design_lqr, find_equilibrium
+    >>> from tensegrity_codegen import simulate_control
     >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
     >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
     >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
     >>> found = find_equilibrium(model)
     >>> gains = design_lqr(model, found, [100.0, 1.0], [1.0], sample=0.02)
-    >>> run = simulate_control(model, found, gains, t_end=1.0, coordinate_error=[0.01])
+    >>> away = Disturbance(coordinate_error=[0.01])
+    >>> run = simulate_control(model, found, gains, t_end=1.0, disturbance=away)
     >>> run.status, run.worst_error(last=0.2) < 1e-4
     ('ok', True)
     """
     require_model(model)
     require_double(model.manifest, "a simulated closed loop")
     require_quantities(model, ("member_tension",), "a simulated closed loop needs")
-    check_whole(seed, "seed", 0)
     check_switch(compare, "compare")
     # The motion, and whether all parts belong to it.
     held = 1.0 if t_end is None else check_positive(t_end, "t_end", "[s]")
+    check_instance(disturbance, (Disturbance, type(None)), "disturbance", "a Disturbance, or None")
+    arguments = None if disturbance is None else disturbance.arguments
     reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
     check_motion(model, reference)
     check_parts(model.manifest, reference, gains, estimator, distribution)
     # What is simulated: plant, controller, estimator.
     step = find_sample(gains, estimator, sample)
-    bounds = find_bounds(model, reference, rate=rate, range=range, delay=delay)
+    bounds = find_bounds(model, reference, limits)
     count = count_samples(reference.duration if t_end is None else t_end, step)
-    given = find_given(model, arguments, axial_stiffness)
-    start = find_start(reference, coordinate_error, velocity_error)
-    plant = SampledPlant(model, start, given, bind_gust(model, gust, given.get(NODE_LOAD)))
+    start = read_disturbance(model, reference, disturbance)
+    plant = SampledPlant(model, start.state, start.given, start.gusts)
     senses = None if estimator is None else Filter(model, estimator, reference, {})
     tensions = None if distribution is None else replace(distribution, bounds=bounds)
     loop = _Loop(
-        model, reference, Controller(reference, gains, bounds, step, tensions), plant, bounds, senses, seed
+        model,
+        reference,
+        Controller(reference, gains, bounds, step, tensions),
+        plant,
+        bounds,
+        senses,
+        start.seed,
     )
     late = describe_unknown_delays(gains, bounds)
     run = replace(loop.run(count), warnings=(late,) if late else ())
@@ -152,10 +149,8 @@ def simulate_control(
 
     def run_open() -> ControlRun:
         return simulate_control(
-            model, reference, t_end=count * step, sample=step, coordinate_error=coordinate_error,
-            velocity_error=velocity_error, axial_stiffness=axial_stiffness, arguments=arguments, gust=gust,
-            rate=rate, range=range, delay=delay,
-        )  # fmt: skip
+            model, reference, t_end=count * step, sample=step, disturbance=disturbance, limits=limits
+        )
 
     return compare_with_open_loop(model, reference, run, run_open)
 

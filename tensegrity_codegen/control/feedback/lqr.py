@@ -23,7 +23,7 @@ from tensegrity_codegen.control.feedback.design.riccati import (
     name_free_motions,
     step_back,
 )
-from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits, find_bounds
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
@@ -124,7 +124,7 @@ def design_lqr(
     # Delays, weights and summed outputs.
     build_sample_time(reference, sample)
     longest = None if isinstance(motion, Motion) else np.inf  # an equilibrium is a motion of one sample
-    late = find_bounds(model, reference, delay=delay, longest_delay=longest).delay
+    late = find_bounds(model, reference, ActuatorLimits(delay=delay), longest_delay=longest).delay
     _check_count(late, sample)
     names = name_states(model.manifest)
     output, labels = _read_outputs(integral_action, model, names)

@@ -1,6 +1,6 @@
 """Options of a run: method, tolerances, step and limits in one record, and their checks."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,8 +21,54 @@ MIN_SCIPY_RTOL = 100 * np.finfo(np.float64).eps  # SciPy raises smaller ones to 
 
 
 @dataclass(frozen=True)
+class Stepping:
+    """Steps and tolerances of a simulation that are rarely stated; as of `simulate` and `simulate_batch`.
+
+    Attributes
+    ----------
+    step : float, optional [s]
+        Step of ``"rk4"``; the result is compared with that of twice the step.
+    atol : float, optional
+        Absolute tolerance [m and m/s]; by default 1e-9 times the structure's length and speed.
+    max_steps : int, optional
+        Largest number of steps of one run; by default a million, with `keep` a hundred million.
+    keep : str
+        ``"energy"``: each step of rk54, rk853 or auto ends at the initial energy, for long undamped motions;
+        needs a library built with ``keep = ["energy"]``.
+    control : str, optional
+        What the tolerances limit: ``"samples"`` (default), the estimated error of all samples, for which runs
+        are repeated with tighter tolerances; or ``"steps"`` (default with `keep`, and for batches of explicit
+        methods with error control), the error of each step.
+    """
+
+    step: float | None = None
+    atol: float | None = None
+    max_steps: int | None = None
+    keep: str = ""
+    control: str | None = None
+
+    def with_method(self, method: str, rtol: float) -> "RunOptions":
+        """Return the options of a run by this method and relative tolerance."""
+        return complete_run_options(
+            method, rtol, self.atol, self.step, self.max_steps, self.keep, self.control
+        )
+
+
+# Arguments of `simulate` and `simulate_batch` that `Stepping` has.
+MOVED_TO_STEPPING = {
+    name: f"stepping=Stepping({name}=...)" for name in ("step", "atol", "max_steps", "keep", "control")
+}
+
+
+def read_stepping(stepping: Any) -> Stepping:
+    """Return steps and tolerances, the usual ones for None; raises InvalidValueError for anything else."""
+    check_instance(stepping, (Stepping, type(None)), "stepping", "a Stepping, or None")
+    return stepping or Stepping()
+
+
+@dataclass(frozen=True)
 class RunOptions:
-    """How a motion is integrated, word by word as in `simulate`.
+    """How a motion is integrated.
 
     method: one of `METHODS`; rtol, atol: tolerances, relative and in coordinates and velocities, None: by the
     scales of the structure (scales.py); atol_speed: of velocities where that is another; step [s]: of
@@ -45,9 +91,9 @@ class RunOptions:
         return ATOL if self.atol is None else self.atol
 
     def as_given(self) -> dict[str, Any]:
-        """Return the options by the names that `simulate` has for them."""
-        names = [field.name for field in fields(self) if field.name != "atol_speed"]
-        return {name: getattr(self, name) for name in names}
+        """Return the options as arguments of `simulate`."""
+        stepping = Stepping(self.step, self.atol, self.max_steps, self.keep, self.control)
+        return {"method": self.method, "rtol": self.rtol, "stepping": stepping}
 
     def within(self, rtol: float, atol: float) -> "RunOptions":
         """Return the same with other tolerances."""

@@ -9,7 +9,12 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.runtime.accuracy.integrate import join_runs
 from tensegrity_codegen.runtime.integrate.event_log import Condition
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
-from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
+from tensegrity_codegen.runtime.integrate.options import (
+    MOVED_TO_STEPPING,
+    Stepping,
+    check_options,
+    read_stepping,
+)
 from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
@@ -23,32 +28,33 @@ from tensegrity_codegen.runtime.simulate.given import (
     read_sample_times,
     read_schedule,
 )
-from tensegrity_codegen.runtime.simulate.until import Until
+from tensegrity_codegen.runtime.simulate.until import Until, read_until
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
-from tensegrity_codegen.system.checks import check_callback, check_switch
+from tensegrity_codegen.system.checks import check_callback
+from tensegrity_codegen.system.moved_arguments import with_moved
 
 
+@with_moved(
+    **MOVED_TO_STEPPING,
+    until_contact='until="contact", or until=Until(contact=True)',
+    condition="until=..., or until=Until(condition=..., stops=False) where the motion goes on",
+    until_condition="until=..., a condition",
+)
 def simulate(
     model: CompiledModel,
     t_end: float,
     *,
     samples: int | ArrayLike = 101,
     method: str = "auto",
-    step: float | None = None,
     rtol: float = 1e-6,
-    atol: float | None = None,
     coordinate: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
     arguments: Mapping[str, Any] | None = None,
     schedule: Profile | Schedule | None = None,
-    until_contact: bool = False,
-    condition: str | Condition | None = None,
-    until_condition: bool = False,
+    until: str | Condition | Until | None = None,
+    stepping: Stepping | None = None,
     progress: Progress | None = None,
-    max_steps: int | None = None,
-    keep: str = "",
-    control: str | None = None,
 ) -> Trajectory:
     """Integrate the equations of motion from the initial state.
 
@@ -62,14 +68,10 @@ def simulate(
         Number of equally spaced sample times, 0 and t_end included; or the times themselves [s], increasing
         from 0 to t_end.
     method : str
-        ``"auto"``, the name of an integrator of the library (``"rk853"``, ``"rk54"``, ``"rk4"``, the stiff
-        one, ...) or of a method of SciPy (``"scipy_dop853"``, ...): docs/model.md lists them.
-    step : float, optional
-        Step of ``"rk4"`` [s].
+        ``"auto"``, the name of an integrator of the library (``"rk853"``, ``"rk54"``, ``"rk4"``, ...) or of a
+        method of SciPy (``"scipy_dop853"``, ...): docs/model.md lists them.
     rtol : float
         Relative tolerance.
-    atol : float, optional
-        Absolute tolerance [m and m/s]; by default 1e-9 times the structure's length and speed.
     coordinate, velocity : array_like, shape (n_coordinates,), optional
         Initial state [m, m/s]; by default that of the scene.
     arguments : mapping, optional
@@ -78,23 +80,14 @@ def simulate(
         Values that change with time: knots of a `Profile`, which all methods in C follow where accelerations
         depend on inputs, or a function time [s] -> such a mapping, for ``"auto"`` and SciPy methods, whose
         steps are then at most a hundredth of the time.
-    until_contact : bool
-        Whether to stop at the first contact of bars; needs ``bar_distance`` and the event ``"contact"``.
-    condition : str or callable, optional
-        An expression over quantities such as ``"top.z < 0.1"``, or (time, coordinate, velocity) -> float.
-        Steps end where it changes its sign; needs the event ``"condition"``.
-    until_condition : bool
-        Whether to stop at the first such change; a comparison stops at 0 if it is true there.
+    until : str, callable or Until, optional
+        What ends the motion early: ``"contact"`` of bars, a condition such as ``"top.z < 0.1"`` or
+        (time, coordinate, velocity) -> float; an `Until` also for both, or for a condition that is only
+        watched.
+    stepping : Stepping, optional
+        Step of ``"rk4"``, absolute tolerance, largest number of steps, kept energy, what tolerances limit.
     progress : callable, optional
         Called with the part of the work that is done, 0 to 1.
-    max_steps : int, optional
-        Largest number of steps of one run; by default a million, with `keep` a hundred million.
-    keep : str
-        ``"energy"``: each step of rk54, rk853 or auto ends at the initial energy, for long undamped motions;
-        needs a library built with ``keep = ["energy"]``.
-    control : str, optional
-        What the tolerance limits: ``"samples"`` (default), the estimated error of all samples, for which runs
-        are repeated with tighter tolerances; or ``"steps"`` (default with `keep`), the error of each step.
 
     Returns
     -------
@@ -127,9 +120,8 @@ def simulate(
     """
     require_model(model)
     check_callback(progress, "progress")
-    check_switch(until_contact, "until_contact")
-    check_switch(until_condition, "until_condition")
-    options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
+    ending = read_until(until)
+    options = read_stepping(stepping).with_method(method, rtol)
     times = read_sample_times(samples, t_end)
     check_options(options, t_end, len(times))
     require_double(model.manifest, "a simulation from Python")
@@ -140,11 +132,10 @@ def simulate(
     drive = read_schedule(model, schedule, options, given, t_end)
     given |= drive(0.0) if isinstance(drive, DrivenArguments) else {}
     state = find_start(model, coordinate, velocity, given)
-    until = Until(condition, until_condition, until_contact)
-    watch = until.watch(model, options.method, given, drive)
+    watch = ending.watch(model, options.method, given, drive)
     follow = progress if options.control == "steps" else join_runs(progress)
     motion = Motion(model, state, times, given, follow, watch, drive)
-    raw, events = until.integrate(motion, options)
+    raw, events = ending.integrate(motion, options)
     if progress is not None:
         progress(1.0)
     return replace(evaluate_trajectory(model, raw, given, drive), events=events)

@@ -18,7 +18,13 @@ from tensegrity_codegen.runtime.integrate.batch_integration import (
     runs_side_by_side,
 )
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
-from tensegrity_codegen.runtime.integrate.options import RunOptions, check_options, complete_run_options
+from tensegrity_codegen.runtime.integrate.options import (
+    MOVED_TO_STEPPING,
+    RunOptions,
+    Stepping,
+    check_options,
+    read_stepping,
+)
 from tensegrity_codegen.runtime.integrate.raw_results import RawBatch
 from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
@@ -37,24 +43,22 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.system.moved_arguments import with_moved
 
 
+@with_moved(**MOVED_TO_STEPPING)
 def simulate_batch(
     model: CompiledModel,
     t_end: float,
     *,
     samples: int = 101,
     method: str = "rk853",
-    step: float | None = None,
     rtol: float = 1e-6,
-    atol: float | None = None,
     coordinate: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
     arguments: Mapping[str, Any] | None = None,
     schedule: Profile | Schedule | Sequence[Profile | Schedule] | None = None,
-    max_steps: int | None = None,
-    keep: str = "",
-    control: str | None = None,
+    stepping: Stepping | None = None,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> BatchTrajectory:
@@ -71,12 +75,8 @@ def simulate_batch(
     method : str
         Explicit methods in C integrate several motions in the vector lanes of a core; steps do not end at
         events. Any other method of `simulate` integrates one motion after the other.
-    step : float, optional
-        Step of ``"rk4"`` [s]; the result is compared with that of twice the step.
     rtol : float
         Relative tolerance.
-    atol : float, optional
-        Absolute tolerance [m and m/s]; by default 1e-9 times the structure's length.
     coordinate, velocity : array_like, shape (n_coordinates,) or (n_batch, n_coordinates), optional
         Initial states [m, m/s]; by default that of the scene.
     arguments : mapping, optional
@@ -84,13 +84,9 @@ def simulate_batch(
         arrays has that axis, or `schedule` is a sequence.
     schedule : Profile or callable, or a sequence of n_batch of them, optional
         As in `simulate`, the same for all motions or one for each; integrates one motion after the other.
-    max_steps : int, optional
-        Steps that each motion may try, as in `simulate`.
-    keep : str
-        ``"energy"``, as in `simulate`; integrates one motion after the other.
-    control : str, optional
-        What the tolerances bound, as in `simulate`: by default ``"steps"`` for explicit methods with error
-        control, which integrate one motion after the other with ``"samples"``.
+    stepping : Stepping, optional
+        As in `simulate`. Kept energy, and explicit methods with error control of the samples, integrate one
+        motion after the other.
     threads : int
         Number of threads; the results do not depend on it.
     progress : callable, optional
@@ -129,9 +125,10 @@ def simulate_batch(
     """
     require_model(model)
     check_callback(progress, "progress")
-    options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
+    steps = read_stepping(stepping)
+    options = steps.with_method(method, rtol)
     check_options(options, t_end, samples)
-    options = choose_batch_control(options, control)
+    options = choose_batch_control(options, steps.control)
     side_by_side = runs_side_by_side(options) and schedule is None
     if side_by_side:
         options = scale_to_length(model.manifest, options)

@@ -18,6 +18,7 @@ from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.profiles.driven import follows_in_c
 from tensegrity_codegen.runtime.simulate.condition import build_condition, is_comparison
 from tensegrity_codegen.runtime.trajectory.trajectory import MotionEvent
+from tensegrity_codegen.system.checks import check_switch
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import JUMP_KINDS
 
@@ -27,11 +28,24 @@ SAME_TIME = 1e-9  # of the simulated time: contacts this near happen at once
 
 @dataclass(frozen=True)
 class Until:
-    """What is watched along a motion, and which of it ends the motion."""
+    """What is watched along a motion, and which of it ends the motion; as of `simulate`.
+
+    Attributes
+    ----------
+    condition : str or callable, optional
+        An expression over quantities such as ``"top.z < 0.1"``, or (time, coordinate, velocity) -> float.
+        Steps end where it changes its sign; needs the event ``"condition"``.
+    contact : bool
+        Whether the motion ends at the first contact of bars; needs ``bar_distance`` and the event
+        ``"contact"``.
+    stops : bool
+        Whether the motion ends at the first change of the condition; a comparison ends it at 0 if it is true
+        there. False: changes are only listed in ``Trajectory.log``.
+    """
 
     condition: str | Condition | None = None
-    stops_at_condition: bool = False
-    stops_at_contact: bool = False
+    contact: bool = False
+    stops: bool = True
 
     def watch(
         self,
@@ -63,8 +77,8 @@ class Until:
             if isinstance(condition, str):
                 call = build_condition(condition, model, arguments, schedule)
             kinds.append("condition")
-            stop += ["condition"] if self.stops_at_condition else []
-        if self.stops_at_contact:
+            stop += ["condition"] if self.stops else []
+        if self.contact:
             require_quantities(model, CONTACT_QUANTITIES, "these events need")
             kinds.append("contact")
             stop.append("contact")
@@ -80,7 +94,7 @@ class Until:
         All samples where there is none. Bars that overlap touch at the start, and a comparison that holds
         there ends the motion at once. Raises what the methods raise.
         """
-        if self.stops_at_contact:
+        if self.contact:
             # What a longer fixed step makes of bars that go through each other says nothing.
             options = options if options.step is None else replace(options, control="steps")
             touching = find_distances(motion, motion.state) <= 0.0
@@ -88,15 +102,15 @@ class Until:
                 pairs = zip(motion.model.manifest.bar_pair_name, touching.tolist(), strict=True)
                 inside = tuple(name for name, touches in pairs if touches)
                 return _tell_contact(motion, _stay(motion, options, ""), inside)
-        if self.stops_at_condition and self._holds_at_start(motion):
+        if self.stops and self._holds_at_start(motion):
             raw = _stay(motion, options, "the condition holds from the start")
             return raw, (self._describe_condition(raw),)
         raw = integrate(motion, options)
         log = raw.log
         kind = log.kind[-1] if log.count and raw.time[-1] >= log.time[-1] else ""
-        if self.stops_at_condition and kind == "condition":
+        if self.stops and kind == "condition":
             return raw, (self._describe_condition(raw),)
-        if self.stops_at_contact:
+        if self.contact:
             same = log.time >= raw.time[-1] - SAME_TIME * motion.t_end
             rows = zip(log.name, log.kind, same.tolist(), strict=True)
             names = tuple(name for name, own, is_same in rows if own == "contact" and is_same)
@@ -117,6 +131,15 @@ class Until:
         name = self.condition if isinstance(self.condition, str) else "condition"
         n, state = raw.state.shape[1] // 2, raw.state[-1]
         return MotionEvent("condition", (name,), float(raw.time[-1]), 0.0, state[:n], state[n:])
+
+
+def read_until(until: "Until | str | Condition | None") -> Until:
+    """Return what ends a motion: "contact", a condition, or an `Until`; raises InvalidValueError."""
+    if not isinstance(until, Until):
+        return Until(contact=True) if until == "contact" else Until(until)
+    check_switch(until.contact, "until.contact")
+    check_switch(until.stops, "until.stops")
+    return until
 
 
 def _check_method(model: CompiledModel, method: str, schedule: Schedule | None) -> None:

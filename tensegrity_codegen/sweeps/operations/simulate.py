@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.analyses import BATCH_METHOD, Needs, find_needs
-from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
+from tensegrity_codegen.runtime.integrate.options import Stepping, check_options, complete_run_options
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
@@ -162,11 +162,13 @@ class Simulate(Operation):
                 start.get("coordinate", model.nominal("coordinate")), (rows.stop - rows.start, 1)
             )
         shared = {name: array for name, array in given.shared.items() if name not in start}
-        options = self.options
         return simulate_batch(
             model,
-            options.pop("t_end"),
-            **options,
+            self.t_end,
+            samples=self.samples,
+            method=self.method,
+            rtol=self.rtol,
+            stepping=Stepping(self.step, self.atol, self.max_steps, control=self.control),
             coordinate=start.get("coordinate"),
             velocity=start.get("velocity"),
             arguments={**shared, **own},

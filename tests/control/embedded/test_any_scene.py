@@ -14,7 +14,11 @@ from tensegrity_codegen.control.embedded.build_controller import build_controlle
 from tensegrity_codegen.control.feedback.design.estimator import Estimator, find_sensing
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
-from tensegrity_codegen.control.feedback.loop.actuator_bounds import DelayedInputs, find_bounds
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
+    ActuatorLimits,
+    DelayedInputs,
+    find_bounds,
+)
 from tensegrity_codegen.control.feedback.loop.controller import Controller, Filter
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -124,7 +128,12 @@ def check_made_up(parts: MadeUp, folder: Path, tolerance: float = 1e-12) -> None
     measured[OUTLIER] += 1e3
     with without_optimisation():
         bundle = build_controller(
-            parts.model, parts.motion, parts.gains, estimator=parts.estimator, out=folder / "ctl", delay=delay
+            parts.model,
+            parts.motion,
+            parts.gains,
+            estimator=parts.estimator,
+            out=folder / "ctl",
+            limits=ActuatorLimits(delay=delay),
         )
     controller = bundle.load()
     controller.init()
@@ -142,7 +151,7 @@ def check_made_up(parts: MadeUp, folder: Path, tolerance: float = 1e-12) -> None
 
 def _run_python(parts: MadeUp, measured: Array, delay: Array) -> list[tuple[Array, str, Array, Array]]:
     """Return command, status, estimate and rest lengths of each step."""
-    bounds = find_bounds(parts.model, parts.motion, delay=delay)
+    bounds = find_bounds(parts.model, parts.motion, limits=ActuatorLimits(delay=delay))
     controller = Controller(parts.motion, parts.gains, bounds, SAMPLE)
     senses = Filter(parts.model, parts.estimator, parts.motion, {})
     delayed, value = DelayedInputs(bounds, controller.command, SAMPLE), parts.motion.at(0.0).input.copy()

@@ -7,8 +7,10 @@ import pytest
 
 from tensegrity_codegen.control.embedded.build_controller import ControllerBundle, build_controller
 from tensegrity_codegen.control.embedded.loaded import load_controller
+from tensegrity_codegen.control.embedded.parts import ControllerCode
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
@@ -35,17 +37,17 @@ def test_parts_of_another_model_sample_or_range_are_refused(
     with pytest.raises(InvalidValueError, match="another sample time"):
         build_controller(model, motion, gains, estimator=replace(estimator, sample=0.01), out=out)
     with pytest.raises(InvalidValueError, match="starts outside of the range"):
-        build_controller(model, motion, gains, range=[0.26, 0.5], out=out)
+        build_controller(model, motion, gains, limits=ActuatorLimits(range=[0.26, 0.5]), out=out)
     with pytest.raises(InvalidValueError, match="too fast for an actuator"):
-        build_controller(model, motion, gains, rate=0.01, out=out)
+        build_controller(model, motion, gains, limits=ActuatorLimits(rate=0.01), out=out)
     with pytest.raises(InvalidValueError, match="no place in a controller"):
         build_controller(model, motion, gains, arguments={"m_top1": 0.01}, out=out)
     with pytest.raises(InvalidValueError, match="a whole number from 2 on"):
-        build_controller(model, motion, gains, knots=1, out=out)
+        build_controller(model, motion, gains, code=ControllerCode(knots=1), out=out)
     with pytest.raises(UnknownNameError, match="unknown precision"):
-        build_controller(model, motion, gains, precision="half", out=out)
+        build_controller(model, motion, gains, code=ControllerCode(precision="half"), out=out)
     with pytest.raises(InvalidNameError):
-        build_controller(model, motion, gains, name="not a name", out=out)
+        build_controller(model, motion, gains, code=ControllerCode(name="not a name"), out=out)
     assert not out.exists()
 
 
@@ -54,7 +56,7 @@ def test_files_of_others_are_kept(
 ) -> None:
     (tmp_path / "example.c").write_text("int mine;\n", encoding="utf-8")
     with pytest.raises(OutputError, match="of these names already"):
-        build_controller(model, motion, gains, out=tmp_path, library=False)
+        build_controller(model, motion, gains, out=tmp_path, code=ControllerCode(library=False))
     assert [path.name for path in tmp_path.iterdir()] == ["example.c"]
     assert set(bundle.files) | {"SHA256SUMS"} <= {path.name for path in bundle.folder.iterdir()}
 
@@ -67,7 +69,7 @@ def test_folders_without_a_controller_are_refused(
     (tmp_path / "manifest.json").write_text("[1, 2]\n", encoding="utf-8")
     with pytest.raises(LibraryError, match="not the manifest of a controller"):
         load_controller(tmp_path)
-    bare = build_controller(model, motion, gains, out=tmp_path / "ctl", library=False)
+    bare = build_controller(model, motion, gains, out=tmp_path / "ctl", code=ControllerCode(library=False))
     with pytest.raises(LibraryError, match="has no library"):
         bare.load()
 

@@ -115,6 +115,7 @@ def test_motors_of_several_cables_and_cables_of_several_motors(
     assert "least_tension" in compare(other, DistributionInC(other, daqp, tmp_path), 100, 2)
 
 
+@pytest.mark.thorough
 def test_own_preferred_tensions_and_weight(
     model: CompiledModel, motion: Motion, daqp: str, tmp_path: Path
 ) -> None:

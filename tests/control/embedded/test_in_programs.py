@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.control.embedded.build_controller import ControllerBundle, build_controller
+from tensegrity_codegen.control.embedded.parts import ControllerCode
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.control.feedback.kalman import design_kalman
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -52,7 +54,12 @@ def single(
     folder = tmp_path_factory.mktemp("single") / "ctl"
     with without_optimisation():
         return build_controller(
-            model, motion, gains, estimator=estimator, precision="single", name="small", out=folder
+            model,
+            motion,
+            gains,
+            estimator=estimator,
+            code=ControllerCode(precision="single", name="small"),
+            out=folder,
         )
 
 
@@ -68,7 +75,9 @@ def lift(tmp_path_factory: pytest.TempPathFactory) -> ControllerBundle:
         found = find_equilibrium(model)
         gains = design_lqr(model, found, [100.0, 1.0], [1.0], sample=0.02)
         estimator = design_kalman(model, found, sample=0.02, knots=2)
-        return build_controller(scene, found, gains, estimator=estimator, name="lift", out=folder / "ctl")
+        return build_controller(
+            scene, found, gains, estimator=estimator, code=ControllerCode(name="lift"), out=folder / "ctl"
+        )
 
 
 def list_c(bundle: ControllerBundle) -> list[str]:
@@ -109,9 +118,16 @@ def test_parts_that_are_not_there_leave_nothing_unused(
     gcc = require_compiler("gcc").command
     no_force = design_kalman(model, motion, sample=0.005, disturbance=0.0, knots=2)
     built = [
-        build_controller(model, motion, out=tmp_path / "open", library=False),
-        build_controller(model, motion, gains, out=tmp_path / "state", library=False),
-        build_controller(model, motion, gains, estimator=no_force, out=tmp_path / "plain", library=False),
+        build_controller(model, motion, out=tmp_path / "open", code=ControllerCode(library=False)),
+        build_controller(model, motion, gains, out=tmp_path / "state", code=ControllerCode(library=False)),
+        build_controller(
+            model,
+            motion,
+            gains,
+            estimator=no_force,
+            out=tmp_path / "plain",
+            code=ControllerCode(library=False),
+        ),
     ]
     for bundle in built:
         compile_all(bundle, gcc, "-std=c99", "-O1")
@@ -267,7 +283,9 @@ def test_single_precision_follows_double(
     for name in list_c(single):
         text = (single.folder / name).read_text(encoding="utf-8")
         assert not re.search(r"\bdouble\b", re.sub(r"/\*.*?\*/|\"[^\"\n]*\"", "", text, flags=re.DOTALL))
-    run_ = simulate_control(model, motion, gains.at_knots(), estimator=estimator, t_end=1.0, seed=4)
+    run_ = simulate_control(
+        model, motion, gains.at_knots(), estimator=estimator, t_end=1.0, disturbance=Disturbance(seed=4)
+    )
     done = replay(single.load(), run_, motion, estimator, 4)
     np.testing.assert_allclose(done.command, run_.command, rtol=0, atol=2e-5 * motion.rest_length.max())
 
@@ -300,7 +318,12 @@ def test_a_noisy_loop_in_node_positions_is_that_of_python(lift: ControllerBundle
     gains = design_lqr(model, found, [100.0, 1.0], [1.0], sample=0.02)
     estimator = design_kalman(model, found, sample=0.02, knots=2)
     loop = simulate_control(
-        model, found, gains, estimator=estimator, t_end=1.0, coordinate_error=[0.05], seed=1
+        model,
+        found,
+        gains,
+        estimator=estimator,
+        t_end=1.0,
+        disturbance=Disturbance(coordinate_error=[0.05], seed=1),
     )
     motion = build_rest(model, found)
     check_same(replay(lift.load(), loop, motion, estimator, 1), loop, motion)

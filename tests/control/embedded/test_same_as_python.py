@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.control.embedded.build_controller import ControllerBundle, build_controller
+from tensegrity_codegen.control.embedded.parts import ControllerCode
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tests.cases import thorough
 from tests.codegen.quickly import without_optimisation
 from tests.control.embedded.replay import check_same, replay, replay_states
 from tests.control.feedback.pinned_prism import design_gains, draw_errors
@@ -26,8 +30,14 @@ from tests.control.feedback.tower_motion import (
 def test_a_noisy_loop_of_the_prism(
     bundle: ControllerBundle, model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator
 ) -> None:
-    errors = draw_errors(model, 1)
-    run = simulate_control(model, motion, gains.at_knots(), estimator=estimator, t_end=1.5, seed=1, **errors)
+    run = simulate_control(
+        model,
+        motion,
+        gains.at_knots(),
+        estimator=estimator,
+        t_end=1.5,
+        disturbance=draw_errors(model, 1, 1),
+    )
     done = replay(bundle.load(), run, motion, estimator, 1)
     check_same(done, run, motion)
     assert {"ok", "rate_limited"} <= set(done.statuses)
@@ -37,7 +47,7 @@ def test_a_noisy_loop_of_the_prism(
     np.testing.assert_allclose(done.rest_length, structure.rest_length[first] + done.command, rtol=1e-14)
 
 
-@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("known", [True, *thorough(False)])
 def test_delays_within_and_beyond_a_sample(
     model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator, known: bool, tmp_path: Path
 ) -> None:
@@ -46,10 +56,21 @@ def test_delays_within_and_beyond_a_sample(
         gains = design_gains(model, motion, delay=delay)
     with without_optimisation():
         bundle = build_controller(
-            model, motion, gains, estimator=estimator, delay=delay, out=tmp_path / "ctl"
+            model,
+            motion,
+            gains,
+            estimator=estimator,
+            limits=ActuatorLimits(delay=delay),
+            out=tmp_path / "ctl",
         )
     run = simulate_control(
-        model, motion, gains.at_knots(), estimator=estimator, t_end=0.5, seed=2, delay=delay
+        model,
+        motion,
+        gains.at_knots(),
+        estimator=estimator,
+        t_end=0.5,
+        disturbance=Disturbance(seed=2),
+        limits=ActuatorLimits(delay=delay),
     )
     check_same(replay(bundle.load(), run, motion, estimator, 2), run, motion)
 
@@ -61,20 +82,23 @@ def test_the_true_state_without_estimator_and_all_gains(
     limits = np.tile([0.1, 0.5], (9, 1))
     start, end = motion.rest_length[0, 8], motion.rest_length[-1, 8]
     limits[8, int(end > start)] = 0.5 * (start + end)
-    wide = {"range": limits}
+    wide = {"limits": ActuatorLimits(range=limits)}
     with without_optimisation():
-        bundle = build_controller(model, motion, gains, knots=None, out=tmp_path / "ctl", **wide)
-    run = simulate_control(model, motion, gains, t_end=1.5, **draw_errors(model, 3), **wide)
+        bundle = build_controller(
+            model, motion, gains, code=ControllerCode(knots=None), out=tmp_path / "ctl", **wide
+        )
+    run = simulate_control(model, motion, gains, t_end=1.5, disturbance=draw_errors(model, 3), **wide)
     done = replay_states(bundle.load(), run)
     check_same(done, run, motion)
     assert {"range_limited", "rate_limited"} <= set(done.statuses)
     assert not any(name.endswith("_model.c") for name in bundle.files)
 
 
+@pytest.mark.thorough
 def test_25_stored_gains_end_as_all_of_them(model: CompiledModel, motion: Motion, gains: Gains) -> None:
     errors = draw_errors(model, 0)
     ends = [
-        simulate_control(model, motion, item, t_end=3.0, **errors).worst_error(0.5)
+        simulate_control(model, motion, item, t_end=3.0, disturbance=errors).worst_error(0.5)
         for item in (gains, gains.at_knots(25))
     ]
     assert len(gains.at_knots(25).time) == 25
@@ -90,6 +114,12 @@ def test_a_noisy_loop_of_the_tower(tmp_path: Path) -> None:
     gains = design_tower_gains(model, motion)
     estimator = design_tower_estimator(model, motion)
     bundle = build_controller(model, motion, gains, estimator=estimator, out=tmp_path / "ctl")
-    errors = draw_tower_errors(model, 1)
-    run = simulate_control(model, motion, gains.at_knots(), estimator=estimator, t_end=7.0, seed=1, **errors)
+    run = simulate_control(
+        model,
+        motion,
+        gains.at_knots(),
+        estimator=estimator,
+        t_end=7.0,
+        disturbance=draw_tower_errors(model, 1, 1),
+    )
     check_same(replay(bundle.load(), run, motion, estimator, 1), run, motion)

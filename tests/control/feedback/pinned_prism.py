@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, Gust
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.pipeline.analyses import want_analyses
 from tensegrity_codegen.pipeline.build_library import build_library
@@ -101,16 +101,20 @@ def design_gains(model: CompiledModel, motion: Motion, **options: Any) -> Gains:
     return design_lqr(model, motion, weight, np.full(9, 1e6), integral_action=names, **options)
 
 
-def draw_errors(model: CompiledModel, seed: int) -> dict[str, Any]:
-    """Return the errors of one draw: angles off by 1.2 deg, stiffness by 5 %, 5 N on a tip for 0.2 s."""
+def draw_errors(model: CompiledModel, seed: int, noise: int = 0) -> Disturbance:
+    """Return the errors of one draw: angles off by 1.2 deg, stiffness by 5 %, 5 N on a tip for 0.2 s.
+
+    noise: seed of the noise of measurements.
+    """
     rng = np.random.default_rng(seed)
     force = rng.normal(size=3)
     alternate = np.array([1.05 if e % 2 else 0.95 for e in range(len(model.manifest.member_name))])
-    return {
-        "coordinate_error": np.radians(1.2) * rng.choice([-1.0, 1.0], 6),
-        "axial_stiffness": STIFFNESS * alternate,
-        "gust": Gust(f"bar{rng.integers(1, 4)}_B", tuple(5.0 * force / np.linalg.norm(force)), 0.5, 0.2),
-    }
+    return Disturbance(
+        coordinate_error=np.radians(1.2) * rng.choice([-1.0, 1.0], 6),
+        axial_stiffness=STIFFNESS * alternate,
+        gust=Gust(f"bar{rng.integers(1, 4)}_B", tuple(5.0 * force / np.linalg.norm(force)), 0.5, 0.2),
+        seed=noise,
+    )
 
 
 def quintic(share: Array) -> tuple[Array, Array, Array]:

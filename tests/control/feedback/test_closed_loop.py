@@ -17,7 +17,12 @@ from tensegrity_codegen import (
     time_motion,
 )
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.loop.actuator_bounds import DelayedInputs, find_bounds
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
+    ActuatorLimits,
+    DelayedInputs,
+    find_bounds,
+)
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.pipeline.analyses import want_analyses
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -33,10 +38,10 @@ Array = NDArray[np.float64]
 
 def check_draw(model: CompiledModel, motion: Motion, gains: Gains, seed: int) -> None:
     errors = draw_errors(model, seed)
-    open_loop = simulate_control(model, motion, t_end=3.0, **errors)
+    open_loop = simulate_control(model, motion, t_end=3.0, disturbance=errors)
     assert open_loop.status == "ok"
     assert np.degrees(open_loop.worst_error(0.5)) > 1.0
-    held = simulate_control(model, motion, gains, t_end=3.0, **errors)
+    held = simulate_control(model, motion, gains, t_end=3.0, disturbance=errors)
     assert held.status == "ok"
     assert np.degrees(held.worst_error(0.5)) < 0.05
     assert held.least_tension(1.0).min() > 5.0
@@ -82,20 +87,20 @@ def test_the_sampled_motion_is_that_of_simulate(model: CompiledModel, motion: Mo
 
 def test_a_gust_pushes_the_model_for_its_time_only(model: CompiledModel, motion: Motion) -> None:
     gust = Gust("bar1_B", (0.0, 0.0, -2.0), start=0.0125, duration=0.011)
-    run = simulate_control(model, motion, t_end=0.1, gust=gust)
+    run = simulate_control(model, motion, t_end=0.1, disturbance=Disturbance(gust=gust))
     calm = simulate_control(model, motion, t_end=0.1)
     apart = np.abs(run.coordinate - calm.coordinate).max(axis=1)
     assert (apart[:3] == 0.0).all()
     assert (apart[3:] > 1e-7).all()
     # The gust begins and ends within samples: two halves are the whole.
     half = [Gust("bar1_B", (0.0, 0.0, -2.0), 0.0125, 0.004), Gust("bar1_B", (0.0, 0.0, -2.0), 0.0165, 0.007)]
-    again = simulate_control(model, motion, t_end=0.1, gust=half)
+    again = simulate_control(model, motion, t_end=0.1, disturbance=Disturbance(gust=half))
     assert again.coordinate == pytest.approx(run.coordinate, abs=1e-8)
 
 
 def test_delayed_commands_arrive_when_they_should(model: CompiledModel, motion: Motion) -> None:
     delay = np.array([0.0, 0.005, 0.012, 0.0025, 0.01, 0.0, 0.0, 0.0, 0.03])
-    bounds = find_bounds(model, motion, delay=delay)
+    bounds = find_bounds(model, motion, limits=ActuatorLimits(delay=delay))
     inputs = DelayedInputs(bounds, np.full(9, -1.0), 0.005)
     for k in range(10):
         for since, values in inputs.push(np.full(9, float(k))):
@@ -105,7 +110,7 @@ def test_delayed_commands_arrive_when_they_should(model: CompiledModel, motion: 
 
 
 def test_delays_act_in_the_loop(model: CompiledModel, motion: Motion, gains: Gains) -> None:
-    late = simulate_control(model, motion, gains, t_end=0.3, delay=0.0075)
+    late = simulate_control(model, motion, gains, t_end=0.3, limits=ActuatorLimits(delay=0.0075))
     assert late.status == "ok"
     start = motion.input[0]
     assert late.input[0] == pytest.approx(start)
@@ -119,7 +124,9 @@ def check_delay(
     errors = draw_errors(model, 1)
     late = design_gains(model, motion, delay=delay)
     ends = [
-        simulate_control(model, motion, item, t_end=t_end, delay=item.delay, **errors)
+        simulate_control(
+            model, motion, item, t_end=t_end, limits=ActuatorLimits(delay=item.delay), disturbance=errors
+        )
         for item in (gains, late)
     ]
     assert [run.status for run in ends] == ["ok", "ok"]
@@ -143,7 +150,8 @@ def test_loops_with_equal_delays_end_as_those_without(
 
 def test_a_loop_worse_than_the_open_one_is_not_ok(model: CompiledModel, motion: Motion, gains: Gains) -> None:
     """Gains that know nothing of 30 ms; without the comparison only the warning is left."""
-    options: dict[str, Any] = {"t_end": 1.0, "delay": 0.03, **draw_errors(model, 1)}
+    options: dict[str, Any] = {"t_end": 1.0, "disturbance": draw_errors(model, 1)}
+    options["limits"] = ActuatorLimits(delay=0.03)
     run = simulate_control(model, motion, gains, **options)
     assert run.status == "does_not_hold"
     assert "mm without feedback" in run.message
@@ -156,28 +164,42 @@ def test_a_loop_worse_than_the_open_one_is_not_ok(model: CompiledModel, motion: 
 
 def test_slow_motors_and_long_delays_are_refused(model: CompiledModel, motion: Motion) -> None:
     with pytest.raises(InvalidValueError, match="too fast for an actuator") as caught:
-        simulate_control(model, motion, rate=0.02)
+        simulate_control(model, motion, limits=ActuatorLimits(rate=0.02))
     assert "m_opposite" in str(caught.value)
     with pytest.raises(InvalidValueError, match="delay is longer than the motion"):
-        simulate_control(model, motion, delay=1.5)
-    limited = simulate_control(model, motion, t_end=0.2, rate=0.06, coordinate_error=np.zeros(6))
+        simulate_control(model, motion, limits=ActuatorLimits(delay=1.5))
+    limited = simulate_control(
+        model,
+        motion,
+        t_end=0.2,
+        limits=ActuatorLimits(rate=0.06),
+        disturbance=Disturbance(coordinate_error=np.zeros(6)),
+    )
     assert np.abs(np.diff(limited.command, axis=0)).max() <= 0.06 * 0.005 + 1e-12
 
 
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"coordinate_error": np.ones(5)}, InvalidValueError, "coordinate_error"),
-        ({"velocity_error": np.full(6, np.nan)}, NonFiniteError, "velocity_error"),
+        ({"disturbance": Disturbance(coordinate_error=np.ones(5))}, InvalidValueError, "coordinate_error"),
+        ({"disturbance": Disturbance(velocity_error=np.full(6, np.nan))}, NonFiniteError, "velocity_error"),
         ({"t_end": np.nan}, InvalidValueError, "t_end"),
-        ({"rate": -1.0}, InvalidValueError, "rate"),
-        ({"rate": np.ones(3)}, InvalidValueError, "rate"),
-        ({"range": (0.4, 0.2)}, InvalidValueError, "range"),
-        ({"gust": Gust("bar9_B", (0.0, 0.0, 1.0))}, UnknownNameError, "bar1_B"),
-        ({"gust": Gust("bar1_B", (0.0, np.inf, 1.0))}, InvalidValueError, "gust.force"),
-        ({"gust": Gust("bar1_B", (0.0, 0.0, 1.0), start=-1.0)}, InvalidValueError, "gust.start"),
-        ({"axial_stiffness": np.ones(3)}, InvalidValueError, "axial_stiffness"),
-        ({"arguments": {"wind": 1.0}}, UnknownNameError, "wind"),
+        ({"limits": ActuatorLimits(rate=-1.0)}, InvalidValueError, "rate"),
+        ({"limits": ActuatorLimits(rate=np.ones(3))}, InvalidValueError, "rate"),
+        ({"limits": ActuatorLimits(range=(0.4, 0.2))}, InvalidValueError, "range"),
+        ({"disturbance": Disturbance(gust=Gust("bar9_B", (0.0, 0.0, 1.0)))}, UnknownNameError, "bar1_B"),
+        (
+            {"disturbance": Disturbance(gust=Gust("bar1_B", (0.0, np.inf, 1.0)))},
+            InvalidValueError,
+            "gust.force",
+        ),
+        (
+            {"disturbance": Disturbance(gust=Gust("bar1_B", (0.0, 0.0, 1.0), start=-1.0))},
+            InvalidValueError,
+            "gust.start",
+        ),
+        ({"disturbance": Disturbance(axial_stiffness=np.ones(3))}, InvalidValueError, "axial_stiffness"),
+        ({"disturbance": Disturbance(arguments={"wind": 1.0})}, UnknownNameError, "wind"),
     ],
 )
 def test_bad_input_is_named(
@@ -197,7 +219,7 @@ def test_a_run_that_fails_in_its_first_sample_has_its_start_alone(
 ) -> None:
     load = np.zeros_like(model.nominal("node_load"))
     load[model.manifest.node_name.index("bar1_B"), 0] = 1e300
-    run = simulate_control(model, motion, t_end=0.1, arguments={"node_load": load})
+    run = simulate_control(model, motion, t_end=0.1, disturbance=Disturbance(arguments={"node_load": load}))
     assert run.status == "unstable"
     assert run.coordinate.shape == (1, 6)
     assert run.command.shape == (0, 9)
@@ -224,7 +246,12 @@ def test_a_planned_motion_of_nodes_is_held() -> None:
     gust = Gust("t1", (0.0, 0.0, -3.0), 0.5, 0.1)
     for senses, bound in ((None, 1e-6), (estimator, 5e-4)):
         run = simulate_control(
-            model, motion, gains, estimator=senses, t_end=2.0, coordinate_error=off, gust=gust
+            model,
+            motion,
+            gains,
+            estimator=senses,
+            t_end=2.0,
+            disturbance=Disturbance(coordinate_error=off, gust=gust),
         )
         assert run.status == "ok"
         assert 1e-3 < run.worst_error() < 0.01

@@ -14,6 +14,7 @@ from tensegrity_codegen.control.feedback.design.estimator import Estimator, find
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.kalman import design_kalman, find_shown_forces
 from tensegrity_codegen.control.feedback.loop.controller import Filter
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.actuators import Sensor
@@ -30,13 +31,13 @@ def estimator(model: CompiledModel, motion: Motion) -> Estimator:
 
 
 def check_draw(model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator, seed: int) -> None:
-    errors = draw_errors(model, seed)
-    run = simulate_control(model, motion, gains, estimator=estimator, t_end=3.0, seed=seed, **errors)
+    errors = draw_errors(model, seed, seed)
+    run = simulate_control(model, motion, gains, estimator=estimator, t_end=3.0, disturbance=errors)
     assert run.status == "ok"
     assert np.degrees(run.worst_error(0.5)) < 0.1
     assert run.least_tension(1.0).min() > 5.0
     plain = design_kalman(model, motion, disturbance=0.0)
-    biased = simulate_control(model, motion, gains, estimator=plain, t_end=3.0, seed=seed, **errors)
+    biased = simulate_control(model, motion, gains, estimator=plain, t_end=3.0, disturbance=errors)
     assert np.degrees(biased.worst_error(0.5)) > 0.1
 
 
@@ -149,7 +150,12 @@ def test_a_constant_force_is_estimated(model: CompiledModel, motion: Motion, gai
     node = model.manifest.node_name.index("bar1_B")
     load[node] = [0.3, -0.2, -0.5]
     run = simulate_control(
-        model, motion, gains, estimator=estimator, t_end=2.0, arguments={"node_load": load}
+        model,
+        motion,
+        gains,
+        estimator=estimator,
+        t_end=2.0,
+        disturbance=Disturbance(arguments={"node_load": load}),
     )
     assert run.disturbance is not None
     jacobian = model.compute("node_jacobian", coordinate=run.coordinate[-2])
@@ -198,7 +204,9 @@ def test_runs_with_one_seed_are_equal(
     model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator
 ) -> None:
     first, second, other = (
-        simulate_control(model, motion, gains, estimator=estimator, t_end=0.1, seed=seed)
+        simulate_control(
+            model, motion, gains, estimator=estimator, t_end=0.1, disturbance=Disturbance(seed=seed)
+        )
         for seed in (3, 3, 4)
     )
     assert np.array_equal(first.coordinate, second.coordinate)
@@ -219,7 +227,14 @@ def test_a_loop_that_goes_wrong_ends_with_a_status(
 ) -> None:
     """An estimator with gains a thousand times too large, and measurements far from its start."""
     wild = replace(estimator, L=1000.0 * estimator.L)
-    run = simulate_control(model, motion, gains, estimator=wild, t_end=3.0, coordinate_error=np.full(6, 0.1))
+    run = simulate_control(
+        model,
+        motion,
+        gains,
+        estimator=wild,
+        t_end=3.0,
+        disturbance=Disturbance(coordinate_error=np.full(6, 0.1)),
+    )
     assert run.status == "unstable"
     assert run.message
     assert np.isfinite(run.coordinate).all()

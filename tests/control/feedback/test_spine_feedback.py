@@ -1,7 +1,6 @@
 """Feedback of a structure from elsewhere: the imported NTRT spine, bent by 20 deg and straightened."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.kalman import design_kalman
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
-from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, Gust
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.control.feedback.time_motion import time_motion
 from tensegrity_codegen.control.planning.plan import plan
@@ -93,17 +92,21 @@ def design_estimator(model: CompiledModel, motion: Motion, *, disturbance: float
     )
 
 
-def draw_errors(model: CompiledModel, seed: int) -> dict[str, Any]:
-    """Return the errors of one draw: 1 deg and 1 cm off, stiffness by 5 %, 5 N on a node for 0.2 s."""
+def draw_errors(model: CompiledModel, seed: int, noise: int = 0) -> Disturbance:
+    """Return the errors of one draw: 1 deg and 1 cm off, stiffness by 5 %, 5 N on a node for 0.2 s.
+
+    noise: seed of the noise of measurements.
+    """
     rng = np.random.default_rng(seed)
     size = np.tile([0.01] * 3 + [np.radians(1.0)] * 3, len(FREE))
     force = rng.normal(size=3)
     ends = ("front", "right", "back", "left")
-    return {
-        "coordinate_error": build_pose(model) @ (size * rng.choice([-1.0, 1.0], len(size))),
-        "arguments": {"spring_constant": STIFFNESS * np.array([1.05 if e % 2 else 0.95 for e in range(40)])},
-        "gust": Gust(f"t6_{ends[rng.integers(4)]}", tuple(5.0 * force / np.linalg.norm(force)), 0.5, 0.2),
-    }
+    return Disturbance(
+        coordinate_error=build_pose(model) @ (size * rng.choice([-1.0, 1.0], len(size))),
+        arguments={"spring_constant": STIFFNESS * np.array([1.05 if e % 2 else 0.95 for e in range(40)])},
+        gust=Gust(f"t6_{ends[rng.integers(4)]}", tuple(5.0 * force / np.linalg.norm(force)), 0.5, 0.2),
+        seed=noise,
+    )
 
 
 def find_turns(model: CompiledModel, first: Array, second: Array) -> Array:
@@ -168,8 +171,8 @@ def test_feedback_holds_the_spine(
 ) -> None:
     def find_worst(gains: Gains | None, estimator: Estimator | None) -> tuple[float, ControlRun]:
         run = simulate_control(
-            model, motion, gains, estimator=estimator, sample=SAMPLE, t_end=5.0, seed=seed,
-            **draw_errors(model, seed),
+            model, motion, gains, estimator=estimator, sample=SAMPLE, t_end=5.0,
+            disturbance=draw_errors(model, seed, seed),
         )  # fmt: skip
         assert run.status == "ok"
         late = run.time >= run.time[-1] - 0.5

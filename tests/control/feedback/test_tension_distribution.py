@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, Gust
 from tensegrity_codegen.control.feedback.loop.tension_distribution import (
     TensionDistribution,
     design_distribution,
@@ -99,11 +99,9 @@ def test_the_least_tension_yields_where_the_rate_is_too_small(
 def test_the_loop_keeps_tensions_that_feedback_alone_loses(
     model: CompiledModel, motion: Motion, gains: Gains
 ) -> None:
-    options: dict[str, Any] = {
-        "t_end": 2.0,
-        "axial_stiffness": STIFFNESS * np.array([1.05 if e % 2 else 0.95 for e in range(12)]),
-        "gust": Gust("bar2_B", (4.0, 0.0, 0.0), 1.2, 0.3),
-    }
+    stiffness = STIFFNESS * np.array([1.05 if e % 2 else 0.95 for e in range(12)])
+    off = Disturbance(axial_stiffness=stiffness, gust=Gust("bar2_B", (4.0, 0.0, 0.0), 1.2, 0.3))
+    options: dict[str, Any] = {"t_end": 2.0, "disturbance": off}
     alone = simulate_control(model, motion, gains, **options)
     assert alone.yielding is None
     best = alone.least_tension(1.1)[3:].min()

@@ -265,6 +265,7 @@ def test_a_free_prism_of_unequal_masses_turns_as_it_must() -> None:
     np.testing.assert_allclose(_distances(motion.coordinate[-1]), _distances(found.coordinate[-1]), atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_free_structure_that_goes_back_ends_where_it_began() -> None:
     structure = build_prism()
     model, found = compile_motion(structure), plan_prism(structure)

@@ -12,6 +12,7 @@ from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
 from tensegrity_codegen.control.feedback.inverse_dynamics import InverseDynamics
 from tensegrity_codegen.control.feedback.kalman import design_kalman
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.control.feedback.time_motion import time_motion
 from tensegrity_codegen.control.planning.actuation import find_actuation
@@ -158,9 +159,14 @@ def run_draw(
     if noise:
         lengths = (Sensor("member_length", tuple(range(18)), noise),)
         estimator = design_kalman(model, motion, lengths, sample=SAMPLE)
-    errors = draw_tower_errors(model, seed)
     return simulate_control(
-        model, motion, gains, estimator=estimator, sample=SAMPLE, t_end=12.0, seed=seed, **errors
+        model,
+        motion,
+        gains,
+        estimator=estimator,
+        sample=SAMPLE,
+        t_end=12.0,
+        disturbance=draw_tower_errors(model, seed, seed),
     )
 
 
@@ -175,7 +181,7 @@ def test_a_motor_of_two_centimetres_a_second_is_too_slow(
     model: CompiledModel, motion: Motion, gains: Gains
 ) -> None:
     with pytest.raises(InvalidValueError, match="too fast for an actuator") as caught:
-        simulate_control(model, motion, gains, rate=0.02)
+        simulate_control(model, motion, gains, limits=ActuatorLimits(rate=0.02))
     assert "needs 0.0475" in str(caught.value)
 
 

@@ -26,6 +26,7 @@ from tensegrity_codegen import (
     time_motion,
 )
 from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.system.errors import TensegrityError
 from tests.codegen.quickly import without_optimisation
@@ -58,7 +59,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
     parts = {"gains": gains, "estimator": estimator}
 
     def simulate_gust(**gust: Any) -> None:
-        simulate_control(model, motion, gains, t_end=0.1, gust=Gust(**gust))
+        simulate_control(model, motion, gains, t_end=0.1, disturbance=Disturbance(gust=Gust(**gust)))
 
     def study_errors(**errors: Any) -> None:
         study_control(model, motion, tuning=tuning, gains=gains, estimator=None, draws=1, t_end=0.4,

@@ -9,7 +9,7 @@ import numpy as np
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.kalman import design_kalman
-from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, Gust
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.pipeline.analyses import want_analyses
 from tensegrity_codegen.pipeline.build_library import build_library
@@ -66,14 +66,18 @@ def design_tower_estimator(model: CompiledModel, motion: Motion, noise: float = 
     return design_kalman(model, motion, sensors, sample=TOWER_SAMPLE)
 
 
-def draw_tower_errors(model: CompiledModel, seed: int) -> dict[str, Any]:
-    """Return the errors of one draw: 1 deg and 1 cm off, stiffness by 5 %, 5 N on the top for 1 s."""
+def draw_tower_errors(model: CompiledModel, seed: int, noise: int = 0) -> Disturbance:
+    """Return the errors of one draw: 1 deg and 1 cm off, stiffness by 5 %, 5 N on the top for 1 s.
+
+    noise: seed of the noise of measurements.
+    """
     rng, angles = np.random.default_rng(seed), find_angles(model)
     off = np.full(18, 0.01)
     off[angles] = np.radians(1.0)
     sign, force = rng.choice([-1.0, 1.0], 18), rng.normal(size=3)
-    return {
-        "coordinate_error": off * sign,
-        "axial_stiffness": 1000.0 * np.array([1.05 if e % 2 else 0.95 for e in range(18)]),
-        "gust": Gust("top_centre", tuple(5.0 * force / np.linalg.norm(force)), 2.0, 1.0),
-    }
+    return Disturbance(
+        coordinate_error=off * sign,
+        axial_stiffness=1000.0 * np.array([1.05 if e % 2 else 0.95 for e in range(18)]),
+        gust=Gust("top_centre", tuple(5.0 * force / np.linalg.norm(force)), 2.0, 1.0),
+        seed=noise,
+    )

@@ -17,6 +17,7 @@ from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.codegen.quickly import without_optimisation
 
 CLASSES = {
     "bar": {"kind": "bar", "spring_constant": 1e6, "radius": 0.005},
@@ -166,9 +167,10 @@ def limit(
 
 
 def compile_plan(structure: Any, *quantities: str, **request: Any) -> CompiledModel:
-    """Return the model of a structure, for plans."""
-    wanted = want_analyses(structure, ModelRequest(quantities=quantities, **request), ("plan",))
-    return build_library(structure, wanted).load()
+    """Return the model of a structure, for plans; not optimised."""
+    with without_optimisation():
+        wanted = want_analyses(structure, ModelRequest(quantities=quantities, **request), ("plan",))
+        return build_library(structure, wanted).load()
 
 
 def transform(structure: Structure, turn: np.ndarray, shift: np.ndarray, order: np.ndarray) -> Structure:

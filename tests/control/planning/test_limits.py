@@ -63,6 +63,7 @@ def test_buckling_of_bars(model: Any) -> None:
     assert np.abs(free.change - found.change).max() > 1e-6
 
 
+@pytest.mark.thorough
 def test_the_largest_tension(model: Any) -> None:
     cable = ~model.structure.is_bar
     most = np.where(cable, 20.0 + 1e-9, np.inf)

@@ -71,7 +71,7 @@ def test_the_twist_of_a_prism_with_12_cables() -> None:
     np.testing.assert_allclose(found.rest_length - found.rest_length[0], found.change, atol=1e-15)
 
 
-@pytest.mark.parametrize("target", ["height=350mm", *thorough("tilt=10", "height=0.25")])
+@pytest.mark.parametrize("target", thorough("height=350mm", "tilt=10", "height=0.25"))
 def test_tilt_and_height_of_a_prism_with_9_cables(target: str) -> None:
     check(find("9", target), PRISM9, steps=40, least=6.5, clearance=0.035)
 
@@ -84,7 +84,8 @@ def test_the_points_are_equilibria_by_the_search_for_equilibria() -> None:
     np.testing.assert_allclose(again.member_tension, found.member_tension[middle], rtol=1e-7, atol=1e-8)
 
 
-@pytest.mark.parametrize("edge", [(0, 1), *thorough(((1, 2),), ((2, 0),))])
+@pytest.mark.thorough
+@pytest.mark.parametrize("edge", [(0, 1), (1, 2), (2, 0)])
 def test_the_centre_of_mass_of_an_icosahedron_goes_past_an_edge(edge: tuple[int, int]) -> None:
     structure, facet = build_icosahedron()
     structure = limit(actuate(structure))
@@ -151,6 +152,7 @@ def test_a_tower_turns_by_unequal_changes() -> None:
     check(found, build_mast(), steps=40, least=1.0 - 1e-6, clearance=0.002 * (1 - 1e-6))
 
 
+@pytest.mark.thorough
 def test_a_path_goes_on_after_a_few_steps_that_make_little_progress() -> None:
     structure = limit(actuate(build_prism(155.0)), most=30.0)
     found = plan(compile_plan(structure), "twist=150.5")
@@ -189,7 +191,7 @@ def test_the_plan_does_not_depend_on_place_direction_order_and_names() -> None:
     turn = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
     order = generator.permutation(PRISM9.n_members)
     moved = transform(PRISM9, turn, np.array([600.0, -500.0, 625.0]), order)
-    here, there = find("9", "tilt=10"), plan(compile_plan(moved), "tilt=10")
+    here, there = (plan(compile_plan(item), "tilt=10", steps=3) for item in (PRISM9, moved))
     assert there.n_steps == here.n_steps
     columns = [there.actuator_name.index(name) for name in here.actuator_name]
     np.testing.assert_allclose(there.change[:, columns], here.change, atol=1e-6 * np.abs(here.change).max())
@@ -197,7 +199,7 @@ def test_the_plan_does_not_depend_on_place_direction_order_and_names() -> None:
 
 
 def test_several_targets_at_once() -> None:
-    found = plan(compile_plan(PRISM12), {"twist": 160.0, "height": 0.31})
+    found = plan(compile_plan(PRISM12), {"twist": 160.0, "height": 0.31}, steps=5)
     check(found, PRISM12, steps=40, least=1.0, clearance=0.002)
     np.testing.assert_allclose(found.target[-1], [160.0, 0.31], rtol=1e-7)
 
@@ -222,11 +224,11 @@ def test_a_target_that_is_reached_already_needs_no_step() -> None:
 
 def test_times_follow_from_the_slowest_actuator_of_each_step() -> None:
     structure = limit(actuate(build_prism(155.0), rate=0.002))
-    found = plan(compile_plan(structure), "twist=157")
+    found = plan(compile_plan(structure), "twist=157", steps=3)
     assert found.time is not None
     rate = np.abs(np.diff(found.change, axis=0)).max(axis=1) / np.diff(found.time)
     np.testing.assert_allclose(rate, 0.002, rtol=1e-9)
-    slower = plan(compile_plan(structure), "twist=157", duration=2 * float(found.time[-1]))
+    slower = plan(compile_plan(structure), "twist=157", steps=3, duration=2 * float(found.time[-1]))
     assert slower.time is not None
     np.testing.assert_allclose(slower.time, 2 * found.time, rtol=1e-12)
 
@@ -273,7 +275,7 @@ def test_constant_modulus_instead_of_constant_stiffness() -> None:
     structure = build_prism(155.0)
     modulus = structure.spring_constant * structure.rest_length
     other = structure.with_changes(spring_constant=0 * modulus, axial_stiffness=modulus)
-    check_points(plan(compile_plan(limit(actuate(other))), "twist=160", steps=5))
+    check_points(plan(compile_plan(limit(actuate(other))), "twist=158", steps=2))
 
 
 def test_a_planar_structure_moves_a_node() -> None:
@@ -294,6 +296,7 @@ def test_bodies(name: str, target: str) -> None:
     check_points(plan(model, target, steps=5))
 
 
+@pytest.mark.thorough
 def test_a_settled_start_keeps_cables_taut() -> None:
     structure, _ = read_example("prism", "cables")  # with gravity and a load
     found = plan(compile_plan(structure), "tilt=40", steps=10)

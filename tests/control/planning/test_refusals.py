@@ -62,7 +62,8 @@ def names(found: PlanResult, limit: str) -> list[str]:
 # --- blocked ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("twist", [179, *thorough(191)])
+@pytest.mark.thorough
+@pytest.mark.parametrize("twist", [179, 191])
 def test_the_twist_by_six_motors_is_blocked_by_the_bars(twist: int, motors: CompiledModel) -> None:
     found = plan(motors, {"twist": twist}, steps=8)
     assert found.status == "blocked"
@@ -90,6 +91,7 @@ def test_the_largest_tension_blocks_the_way_to_a_low_prism() -> None:
     assert found.member_tension[:, ~structure.is_bar].max() <= 21.0 * (1 + 1e-6)
 
 
+@pytest.mark.thorough
 def test_the_cause_of_a_rejected_step_is_reported() -> None:
     """A target with a jump, to a value in the jump: steps across it miss it, whatever their size."""
     jump = "moving1.x + 0.005 * (moving1.x + 0.15) / abs(moving1.x + 0.15)"
@@ -101,6 +103,7 @@ def test_the_cause_of_a_rejected_step_is_reported() -> None:
     assert " is missed by " in found.message
 
 
+@pytest.mark.thorough
 def test_the_range_of_the_actuators_blocks_the_way_to_170_degrees() -> None:
     found = find_blocked(limit(actuate(PRISM, within=0.01)), "twist=170")
     assert 162.0 < found.target[-1, 0] < 163.5
@@ -108,6 +111,7 @@ def test_the_range_of_the_actuators_blocks_the_way_to_170_degrees() -> None:
     assert np.abs(found.change).max() <= 0.01 * (1 + 1e-6)
 
 
+@pytest.mark.thorough
 def test_the_multiplier_is_the_progress_for_a_unit_of_the_limit() -> None:
     structure = actuate(PRISM, "vertical")
     found = find_blocked(limit(structure), "twist=165")
@@ -159,6 +163,7 @@ def test_few_steps_reach_the_target_too(steps: int, motors: CompiledModel) -> No
     assert found.status == "found", found.message
 
 
+@pytest.mark.thorough
 def test_a_node_between_two_ropes_is_blocked_by_the_range_or_by_the_size_of_steps() -> None:
     cable = {"class": "cable", "rest_length": 1.0}
     nodes = {"a": {"position": [-1.0, 0.0, 1.0], "anchored": True}}

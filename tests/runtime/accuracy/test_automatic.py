@@ -2,7 +2,6 @@
 
 import functools
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +10,10 @@ from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy.choice import choose_method, integrators_for
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.simulate.until import Until
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
@@ -51,8 +51,8 @@ def run(
     values = {"spring_constant": structure.spring_constant[bars], "damping": structure.damping[bars]}
     given = {name: value for name, value in values.items() if name in known}
     span, atol = more.get("span", SPAN), more.get("atol", 1e-3 * rtol)
-    settings: dict[str, Any] = {"samples": 31, "method": method, "rtol": rtol, "atol": atol}
-    return simulate(model, span, arguments=given, max_steps=10**7, control=control, **settings)
+    stepping = Stepping(atol=atol, max_steps=10**7, control=control)
+    return simulate(model, span, samples=31, method=method, rtol=rtol, arguments=given, stepping=stepping)
 
 
 def run_exactly(make: Callable[[float], Structure], ratio: float, rtol: float = 1e-13) -> Trajectory:
@@ -146,7 +146,9 @@ def test_the_reason_names_what_limits_explicit_steps(ratio: float, words: str) -
 def test_events_are_for_explicit_methods() -> None:
     model = model_of(prism_of_ratio)
     given = {"spring_constant": np.full(3, 1e11)}
-    watched = simulate(model, 1e-3, condition="time - 5e-4", arguments=given, rtol=1e-4)
+    watched = simulate(
+        model, 1e-3, until=Until(condition="time - 5e-4", stops=False), arguments=given, rtol=1e-4
+    )
     assert watched.method.startswith("auto (rk853")
     assert watched.log.kind == ("condition",)
     assert Watch().kinds == ()
@@ -176,7 +178,7 @@ def test_a_structure_far_from_the_origin_is_told_the_cure() -> None:
     structure = prism(140.0, bar_stiffness=1e5)
     far = structure.with_changes(node_position=structure.node_position + 1e9)
     model = build_library(far, ModelRequest(SIMULATION_QUANTITIES, integrators=("rk853",))).load()
-    found = simulate(model, 1.0, samples=3, max_steps=20_000)
+    found = simulate(model, 1.0, samples=3, stepping=Stepping(max_steps=20_000))
     assert found.status == "not_converged"
     assert "node_distance" in found.message
     assert "rounding error prevents convergence" in found.message
@@ -185,20 +187,27 @@ def test_a_structure_far_from_the_origin_is_told_the_cure() -> None:
 @pytest.mark.parametrize("step", [1e9, 0.5, 1.0])
 def test_a_step_of_the_whole_time_or_more_is_held_to_half_of_it(step: float) -> None:
     model = build_library(prism(), ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4",))).load()
-    assert simulate(model, 0.5, samples=2, method="rk4", step=step).status in ("inaccurate", "unstable")
+    assert simulate(model, 0.5, samples=2, method="rk4", stepping=Stepping(step=step)).status in (
+        "inaccurate",
+        "unstable",
+    )
 
 
 def test_steps_without_number_are_refused_or_end_at_the_limit() -> None:
     model = model_of(prism_of_ratio)
     given = {"spring_constant": np.full(3, 1e12)}
-    stopped = simulate(model, 1.0, samples=2, method="rk853", arguments=given, max_steps=500)
+    stopped = simulate(
+        model, 1.0, samples=2, method="rk853", arguments=given, stepping=Stepping(max_steps=500)
+    )
     assert (stopped.status, stopped.n_steps <= 1000) == ("not_converged", True)
     assert "`max_steps`" in stopped.message
-    stopped = simulate(model, 100.0, samples=2, method="radau", arguments=given, max_steps=50)
+    stopped = simulate(
+        model, 100.0, samples=2, method="radau", arguments=given, stepping=Stepping(max_steps=50)
+    )
     assert (stopped.status, stopped.n_steps <= 200) == ("not_converged", True)
     for count in (0, -1, 2**60):
         with pytest.raises(InvalidValueError, match="max_steps"):
-            simulate(model, 1.0, max_steps=count)
+            simulate(model, 1.0, stepping=Stepping(max_steps=count))
 
 
 def spinning(ratio: float) -> Structure:
@@ -261,5 +270,5 @@ def hung_prism(held_bar: bool, law: str) -> Structure:
 def test_the_words_for_stiff_bars_count_members_that_move(held_bar: bool, law: str) -> None:
     request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk853", "radau"))
     model = build_library(hung_prism(held_bar, law), request).load()
-    found = simulate(model, 1e-3, samples=2, control="steps")
+    found = simulate(model, 1e-3, samples=2, stepping=Stepping(control="steps"))
     assert "bars are 3,600,000 times stiffer than cables" in found.why_method, found.why_method

@@ -12,7 +12,7 @@ from tensegrity_codegen.runtime.accuracy.error_control import tighten_until_conv
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance, compare_runs
 from tensegrity_codegen.runtime.integrate.event_log import EventLog
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -126,9 +126,21 @@ def test_velocities_beyond_the_tolerance_by_rounding_are_bounded(
     model: CompiledModel, method: str, distance: float
 ) -> None:
     rtol, atol = (1e-9, 1e-10) if method == "radau" else (1e-11, 1e-12)
-    tight: dict[str, Any] = {"method": "rk853", "rtol": 1e-13, "atol": 1e-13, "control": "steps"}
+    tight: dict[str, Any] = {
+        "method": "rk853",
+        "rtol": 1e-13,
+        "stepping": Stepping(atol=1e-13, control="steps"),
+    }
     truth = simulate(model, 0.3, samples=11, **moved(model, 0.0), **tight)
-    found = simulate(model, 0.3, samples=11, method=method, rtol=rtol, atol=atol, **moved(model, distance))
+    found = simulate(
+        model,
+        0.3,
+        samples=11,
+        method=method,
+        rtol=rtol,
+        stepping=Stepping(atol=atol),
+        **moved(model, distance),
+    )
     assert found.status == "ok"
     bound = found.evidence.get("vibration_speed_error", 0.0)
     speed = np.abs(found.velocity - truth.velocity)
@@ -148,7 +160,12 @@ def test_two_loose_runs_that_lose_the_same_vibration_are_not_ok() -> None:
     request = ModelRequest(simulation_quantities("node_position"), integrators=("rk853",))
     model = build_library(structure, request).load()
     for speed, shake, t_end, rtol in ((100.0, 8.0, 0.3, 10**-2.6), (10.0, 2.0, 0.1, 10**-2.2)):
-        options: dict[str, Any] = {"method": "rk853", "rtol": rtol, "atol": 1e-3 * rtol, "samples": 11}
+        options: dict[str, Any] = {
+            "method": "rk853",
+            "rtol": rtol,
+            "stepping": Stepping(atol=1e-3 * rtol),
+            "samples": 11,
+        }
         found = simulate(model, t_end, velocity=[speed - shake, speed + shake], **options)
         swing = shake * np.cos(np.sqrt(2e6) * found.time)
         exact = speed + swing[:, None] * np.array([-1.0, 1.0])

@@ -8,6 +8,7 @@ import pytest
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
@@ -78,9 +79,9 @@ def test_velocities_far_from_the_origin_are_within_the_tolerance(
     model: CompiledModel, method: str, distance: float
 ) -> None:
     for seed in (0, 3, 7, 11):
-        tight: dict[str, Any] = {"method": "rk853", "rtol": 1e-13, "atol": 1e-13}
+        tight: dict[str, Any] = {"method": "rk853", "rtol": 1e-13, "stepping": Stepping(atol=1e-13)}
         truth = simulate(model, 0.3, **moved(model, 0.0, seed), **tight)
-        options: dict[str, Any] = {"method": method, "rtol": RTOL, "atol": ATOL}
+        options: dict[str, Any] = {"method": method, "rtol": RTOL, "stepping": Stepping(atol=ATOL)}
         found = simulate(model, 0.3, **moved(model, distance, seed), **options)
         error = np.abs(found.velocity - truth.velocity) / (ATOL + RTOL * np.abs(truth.velocity))
         assert found.status == "ok"
@@ -95,9 +96,10 @@ def test_lanes_begin_as_single_runs_do(model: CompiledModel, method: str) -> Non
         "anchor_position": np.array([start["arguments"]["anchor_position"] for start in starts]),
     }
     coordinate = np.array([start["coordinate"] for start in starts])
-    options: dict[str, Any] = {"method": method, "rtol": RTOL, "atol": ATOL, "samples": 3}
+    stepping = Stepping(atol=ATOL, control="steps")
+    options: dict[str, Any] = {"method": method, "rtol": RTOL, "stepping": stepping, "samples": 3}
     batch = simulate_batch(model, 0.02, coordinate=coordinate, arguments=arguments, **options)
     for k, start in enumerate(starts):
-        alone = simulate(model, 0.02, **start, **options, control="steps")
+        alone = simulate(model, 0.02, **start, **options)
         assert (batch[k].n_steps, batch[k].n_evaluations) == (alone.n_steps, alone.n_evaluations)
         np.testing.assert_array_equal(batch[k].velocity, alone.velocity)

@@ -1,10 +1,13 @@
 """`auto` with profiles: a motor ramp on a prism whose cables go slack, with soft and with stiff bars."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from tensegrity_codegen import CompiledModel, ModelRequest, Profile, Trajectory, simulate, simulate_batch
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
     SIMULATION_QUANTITIES,
     simulation_quantities,
@@ -36,9 +39,17 @@ def apart(run: Trajectory, other: Trajectory) -> tuple[float, float]:
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
 def test_a_ramp_with_slack_cables_meets_the_tolerance(tolerance: float) -> None:
     model = build_prism(1e3)
-    run = simulate(model, END, samples=21, rtol=tolerance, atol=0.1 * tolerance, schedule=RAMP)
+    run = simulate(
+        model, END, samples=21, rtol=tolerance, stepping=Stepping(atol=0.1 * tolerance), schedule=RAMP
+    )
     best = simulate(
-        model, END, samples=21, method="rk853", rtol=1e-12, atol=1e-13, schedule=RAMP, control="steps"
+        model,
+        END,
+        samples=21,
+        method="rk853",
+        rtol=1e-12,
+        stepping=Stepping(atol=1e-13, control="steps"),
+        schedule=RAMP,
     )
     position, velocity = apart(run, best)
     assert run.status == "ok"
@@ -51,9 +62,15 @@ def test_a_ramp_with_slack_cables_meets_the_tolerance(tolerance: float) -> None:
 def test_radau_takes_stiff_bars_and_bounds_what_kinks_excite() -> None:
     """Bars 10^6 times as stiff as cables: kinks of the ramp make them vibrate, which radau leaves out."""
     model = build_prism(1e8)
-    run = simulate(model, END, samples=21, rtol=1e-6, atol=1e-7, schedule=RAMP)
+    run = simulate(model, END, samples=21, rtol=1e-6, stepping=Stepping(atol=1e-7), schedule=RAMP)
     best = simulate(
-        model, END, samples=21, method="rk853", rtol=1e-9, atol=1e-11, schedule=RAMP, control="steps"
+        model,
+        END,
+        samples=21,
+        method="rk853",
+        rtol=1e-9,
+        stepping=Stepping(atol=1e-11, control="steps"),
+        schedule=RAMP,
     )
     position, velocity = apart(run, best)
     assert run.status == best.status == "ok"
@@ -71,9 +88,15 @@ def test_the_rates_are_those_of_the_whole_profile() -> None:
     )  # fmt: skip
     model = build_library(structure, ModelRequest(SIMULATION_QUANTITIES, integrators=("rk853",))).load()
     shrink = Profile([0.0, 0.5, 1.0], {"motor": [0.0, 0.0, -0.88]})
-    run = simulate(model, 1.0, samples=11, rtol=1e-8, atol=1e-9, schedule=shrink)
+    run = simulate(model, 1.0, samples=11, rtol=1e-8, stepping=Stepping(atol=1e-9), schedule=shrink)
     best = simulate(
-        model, 1.0, samples=11, method="rk853", rtol=1e-12, atol=1e-13, schedule=shrink, control="steps"
+        model,
+        1.0,
+        samples=11,
+        method="rk853",
+        rtol=1e-12,
+        stepping=Stepping(atol=1e-13, control="steps"),
+        schedule=shrink,
     )
     assert run.status == "ok"
     assert max(apart(run, best)) < 1e-7 * np.abs(best.velocity).max()
@@ -82,8 +105,8 @@ def test_the_rates_are_those_of_the_whole_profile() -> None:
 def test_a_batch_runs_its_motions_in_c_one_after_the_other() -> None:
     model = build_prism(1e3)
     start = model.nominal("coordinate") + np.linspace(0.0, 0.01, 3)[:, None]
-    options = {"samples": 5, "rtol": 1e-8, "atol": 1e-9}
-    batch = simulate_batch(model, END, coordinate=start, schedule=RAMP, threads=2, **options)  # type: ignore[arg-type]
+    options: dict[str, Any] = {"samples": 5, "rtol": 1e-8, "schedule": RAMP}
+    batch = simulate_batch(model, END, coordinate=start, threads=2, stepping=Stepping(atol=1e-9), **options)
     assert batch.status == ("ok",) * 3
     assert batch.method == "rk853"
     for k in range(3):
@@ -92,9 +115,8 @@ def test_a_batch_runs_its_motions_in_c_one_after_the_other() -> None:
             END,
             method="rk853",
             coordinate=start[k],
-            schedule=RAMP,
-            control="steps",
-            **options,  # type: ignore[arg-type]
+            stepping=Stepping(atol=1e-9, control="steps"),
+            **options,
         )
         np.testing.assert_array_equal(batch.coordinate[k], alone.coordinate)
 

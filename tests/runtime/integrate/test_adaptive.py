@@ -13,7 +13,7 @@ from tensegrity_codegen.runtime.integrate import c_run
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -150,8 +150,8 @@ def test_dense_output_of_rk853_costs_evaluations_only_where_samples_fall() -> No
 def test_a_cable_that_goes_slack_with_a_jump_of_its_damping_force_is_met() -> None:
     """A damped cable lets go with a finite force: the step shrinks at the jump, it does not pass it."""
     model = oscillator(slack=True, damping=0.4)
-    found = simulate(model, 1.0, samples=21, rtol=1e-8, atol=1e-10)
-    check = simulate(model, 1.0, samples=21, rtol=1e-11, atol=1e-13, method="scipy_dop853")
+    found = simulate(model, 1.0, samples=21, rtol=1e-8, stepping=Stepping(atol=1e-10))
+    check = simulate(model, 1.0, samples=21, rtol=1e-11, stepping=Stepping(atol=1e-13), method="scipy_dop853")
     assert found.status == "ok"
     assert np.abs(found.coordinate - check.coordinate).max() < 1e-7
     assert found.member_tension[0, 0] > 0.0
@@ -160,7 +160,7 @@ def test_a_cable_that_goes_slack_with_a_jump_of_its_damping_force_is_met() -> No
 
 def test_the_estimate_of_auto_is_an_upper_bound_of_its_error() -> None:
     model = oscillator()
-    found = simulate(model, 5.0, samples=51, rtol=1e-7, atol=1e-9)
+    found = simulate(model, 5.0, samples=51, rtol=1e-7, stepping=Stepping(atol=1e-9))
     error = np.abs(found.coordinate[:, 0] - exact(found.time)) / (
         1e-9 + 1e-7 * np.abs(found.coordinate[:, 0])
     )
@@ -183,7 +183,7 @@ def test_the_same_bits_come_out_in_one_call_and_in_many(method: str, monkeypatch
 
 
 def test_energy_of_an_undamped_motion_is_kept_to_the_tolerance() -> None:
-    found = simulate(oscillator(), 10.0, rtol=1e-9, atol=1e-12)
+    found = simulate(oscillator(), 10.0, rtol=1e-9, stepping=Stepping(atol=1e-12))
     assert found.energy_drift is not None
     assert found.energy_drift < 1e-7
 

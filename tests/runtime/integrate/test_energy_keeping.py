@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
@@ -55,7 +56,11 @@ def model_of(name: str) -> CompiledModel:
 
 
 def run(name: str, keep: str, method: str = "rk54", tol: float = 1e-6, samples: int = 11) -> Trajectory:
-    options: dict[str, Any] = {"method": method, "rtol": tol, "atol": tol, "keep": keep, "control": "steps"}
+    options: dict[str, Any] = {
+        "method": method,
+        "rtol": tol,
+        "stepping": Stepping(atol=tol, keep=keep, control="steps"),
+    }
     return simulate(model_of(name), SPAN, samples=samples, **options)
 
 
@@ -112,10 +117,14 @@ def test_the_motion_stays_as_exact_as_its_tolerance() -> None:
 def test_auto_takes_an_explicit_method() -> None:
     found = run("free", "energy", "auto")
     assert "the error at the samples is not estimated" in found.message
-    usual = simulate(model_of("free"), SPAN, samples=11, rtol=1e-6, atol=1e-6, keep="energy")
+    usual = simulate(
+        model_of("free"), SPAN, samples=11, rtol=1e-6, stepping=Stepping(atol=1e-6, keep="energy")
+    )
     assert np.array_equal(usual.coordinate, found.coordinate)
     assert (found.status, found.method, found.error_estimate) == ("ok", "auto (rk853)", None)
-    checked = simulate(model_of("free"), SPAN, samples=11, keep="energy", control="samples")
+    checked = simulate(
+        model_of("free"), SPAN, samples=11, stepping=Stepping(keep="energy", control="samples")
+    )
     assert (checked.status, checked.error_estimate <= 1.0) == ("ok", True)
 
 
@@ -135,7 +144,7 @@ def test_what_cannot_keep_energy_is_refused_with_the_reason() -> None:
         flying(), ModelRequest(simulation_quantities("node_position"), integrators=("rk54",))
     )
     with pytest.raises(FormulationError, match="not built to keep"):
-        simulate(plain.load(), 1.0, method="rk54", keep="energy")
+        simulate(plain.load(), 1.0, method="rk54", stepping=Stepping(keep="energy"))
     with pytest.raises(InvalidValueError, match="cannot keep"):
         run("free", "energy", "radau")
     with pytest.raises(UnknownNameError, match="unknown quantity to keep constant"):

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen.integrators import radau as generated
+from tensegrity_codegen.codegen.integrators import implicit as generated
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate import c_run
 from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -67,7 +67,15 @@ def explicit(make: Callable[..., Structure], ratio: float, span: float, samples:
     model = model_of(make)
     known = {item.name for item in model.manifest.arguments}
     given = {name: value for name, value in stiffness(make(ratio)).items() if name in known}
-    return simulate(model, span, samples=samples, method="rk853", rtol=1e-12, atol=1e-13, arguments=given)
+    return simulate(
+        model,
+        span,
+        samples=samples,
+        method="rk853",
+        rtol=1e-12,
+        stepping=Stepping(atol=1e-13),
+        arguments=given,
+    )
 
 
 def positions(raw: RawTrajectory) -> np.ndarray:
@@ -136,7 +144,9 @@ def test_the_observed_order_is_five_where_steps_resolve_the_springs(
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))  # of libraries that are made otherwise
     model = compiled(spring_pendulum())
     span = 0.3
-    exact = simulate(model, span, samples=2, method="rk853", rtol=1e-13, atol=1e-14).coordinate[-1]
+    exact = simulate(
+        model, span, samples=2, method="rk853", rtol=1e-13, stepping=Stepping(atol=1e-14)
+    ).coordinate[-1]
     errors = [np.abs(fixed_steps(model, count, span)[:2] - exact).max() for count in (10, 20)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(5.0, abs=0.35)
 
@@ -144,7 +154,9 @@ def test_the_observed_order_is_five_where_steps_resolve_the_springs(
 def test_what_newtons_method_leaves_is_small_beside_the_tolerance() -> None:
     """Where steps resolve the springs, their own errors are a few hundredths of the tolerance."""
     model, time = compiled(spring_pendulum()), np.array([0.0, 0.3])
-    exact = simulate(model, 0.3, samples=2, method="rk853", rtol=1e-13, atol=1e-14).coordinate[-1]
+    exact = simulate(
+        model, 0.3, samples=2, method="rk853", rtol=1e-13, stepping=Stepping(atol=1e-14)
+    ).coordinate[-1]
     tolerances = (1e-6, 1e-8, 1e-10)
     found = [run(model, tolerance, time) for tolerance in tolerances]
     for tolerance, raw in zip(tolerances, found, strict=True):
@@ -155,7 +167,9 @@ def test_what_newtons_method_leaves_is_small_beside_the_tolerance() -> None:
 def test_the_order_over_tolerances_is_five_down_to_rounding() -> None:
     """What Newton's method leaves shrinks with the steps' own errors, beside the estimate of order 3."""
     model, time = compiled(spring_pendulum()), np.array([0.0, 3.0])
-    exact = simulate(model, 3.0, samples=2, method="rk853", rtol=1e-13, atol=1e-14).coordinate[-1]
+    exact = simulate(
+        model, 3.0, samples=2, method="rk853", rtol=1e-13, stepping=Stepping(atol=1e-14)
+    ).coordinate[-1]
     found = [run(model, tolerance, time) for tolerance in (1e-5, 1e-6, 1e-7, 1e-8, 1e-9)]
     errors = [np.abs(positions(raw)[-1] - exact).max() for raw in found]
     steps = [raw.n_steps for raw in found]
@@ -254,7 +268,13 @@ def test_much_damping_of_cables_costs_no_steps(
     assert raw.evidence["accepted"] + raw.evidence["rejected"] + raw.evidence["newton_failures"] < 3000
     if damping < 1e3:
         exact = simulate(
-            model, 0.1, samples=11, method="rk853", rtol=1e-10, arguments=given, max_steps=1_000_000
+            model,
+            0.1,
+            samples=11,
+            method="rk853",
+            rtol=1e-10,
+            arguments=given,
+            stepping=Stepping(max_steps=1_000_000),
         )
         assert exact.status == "ok"
         np.testing.assert_allclose(positions(raw), exact.coordinate, rtol=0.0, atol=1e-5)
@@ -264,7 +284,13 @@ def test_energy_and_tensions_of_a_trajectory_come_from_the_unknown_tensions() ->
     structure = prism_of_ratio(1e9)
     given = {"spring_constant": structure.spring_constant[structure.is_bar]}
     found = simulate(
-        model_of(prism_of_ratio), 0.5, samples=11, method="radau", rtol=1e-8, atol=1e-8, arguments=given
+        model_of(prism_of_ratio),
+        0.5,
+        samples=11,
+        method="radau",
+        rtol=1e-8,
+        stepping=Stepping(atol=1e-8),
+        arguments=given,
     )
     assert found.status == "ok"
     change = np.abs(found.total_energy - found.total_energy[0]).max()
@@ -287,7 +313,7 @@ def test_tensions_of_rigid_bars_beside_a_soft_spring_are_as_exact_as_the_motion(
     request = ModelRequest(SIMULATION_QUANTITIES, formulation="rigid_bar", integrators=("radau", "rk853"))
     model = build_library(structure, request).load()
     one, other = (
-        simulate(model, 0.027, samples=5, method=method, rtol=1e-11, atol=1e-14)
+        simulate(model, 0.027, samples=5, method=method, rtol=1e-11, stepping=Stepping(atol=1e-14))
         for method in ("radau", "rk853")
     )
     assert one.status == other.status == "ok"
@@ -339,7 +365,8 @@ def test_without_two_sided_members_it_is_a_method_like_others() -> None:
     model = compiled(net())
     assert model.manifest.integrators[0].tensions == ()
     exact, found = (
-        simulate(model, 1.0, samples=11, method=method, rtol=1e-8, atol=1e-8) for method in ("rk853", "radau")
+        simulate(model, 1.0, samples=11, method=method, rtol=1e-8, stepping=Stepping(atol=1e-8))
+        for method in ("rk853", "radau")
     )
     assert found.status == "ok"
     assert found.log.count == exact.log.count > 0
@@ -366,7 +393,9 @@ def braced(mu: float) -> Structure:
 @pytest.mark.thorough
 def test_bars_that_repeat_each_other_move_as_their_stiffness_says() -> None:
     """Six bars where five hold the square: rows of the smooth equations repeat each other."""
-    exact = simulate(compiled(braced(1e4)), 0.5, samples=6, method="rk853", rtol=1e-10, atol=1e-11)
+    exact = simulate(
+        compiled(braced(1e4)), 0.5, samples=6, method="rk853", rtol=1e-10, stepping=Stepping(atol=1e-11)
+    )
     raw = run(compiled(braced(1e4)), 1e-8, np.linspace(0.0, 0.5, 6))
     assert np.abs(raw.state - np.hstack([exact.coordinate, exact.velocity])).max() < 1e-6
     stiff, stiffer = (run(compiled(braced(mu)), 1e-7, np.linspace(0.0, 0.5, 6)) for mu in (1e10, 1e12))
@@ -388,7 +417,7 @@ def test_more_bars_than_coordinates_are_no_trouble() -> None:
         gravity=(0.0, -2.0, 0.0),
     )
     model, time = compiled(structure), np.linspace(0.0, 1.0, 6)
-    exact = simulate(model, 1.0, samples=6, method="rk853", rtol=1e-10, atol=1e-12)
+    exact = simulate(model, 1.0, samples=6, method="rk853", rtol=1e-10, stepping=Stepping(atol=1e-12))
     raw = run(model, 1e-8, time)
     assert np.abs(raw.state - np.hstack([exact.coordinate, exact.velocity])).max() < 1e-7
 

@@ -172,16 +172,16 @@ def test_contact_of_bars_is_logged_and_may_end_the_run() -> None:
     ended = run(model, [0.0, 0.2, 1.0], 1e-9, Watch(("contact",), ("contact",)))
     assert ended.time.tolist() == [0.0, 0.2, pytest.approx(0.45, rel=1e-10)]
     for method in ("radau", "auto"):
-        found = simulate(model, 1.0, samples=6, method=method, until_contact=True)
+        found = simulate(model, 1.0, samples=6, method=method, until="contact")
         assert found.status == "ok"
         assert found.events[0].names == ("e0_e1",)
         assert found.events[0].time == found.time[-1] == pytest.approx(0.45, rel=1e-10)
         assert found.events[0].margin == pytest.approx(0.0, abs=1e-10)
-    inside = simulate(model, 1.0, method="radau", coordinate=touching(structure), until_contact=True)
+    inside = simulate(model, 1.0, method="radau", coordinate=touching(structure), until="contact")
     assert inside.events[0].time == 0.0
     missing = build(structure, "radau", wanted=request, events=())
     with pytest.raises(FormulationError, match="built without these events"):
-        simulate(missing, 1.0, method="radau", until_contact=True)
+        simulate(missing, 1.0, method="radau", until="contact")
 
 
 def touching(structure: Structure) -> np.ndarray:
@@ -192,9 +192,7 @@ def touching(structure: Structure) -> np.ndarray:
 
 def test_auto_takes_radau_for_conditions_too() -> None:
     model = build(net(8e9))
-    found = simulate(
-        model, 3.0, samples=11, rtol=1e-5, condition=lambda t, q, v: q[0] - 1.55, until_condition=True
-    )
+    found = simulate(model, 3.0, samples=11, rtol=1e-5, until=lambda t, q, v: q[0] - 1.55)
     assert found.status == "ok"
     assert found.method.startswith("auto (radau")
     assert found.events[0].kind == "condition"

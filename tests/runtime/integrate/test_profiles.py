@@ -14,6 +14,7 @@ from tensegrity_codegen.runtime.integrate import c_run
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.methods import METHODS, find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.integrate.scipy_methods import build_derivative
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
@@ -76,7 +77,9 @@ def follow_by_scipy(model: CompiledModel, profile: Profile, times: FloatArray) -
     It begins anew at every knot, before which the profile has the values that hold there, and near the times
     at which cables go slack or taut: any such times would do, they only spare it steps across kinks.
     """
-    near = simulate(model, END, method="rk853", rtol=1e-9, atol=1e-10, schedule=profile).log.time
+    near = simulate(
+        model, END, method="rk853", rtol=1e-9, stepping=Stepping(atol=1e-10), schedule=profile
+    ).log.time
     bound = bind_profile(model, profile, {}, END)
     derivative, found = build_derivative(model, {}, bound), [start_of(model)]
     state = found[0]
@@ -137,7 +140,14 @@ def test_the_order_of_the_fixed_step_is_four(net: CompiledModel, profile: Profil
     best, _ = take_equal_steps(net, "rk853", profile, 1000)
     counts = (600, 1200, 2400)
     runs = [
-        simulate(net, END, samples=2, method="rk4", step=END / n, schedule=profile, control="steps")
+        simulate(
+            net,
+            END,
+            samples=2,
+            method="rk4",
+            stepping=Stepping(step=END / n, control="steps"),
+            schedule=profile,
+        )
         for n in counts
     ]
     errors = [np.abs(np.hstack([run.coordinate, run.velocity])[-1] - best).max() for run in runs]
@@ -155,9 +165,8 @@ def test_the_order_of_radau_over_tolerances_is_five(net: CompiledModel, profile:
             samples=2,
             method="radau",
             rtol=tolerance,
-            atol=tolerance,
+            stepping=Stepping(atol=tolerance, control="steps"),
             schedule=profile,
-            control="steps",
         )
         assert run.status == "ok"
         extra = 1.5 * run.log.count + len(profile.time)  # glides, and halves of steps that were cut
@@ -177,7 +186,11 @@ def by_scipy(net: CompiledModel) -> dict[str, FloatArray]:
 def test_every_method_in_c_follows_a_profile_as_scipy_does(
     net: CompiledModel, by_scipy: dict[str, FloatArray], method: str, profile: Profile
 ) -> None:
-    given = {"step": 5e-4} if method == "rk4" else {"rtol": 1e-11, "atol": 1e-12}
+    given = (
+        {"stepping": Stepping(step=5e-4)}
+        if method == "rk4"
+        else {"rtol": 1e-11, "stepping": Stepping(atol=1e-12)}
+    )
     run = simulate(net, END, samples=16, method=method, schedule=profile, **given)
     apart = np.abs(np.hstack([run.coordinate, run.velocity]) - by_scipy[profile.kind]).max()
     assert run.status == "ok"
@@ -193,16 +206,24 @@ def test_methods_of_scipy_begin_anew_at_kinks(net: CompiledModel, method: str) -
     """A force that jumps, and its slope, on a net whose cables stay taut or slack for so long."""
     push = Profile([0.0, 0.011, 0.011, 0.023, 0.05], {"push": [0.0, 1.0, -20.0, -20.0, 30.0]})
     best = simulate(
-        net, 0.03, samples=5, method="rk853", rtol=1e-13, atol=1e-14, schedule=push, control="steps"
+        net,
+        0.03,
+        samples=5,
+        method="rk853",
+        rtol=1e-13,
+        stepping=Stepping(atol=1e-14, control="steps"),
+        schedule=push,
     )
-    run = simulate(net, 0.03, samples=5, method=method, rtol=1e-11, atol=1e-13, schedule=push)
+    run = simulate(
+        net, 0.03, samples=5, method=method, rtol=1e-11, stepping=Stepping(atol=1e-13), schedule=push
+    )
     assert (run.status, len(run.time)) == ("ok", 5)
     assert best.log.count == 0
     np.testing.assert_allclose(run.velocity, best.velocity, rtol=0.0, atol=3e-10)
 
 
 def test_a_jump_that_slackens_a_cable_is_an_event_at_its_time(net: CompiledModel) -> None:
-    run = simulate(net, END, method="rk853", rtol=1e-9, atol=1e-10, schedule=LINES)
+    run = simulate(net, END, method="rk853", rtol=1e-9, stepping=Stepping(atol=1e-10), schedule=LINES)
     at_jump = run.log.time == 1.31
     assert [run.log.name[k] for k in np.flatnonzero(at_jump)] == [net.manifest.member_name[0]]
     assert run.log.direction[at_jump].tolist() == [-1]
@@ -212,7 +233,7 @@ def test_a_jump_that_slackens_a_cable_is_an_event_at_its_time(net: CompiledModel
 def test_many_calls_give_the_bits_of_one(
     net: CompiledModel, method: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given: dict[str, Any] = {"method": method, "rtol": 1e-7, "atol": 1e-8, "control": "steps"}
+    given: dict[str, Any] = {"method": method, "rtol": 1e-7, "stepping": Stepping(atol=1e-8, control="steps")}
     whole = simulate(net, END, schedule=LINES, **given)
     monkeypatch.setattr(c_run, "FIRST_CHUNK", 1)
     monkeypatch.setattr(c_run, "CHUNK_SECONDS", -1.0)
@@ -224,11 +245,13 @@ def test_many_calls_give_the_bits_of_one(
 
 @pytest.mark.parametrize("method", ["rk54", "rk853", "tsit5", "rk4", "radau"])
 def test_a_constant_profile_is_the_constant_input(net: CompiledModel, method: str) -> None:
-    given: dict[str, Any] = {"step": 1e-3} if method == "rk4" else {"rtol": 1e-8, "atol": 1e-9}
+    is_fixed = method == "rk4"
+    stepping = Stepping(1e-3 if is_fixed else None, None if is_fixed else 1e-9, control="steps")
+    given: dict[str, Any] = {"rtol": 1e-6 if is_fixed else 1e-8, "stepping": stepping}
     constant = Profile([0.0, END], {"winch": [0.2, 0.2], "push": [1.0, 1.0]})
     inputs = {"winch": 0.2, "push": 1.0}
-    driven = simulate(net, END, method=method, control="steps", schedule=constant, **given)
-    plain = simulate(net, END, method=method, control="steps", arguments=inputs, **given)
+    driven = simulate(net, END, method=method, schedule=constant, **given)
+    plain = simulate(net, END, method=method, arguments=inputs, **given)
     np.testing.assert_array_equal(driven.coordinate, plain.coordinate)
     np.testing.assert_array_equal(driven.member_tension, plain.member_tension)
     assert (driven.n_steps, driven.log.count) == (plain.n_steps, plain.log.count)
@@ -236,7 +259,7 @@ def test_a_constant_profile_is_the_constant_input(net: CompiledModel, method: st
 
 def test_a_condition_is_watched_with_the_inputs_at_its_time(net: CompiledModel) -> None:
     ramp = Profile([0.0, 1.0, END], {"push": [0.0, 0.0, 4.0]})
-    run = simulate(net, END, schedule=ramp, condition="n5.x > 1.9", until_condition=True)
+    run = simulate(net, END, schedule=ramp, until="n5.x > 1.9")
     assert run.events[0].kind == "condition"
     assert run.node_position[-1, 5, 0] == pytest.approx(1.9, abs=1e-9)
 

@@ -5,6 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
@@ -29,14 +30,14 @@ def compile_rigid(structure: Structure, **options: str) -> CompiledModel:
 
 def test_common_prism_reaches_its_reference_and_keeps_its_bars() -> None:
     model = compile_rigid(common_prism())
-    motion = simulate(model, 5.0, samples=51, method="rk4", step=1.25e-3)
+    motion = simulate(model, 5.0, samples=51, method="rk4", stepping=Stepping(step=1.25e-3))
     assert motion.status == "ok"
     assert np.abs(motion.node_position[-1] - POSITION[-1].reshape(6, 3)).max() < 3e-7
     lengths = [
         np.linalg.norm(motion.node_position[:, i] - motion.node_position[:, j], axis=1) for i, j in BARS
     ]
     assert np.abs(np.array(lengths) - np.array([[span(i, j)] for i, j in BARS])).max() < 2e-15
-    fine = simulate(model, 5.0, samples=2, method="rk54", rtol=1e-10, atol=1e-12)
+    fine = simulate(model, 5.0, samples=2, method="rk54", rtol=1e-10, stepping=Stepping(atol=1e-12))
     assert np.abs(fine.node_position[-1] - POSITION[-1].reshape(6, 3)).max() < 3e-9
     assert np.ptp(fine.total_energy) < 1e-8
 
@@ -68,7 +69,7 @@ def errors_of(ratio: float) -> tuple[float, float, float]:
     springs = build_library(
         structure, ModelRequest(simulation_quantities("node_position"), integrators=("rk54",))
     ).load()
-    options = {"samples": 6, "method": "rk54", "rtol": 1e-11, "atol": 1e-13}
+    options = {"samples": 6, "method": "rk54", "rtol": 1e-11, "stepping": Stepping(atol=1e-13)}
     first = simulate(corrected, 0.5, **options)
     # Springs start on the slow motion, so that no bar vibrates.
     start = {"coordinate": first.coordinate[0], "velocity": first.velocity[0]}
@@ -108,11 +109,11 @@ def test_chains_of_rigid_bars_swing_as_stiff_ones_do() -> None:
         members = [bar(0, 1, 1.0, mu), bar(1, 2, 1.0, mu, mass=0.5), cable(2, 3, 0.9)]
         return make_structure(position, members, anchored={0: "xyz", 3: "xyz"}, gravity=(0, 0, -9.81))
 
-    rigid = simulate(compile_rigid(chain(0.0)), 1.0, samples=11, rtol=1e-9, atol=1e-10)
+    rigid = simulate(compile_rigid(chain(0.0)), 1.0, samples=11, rtol=1e-9, stepping=Stepping(atol=1e-10))
     springs = build_library(
         chain(1e6), ModelRequest(simulation_quantities("node_position"), integrators=("rk54",))
     ).load()
-    stiff = simulate(springs, 1.0, samples=11, method="rk54", rtol=1e-8, atol=1e-10)
+    stiff = simulate(springs, 1.0, samples=11, method="rk54", rtol=1e-8, stepping=Stepping(atol=1e-10))
     assert np.abs(rigid.node_position - stiff.node_position).max() < 1e-3
     assert rigid.energy_drift is not None
     assert rigid.energy_drift < 1e-6

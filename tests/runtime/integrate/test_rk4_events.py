@@ -10,7 +10,7 @@ from tensegrity_codegen.runtime.integrate import c_run
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.integrate.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -136,9 +136,8 @@ def test_a_simulation_ends_at_a_condition_and_is_held_to_another_step() -> None:
         1.0,
         samples=11,
         method="rk4",
-        step=1e-3,
-        condition=lambda t, q, v: q[0] - 1.1,
-        until_condition=True,
+        stepping=Stepping(step=1e-3),
+        until=lambda t, q, v: q[0] - 1.1,
     )
     assert found.status == "ok"
     assert found.events[0].kind == "condition"

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.condition import build_condition, find_quantities
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.simulate.until import Until
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.system.errors import (
     FormulationError,
@@ -50,8 +52,8 @@ def test_an_expression_is_worked_out(model: CompiledModel, text: str, value: flo
 @pytest.mark.parametrize("method", ["auto", "rk54", "rk853"])
 def test_a_motion_ends_where_the_condition_turns(model: CompiledModel, method: str) -> None:
     found = simulate(
-        model, 1.0, samples=11, method=method, rtol=1e-10, atol=1e-12,
-        condition='member_length["e0"] - 0.9', until_condition=True,
+        model, 1.0, samples=11, method=method, rtol=1e-10, stepping=Stepping(atol=1e-12),
+        until='member_length["e0"] - 0.9',
     )  # fmt: skip
     expected = np.arccos(-0.5) / 20
     assert found.status == "ok"
@@ -62,7 +64,14 @@ def test_a_motion_ends_where_the_condition_turns(model: CompiledModel, method: s
 
 
 def test_without_an_end_the_log_has_every_turn(model: CompiledModel) -> None:
-    found = simulate(model, 1.0, method="rk853", rtol=1e-10, atol=1e-12, condition=lambda t, q, v: q[0] - 1.0)
+    found = simulate(
+        model,
+        1.0,
+        method="rk853",
+        rtol=1e-10,
+        stepping=Stepping(atol=1e-12),
+        until=Until(condition=lambda t, q, v: q[0] - 1.0, stops=False),
+    )
     turns = (np.arange(6) + 0.5) * np.pi / 20
     np.testing.assert_allclose(found.log.time, turns, rtol=1e-8)
     assert found.log.direction.tolist() == [-1, 1] * 3
@@ -112,7 +121,7 @@ def test_the_quantities_of_an_expression_are_told_before_the_model_is_built() ->
 
 def test_methods_without_events_refuse_a_condition(model: CompiledModel) -> None:
     with pytest.raises(InvalidValueError, match="does not monitor conditions"):
-        simulate(model, 1.0, method="scipy_radau", condition="time - 0.5")
+        simulate(model, 1.0, method="scipy_radau", until=Until(condition="time - 0.5", stops=False))
 
 
 @pytest.mark.parametrize(
@@ -140,10 +149,10 @@ def test_what_is_no_place_and_no_comparison_is_refused(model: CompiledModel, tex
 
 
 def test_a_run_ends_where_a_comparison_becomes_true(model: CompiledModel) -> None:
-    ended = simulate(model, 1.0, method="rk853", condition="n1.x < 1.1", until_condition=True, rtol=1e-10)
+    ended = simulate(model, 1.0, method="rk853", until="n1.x < 1.1", rtol=1e-10)
     assert ended.time[-1] == pytest.approx(np.arccos(0.5) / 20, rel=1e-8)
     assert ended.events[0].names == ("n1.x < 1.1",)
-    at_once = simulate(model, 1.0, method="rk853", condition="n1.x > 1.1", until_condition=True)
+    at_once = simulate(model, 1.0, method="rk853", until="n1.x > 1.1")
     assert (at_once.status, at_once.time.tolist()) == ("ok", [0.0])
     assert "from the start" in at_once.message
 
@@ -162,7 +171,7 @@ def test_rounding_of_a_condition_keeps_no_run_from_ending(method: str) -> None:
     step = 1e-5 if method == "rk4" else None
     for tension in np.linspace(2.0, 7.0, 3 if method == "rk4" else 10):
         text = f"member_tension[0] > {tension:.17g}"
-        found = simulate(model, 0.1, method=method, condition=text, until_condition=True, step=step)
+        found = simulate(model, 0.1, method=method, until=text, stepping=Stepping(step=step))
         assert found.status == "ok", text
         assert found.member_tension[-1, 0] == pytest.approx(tension, abs=1e-4)
 
@@ -189,10 +198,16 @@ def test_shapes_that_do_not_fit_are_refused(model: CompiledModel) -> None:
 @pytest.mark.parametrize("text", ["1 / kinetic_energy < 5", "sqrt(n1.x - 1) < 0.01"])
 def test_a_condition_that_is_not_finite_is_named_not_called_unstable(model: CompiledModel, text: str) -> None:
     with pytest.raises(NonFiniteError, match="condition is not a finite number at t = ") as caught:
-        simulate(model, 1.0, method="rk853", condition=text, until_condition=True)
+        simulate(model, 1.0, method="rk853", until=text)
     assert text in str(caught.value)
 
 
 def test_a_function_that_is_not_finite_is_named_too(model: CompiledModel) -> None:
     with pytest.raises(NonFiniteError, match="condition is not a finite number"):
-        simulate(model, 1.0, method="rk4", step=1e-3, condition=lambda t, q, v: float("inf"))
+        simulate(
+            model,
+            1.0,
+            method="rk4",
+            stepping=Stepping(step=1e-3),
+            until=Until(condition=lambda t, q, v: float("inf"), stops=False),
+        )

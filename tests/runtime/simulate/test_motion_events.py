@@ -8,9 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.runtime.simulate.until import CONTACT_QUANTITIES
+from tensegrity_codegen.runtime.simulate.until import CONTACT_QUANTITIES, Until
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
     SIMULATION_QUANTITIES,
     simulation_quantities,
@@ -63,7 +64,7 @@ def two_bars(
 def test_what_comes_first_ends_the_motion(condition: str, kind: str, time: float) -> None:
     """A bar comes down from z = 1 m at 2 m/s, and touches the other one after 0.9 m."""
     model = two_bars((0.1, 0.2, 1.0), (0.0, 0.0, -2.0))
-    found = simulate(model, 0.6, condition=condition, until_condition=True, until_contact=True)
+    found = simulate(model, 0.6, until=Until(condition=condition, contact=True))
     (event,) = found.events
     assert event.kind == kind
     assert event.time == pytest.approx(time, rel=1e-9)
@@ -77,7 +78,9 @@ def test_bars_that_fly_at_each_other_touch_when_they_must(method: str, samples: 
     expected = (np.sqrt(speed**2 + 2 * acceleration * gap) - speed) / acceleration
     model = two_bars((0.1, 0.2, 1.0), (0.0, 0.0, -speed), -acceleration)
     step = 1e-3 if method == "rk4" else None
-    found = simulate(model, 0.5, samples=samples, method=method, step=step, until_contact=True)
+    found = simulate(
+        model, 0.5, samples=samples, method=method, stepping=Stepping(step=step), until="contact"
+    )
     assert found.status == "ok"
     (event,) = found.events
     assert (event.kind, event.names) == ("contact", ("e0_e1",))
@@ -94,7 +97,7 @@ def test_bars_that_fly_at_each_other_touch_when_they_must(method: str, samples: 
 def test_node_distances_find_the_same_contact() -> None:
     words: Any = ((0.1, 0.2, 1.0), (0.0, 0.0, -2.0), -3.0)
     times = [
-        simulate(two_bars(*words, formulation=name), 0.5, until_contact=True).events[0].time
+        simulate(two_bars(*words, formulation=name), 0.5, until="contact").events[0].time
         for name in ("node_position", "node_distance")
     ]
     assert times[0] == pytest.approx(times[1], rel=1e-9)
@@ -102,7 +105,7 @@ def test_node_distances_find_the_same_contact() -> None:
 
 def test_bars_that_fly_through_each_other_between_two_samples_touch() -> None:
     model = two_bars((0.0, 0.0, 1.0), (0.0, 0.0, -20.0))
-    found = simulate(model, 0.1, samples=2, until_contact=True)
+    found = simulate(model, 0.1, samples=2, until="contact")
     assert found.events[0].time == pytest.approx((1.0 - 2 * RADIUS) / 20.0, rel=1e-9)
 
 
@@ -110,7 +113,7 @@ def test_bars_that_fly_through_each_other_between_two_samples_touch() -> None:
 def test_a_grazing_contact_between_two_samples_is_found(depth: float) -> None:
     height = 2 * RADIUS - depth
     model = two_bars((1.0, 0.1, height), (-4.0, 0.0, 0.0), crossed=False)
-    found = simulate(model, 0.5, samples=2, until_contact=True)
+    found = simulate(model, 0.5, samples=2, until="contact")
     expected = (1.0 - np.sqrt((2 * RADIUS) ** 2 - height**2)) / 4.0
     # A graze makes rounding of the distance large in time: dt = d / speed of approach.
     assert found.events[0].time == pytest.approx(expected, rel=max(1e-9, 1e-14 / depth))
@@ -120,7 +123,7 @@ def test_a_grazing_contact_between_two_samples_is_found(depth: float) -> None:
 def test_bars_that_just_miss_do_not_touch(method: str) -> None:
     model = two_bars((1.0, 0.1, 2 * RADIUS + 1e-8), (-4.0, 0.0, 0.0), crossed=False)
     step = 1e-2 if method == "rk4" else None
-    found = simulate(model, 0.5, samples=2, method=method, step=step, until_contact=True)
+    found = simulate(model, 0.5, samples=2, method=method, stepping=Stepping(step=step), until="contact")
     assert (found.status, found.events, found.time.tolist()) == ("ok", (), [0.0, 0.5])
     assert "no contact" in found.message
     assert found.summary()["events"] == []
@@ -128,7 +131,7 @@ def test_bars_that_just_miss_do_not_touch(method: str) -> None:
 
 def test_bars_that_overlap_from_the_start_say_so_at_zero() -> None:
     model = two_bars((0.0, 0.0, RADIUS), (0.0, 0.0, 1.0))
-    found = simulate(model, 1.0, until_contact=True)
+    found = simulate(model, 1.0, until="contact")
     (event,) = found.events
     assert (event.time, event.margin) == (0.0, pytest.approx(-RADIUS))
     assert found.time.tolist() == [0.0]
@@ -139,9 +142,14 @@ def test_what_goes_wrong_after_the_contact_does_not_matter() -> None:
     model = two_bars((0.0, 0.0, 1.0), (0.0, 0.0, -20.0))
     stretched = model.nominal("coordinate")
     stretched[1] += 1e-12  # which a step far too large lets grow tenfold, step by step
-    run: dict[str, Any] = {"samples": 51, "method": "rk4", "step": 1e-2, "coordinate": stretched}
+    run: dict[str, Any] = {
+        "samples": 51,
+        "method": "rk4",
+        "stepping": Stepping(step=1e-2),
+        "coordinate": stretched,
+    }
     alone = simulate(model, 5.0, **run)
-    found = simulate(model, 5.0, until_contact=True, **run)
+    found = simulate(model, 5.0, until="contact", **run)
     assert (alone.status, found.status) == ("unstable", "ok")
     assert found.events[0].time == pytest.approx(0.045, rel=1e-9)
 
@@ -161,8 +169,13 @@ def bouncing_bar() -> CompiledModel:
 def test_the_first_of_many_contacts_between_two_samples_is_found(method: str) -> None:
     model = bouncing_bar()
     step = 1e-3 if method == "rk4" else None
-    run: dict[str, Any] = {"samples": 4, "method": method, "step": step, "rtol": 1e-10, "atol": 1e-12}
-    found = simulate(model, 6 * np.pi, until_contact=True, **run)
+    run: dict[str, Any] = {
+        "samples": 4,
+        "method": method,
+        "stepping": Stepping(step=step, atol=1e-12),
+        "rtol": 1e-10,
+    }
+    found = simulate(model, 6 * np.pi, until="contact", **run)
     assert found.events[0].time == pytest.approx(np.arccos(-0.5) / 10, rel=1e-9)
     whole = simulate(model, 6 * np.pi, **run)
     assert whole.events == ()
@@ -173,8 +186,8 @@ def test_the_prism_of_three_bars_touches_at_three_places_at_once() -> None:
     system = example("lin_prism")
     model = build(system, "state_derivative", formulation="bodies")
     velocity = np.tile([0.0, -20.0], 3)  # all azimuths turn inwards
-    given: Any = {"velocity": velocity, "rtol": 1e-10, "atol": 1e-12}
-    found = simulate(model, 0.5, until_contact=True, **given)
+    given: Any = {"velocity": velocity, "rtol": 1e-10, "stepping": Stepping(atol=1e-12)}
+    found = simulate(model, 0.5, until="contact", **given)
     (event,) = found.events
     assert event.names == ("bar1_bar2", "bar1_bar3", "bar2_bar3")
     assert found.status == "ok"
@@ -199,7 +212,7 @@ def test_contacts_of_a_motion_that_goes_on_are_in_its_log() -> None:
     model = build(structure.with_changes(radius=np.full(3, RADIUS), node_velocity=velocity))
     times = []
     for pair in ("e0_e1", "e1_e2", "e0_e2"):
-        found = simulate(model, 4.0, samples=5, condition=f'bar_distance["{pair}"]')
+        found = simulate(model, 4.0, samples=5, until=Until(condition=f'bar_distance["{pair}"]', stops=False))
         assert (found.status, found.events, found.time[-1]) == ("ok", (), 4.0)
         times.append(found.log.time[found.log.direction < 0][0])
     # e1 and e2 pass each other side by side, 0.06 apart: they touch where the heights differ by 0.08.
@@ -208,7 +221,7 @@ def test_contacts_of_a_motion_that_goes_on_are_in_its_log() -> None:
 
 def test_a_contact_with_a_schedule_is_found_by_scipy() -> None:
     model = two_bars((0.1, 0.2, 1.0), (0.0, 0.0, -2.0))
-    found = simulate(model, 0.6, samples=4, schedule=lambda time: {}, until_contact=True)
+    found = simulate(model, 0.6, samples=4, schedule=lambda time: {}, until="contact")
     assert found.method.startswith("auto (scipy")
     assert found.events[0].time == pytest.approx(0.45, rel=1e-9)
     assert found.time.tolist() == pytest.approx([0.0, 0.2, 0.4, found.events[0].time])
@@ -217,7 +230,7 @@ def test_a_contact_with_a_schedule_is_found_by_scipy() -> None:
 
 def test_a_file_holds_the_events(tmp_path: Any) -> None:
     model = build(example("lin_prism"), formulation="bodies")
-    found = simulate(model, 0.5, velocity=np.tile([0.0, -20.0], 3), until_contact=True)
+    found = simulate(model, 0.5, velocity=np.tile([0.0, -20.0], 3), until="contact")
     found.write(tmp_path / "run.npz")
     with np.load(tmp_path / "run.npz", allow_pickle=False) as file:
         assert file["event_name"].tolist() == ["bar1_bar2", "bar1_bar3", "bar2_bar3"]
@@ -235,9 +248,9 @@ def test_a_model_without_the_functions_is_refused() -> None:
     request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk54",))
     model = build_library(structure, request).load()
     with pytest.raises(FormulationError, match="lacks functions") as caught:
-        simulate(model, 1.0, until_contact=True)
+        simulate(model, 1.0, until="contact")
     assert caught.value.given == "bar_distance"
     request = ModelRequest((*SIMULATION_QUANTITIES, "bar_distance"), integrators=("rk54",))
     model = build_library(structure, request).load()
     with pytest.raises(FormulationError, match="built without these events"):
-        simulate(model, 1.0, until_contact=True)
+        simulate(model, 1.0, until="contact")

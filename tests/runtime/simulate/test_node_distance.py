@@ -9,6 +9,7 @@ from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.pipeline.settle import settle_structure
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -65,8 +66,17 @@ def build(structure: Structure, formulation: str, *quantities: str, **options: s
 def test_adaptive_steps_meet_their_tolerance(method: str, most: float) -> None:
     """rk54 keeps each step within the tolerance, auto the samples."""
     structure = structure_with_everything()
-    exact = simulate(build(structure, "node_position"), 1.0, samples=11, method="rk4", step=1e-5)
-    found = simulate(build(structure, "node_distance"), 1.0, samples=11, method=method, rtol=1e-8, atol=1e-8)
+    exact = simulate(
+        build(structure, "node_position"), 1.0, samples=11, method="rk4", stepping=Stepping(step=1e-5)
+    )
+    found = simulate(
+        build(structure, "node_distance"),
+        1.0,
+        samples=11,
+        method=method,
+        rtol=1e-8,
+        stepping=Stepping(atol=1e-8),
+    )
     assert found.status == "ok"
     assert np.abs(found.node_position - exact.node_position).max() < most
 
@@ -78,7 +88,7 @@ def test_trajectories_are_those_of_node_positions(pairs: str, order: str) -> Non
     structure = structure_with_everything()
     arguments = {"input": np.array([-0.1, 0.5]), "rest_length": np.array([0.7])}
     runs = [
-        simulate(model, 2.0, samples=21, method="rk4", step=1e-3, arguments=arguments)
+        simulate(model, 2.0, samples=21, method="rk4", stepping=Stepping(step=1e-3), arguments=arguments)
         for model in (
             build(structure, "node_position"),
             build(structure, "node_distance", pairs=pairs, order=order),
@@ -93,7 +103,7 @@ def test_trajectories_are_those_of_node_positions(pairs: str, order: str) -> Non
 
 def test_constraints_are_kept_with_anchors() -> None:
     model = build(structure_with_everything(), "node_distance", "constraint_residual")
-    run = simulate(model, 5.0, samples=11, method="rk4", step=1e-3)
+    run = simulate(model, 5.0, samples=11, method="rk4", stepping=Stepping(step=1e-3))
     for coordinate in run.coordinate:
         assert np.abs(model.compute("constraint_residual", coordinate=coordinate)).max() < 1e-15
 
@@ -102,7 +112,7 @@ def test_a_structure_without_cycles_has_nothing_to_keep() -> None:
     structure = make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 0.9)])
     model = build(structure, "node_distance")
     assert not model.has("consistent_coordinate")
-    assert simulate(model, 0.5, samples=3, method="rk4", step=1e-3).status == "ok"
+    assert simulate(model, 0.5, samples=3, method="rk4", stepping=Stepping(step=1e-3)).status == "ok"
 
 
 @pytest.mark.parametrize("name", ["coordinate", "velocity"])
@@ -111,7 +121,7 @@ def test_a_state_that_contradicts_itself_is_refused(name: str) -> None:
     state = model.nominal(name)
     state[4] += 0.01
     with pytest.raises(InvalidValueError, match="do not add up") as caught:
-        simulate(model, 0.1, method="rk4", step=1e-3, **{name: state})
+        simulate(model, 0.1, method="rk4", stepping=Stepping(step=1e-3), **{name: state})
     assert caught.value.where.startswith("simulate: n")
 
 
@@ -147,7 +157,7 @@ def test_an_anchored_net_moves_the_same_however_far_from_the_origin(method: str)
         )
         model = build_library(net(offset), request).load()
         step = 1e-3 if method == "rk4" else None
-        run = simulate(model, 1.0, samples=11, method=method, step=step, rtol=1e-8)
+        run = simulate(model, 1.0, samples=11, method=method, stepping=Stepping(step=step), rtol=1e-8)
         assert (run.status, len(run.log.time) > 10) == ("ok", True)
         runs.append(run)
     for run, offset in zip(runs[1:], (3e5, 1e9), strict=True):

@@ -7,8 +7,10 @@ import pytest
 
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.methods import METHODS
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.simulate.until import Until
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 from tensegrity_codegen.tables.request import ModelRequest
@@ -38,7 +40,9 @@ def length(time: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("method", SCIPY)
 def test_a_driven_rest_length_forces_an_oscillator(model: CompiledModel, method: str) -> None:
-    run = simulate(model, 2.0, method=method, rtol=1e-9, atol=1e-12, schedule=drive, control="steps")
+    run = simulate(
+        model, 2.0, method=method, rtol=1e-9, stepping=Stepping(atol=1e-12, control="steps"), schedule=drive
+    )
     expected = length(run.time)
     found = np.linalg.norm(run.node_position[:, 0] - run.node_position[:, 1], axis=1)
     np.testing.assert_allclose(found, expected, atol=3e-7)
@@ -61,7 +65,7 @@ def test_a_schedule_overrides_constant_arguments(model: CompiledModel) -> None:
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-8])
 def test_auto_follows_a_schedule_and_says_how(model: CompiledModel, rtol: float) -> None:
-    run = simulate(model, 2.0, rtol=rtol, atol=0.1 * rtol, schedule=drive)
+    run = simulate(model, 2.0, rtol=rtol, stepping=Stepping(atol=0.1 * rtol), schedule=drive)
     found = np.linalg.norm(run.node_position[:, 0] - run.node_position[:, 1], axis=1)
     np.testing.assert_allclose(found, length(run.time), atol=2 * rtol)
     assert run.status == "ok"
@@ -75,7 +79,7 @@ def test_auto_takes_an_implicit_method_for_fast_damping() -> None:
     structure = structure.with_changes(damping=np.array([1e5]))
     request = ModelRequest(SIMULATION_QUANTITIES, parameters={"rest_length": (0,)})
     model = build_library(structure, request).load()
-    run = simulate(model, 2.0, samples=5, rtol=1e-9, atol=1e-11, schedule=drive)
+    run = simulate(model, 2.0, samples=5, rtol=1e-9, stepping=Stepping(atol=1e-11), schedule=drive)
     assert run.status == "ok"
     assert "scipy_radau" in run.why_method
     # Without mass the damper creeps: y' = a (0.05 sin(w t) - y).
@@ -90,29 +94,29 @@ def test_a_short_change_in_a_quiet_motion_is_not_passed_over(model: CompiledMode
     def change(time: float) -> dict[str, list[float]]:
         return {"rest_length": [1.1 if 6.9 < time < 7.0 else 1.0]}
 
-    run = simulate(model, 10.0, samples=11, schedule=change, control="steps")
+    run = simulate(model, 10.0, samples=11, schedule=change, stepping=Stepping(control="steps"))
     assert np.abs(run.velocity[:7]).max() == 0.0
     assert np.abs(run.velocity[7:]).max() > 0.1
 
 
 def test_one_run_by_auto_is_not_checked(model: CompiledModel) -> None:
-    run = simulate(model, 2.0, schedule=drive, control="steps")
+    run = simulate(model, 2.0, schedule=drive, stepping=Stepping(control="steps"))
     assert run.status == "ok"
     assert run.error_estimate is None
 
 
 def test_a_method_with_constant_arguments_refuses_a_schedule(model: CompiledModel) -> None:
     with pytest.raises(InvalidValueError, match="holds parameters and inputs constant") as caught:
-        simulate(model, 1.0, method="rk4", step=0.01, schedule=drive)
+        simulate(model, 1.0, method="rk4", stepping=Stepping(step=0.01), schedule=drive)
     assert "auto" in str(caught.value)
     assert "scipy_dop853" in str(caught.value)
 
 
 def test_what_a_schedule_cannot_go_with_is_named(model: CompiledModel) -> None:
     with pytest.raises(InvalidValueError, match="not monitor conditions"):
-        simulate(model, 1.0, schedule=drive, condition="time - 0.5")
+        simulate(model, 1.0, schedule=drive, until=Until(condition="time - 0.5", stops=False))
     with pytest.raises(InvalidValueError, match="energy cannot be kept"):
-        simulate(model, 1.0, schedule=drive, keep="energy")
+        simulate(model, 1.0, schedule=drive, stepping=Stepping(keep="energy"))
 
 
 def test_unknown_words_of_a_schedule_are_refused(model: CompiledModel) -> None:

@@ -13,7 +13,7 @@ from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate import batch_integration, c_run
 from tensegrity_codegen.runtime.integrate.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate import given
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -66,16 +66,24 @@ def test_every_motion_is_that_of_a_simulation_of_its_own(
     coordinate, velocity = starts(model, n_batch), np.full_like(model.nominal("velocity"), 0.3)
     rest = model.nominal("rest_length") * (1.0 + 0.01 * np.arange(n_batch))[:, None]
     gravity = np.array([0.0, 0.5, -3.0])
-    common = {"samples": SAMPLES, "method": method, "velocity": velocity, **options}
+    common = {"samples": SAMPLES, "method": method, "velocity": velocity}
     batch = simulate_batch(
-        model, T_END, coordinate=coordinate, arguments={"rest_length": rest, "gravity": gravity}, **common
-    )
+        model, T_END, coordinate=coordinate, arguments={"rest_length": rest, "gravity": gravity},
+        stepping=Stepping(**options), **common,
+    )  # fmt: skip
     assert batch.status == ("ok",) * n_batch
     assert batch.node_position.shape == (n_batch, SAMPLES, 6, 3)
     control = "samples" if method == "rk4" else "steps"
     for k in (0, 7, 8, 10):
         own = {"rest_length": rest[k], "gravity": gravity}
-        alone = simulate(model, T_END, coordinate=coordinate[k], arguments=own, control=control, **common)
+        alone = simulate(
+            model,
+            T_END,
+            coordinate=coordinate[k],
+            arguments=own,
+            stepping=Stepping(**options, control=control),
+            **common,
+        )
         one = batch[k]
         for name in ("time", "coordinate", "velocity", "node_position", "node_velocity"):
             np.testing.assert_array_equal(getattr(one, name), getattr(alone, name), err_msg=name)
@@ -89,7 +97,7 @@ def test_neither_companions_nor_threads_change_a_bit(
     model: CompiledModel, method: str, options: dict[str, Any]
 ) -> None:
     coordinate = starts(model, 21)
-    run = {"samples": SAMPLES, "method": method, **options}
+    run: dict[str, Any] = {"samples": SAMPLES, "method": method, "stepping": Stepping(**options)}
     together = simulate_batch(model, T_END, coordinate=coordinate, **run)
     threaded = simulate_batch(model, T_END, coordinate=coordinate, threads=4, **run)
     np.testing.assert_array_equal(together.coordinate, threaded.coordinate)
@@ -138,7 +146,9 @@ def test_a_motion_that_fails_has_its_own_status_and_disturbs_nobody(model: Compi
 
 def test_control_of_the_samples_is_that_of_single_simulations(model: CompiledModel) -> None:
     coordinate = starts(model, 2)
-    batch = simulate_batch(model, T_END, samples=3, method="rk853", control="samples", coordinate=coordinate)
+    batch = simulate_batch(
+        model, T_END, samples=3, method="rk853", stepping=Stepping(control="samples"), coordinate=coordinate
+    )
     for k, row in enumerate(coordinate):
         alone = simulate(model, T_END, samples=3, method="rk853", coordinate=row)
         np.testing.assert_array_equal(batch.coordinate[k], alone.coordinate)
@@ -148,7 +158,12 @@ def test_control_of_the_samples_is_that_of_single_simulations(model: CompiledMod
 
 def test_a_fixed_step_is_not_compared_where_only_steps_are_controlled(model: CompiledModel) -> None:
     once = simulate_batch(
-        model, T_END, samples=3, method="rk4", step=1e-3, control="steps", coordinate=starts(model, 2)
+        model,
+        T_END,
+        samples=3,
+        method="rk4",
+        stepping=Stepping(step=1e-3, control="steps"),
+        coordinate=starts(model, 2),
     )
     assert once.is_ok.all()
     assert once.error_estimate is not None
@@ -157,7 +172,7 @@ def test_a_fixed_step_is_not_compared_where_only_steps_are_controlled(model: Com
 
 def test_steps_have_a_limit(model: CompiledModel) -> None:
     batch = simulate_batch(
-        model, 1000.0, samples=2, method="rk853", max_steps=50, coordinate=starts(model, 2)
+        model, 1000.0, samples=2, method="rk853", stepping=Stepping(max_steps=50), coordinate=starts(model, 2)
     )
     assert batch.status == ("not_converged",) * 2
 
@@ -165,14 +180,20 @@ def test_steps_have_a_limit(model: CompiledModel) -> None:
 def test_energy_is_kept_motion_by_motion() -> None:
     model = build(keep=("energy",), integrators=("rk853",))
     coordinate = starts(model, 2)
-    batch = simulate_batch(model, T_END, samples=3, method="rk853", keep="energy", coordinate=coordinate)
-    alone = simulate(model, T_END, samples=3, method="rk853", keep="energy", coordinate=coordinate[1])
+    batch = simulate_batch(
+        model, T_END, samples=3, method="rk853", stepping=Stepping(keep="energy"), coordinate=coordinate
+    )
+    alone = simulate(
+        model, T_END, samples=3, method="rk853", stepping=Stepping(keep="energy"), coordinate=coordinate[1]
+    )
     np.testing.assert_array_equal(batch.coordinate[1], alone.coordinate)
 
 
 def test_a_motion_that_blows_up_keeps_the_samples_it_reached(model: CompiledModel) -> None:
     coordinate = starts(model, 3)
-    found = simulate_batch(model, 4.0, samples=201, method="rk4", step=0.02, coordinate=coordinate)
+    found = simulate_batch(
+        model, 4.0, samples=201, method="rk4", stepping=Stepping(step=0.02), coordinate=coordinate
+    )
     assert set(found.status) == {"unstable"}
     reached = found.n_reached
     assert (reached > 0).all()
@@ -187,7 +208,7 @@ def test_a_motion_that_blows_up_keeps_the_samples_it_reached(model: CompiledMode
 def test_a_fixed_step_is_judged_as_in_a_simulation_of_its_own(model: CompiledModel, step: float) -> None:
     coordinate = starts(model, 3)
     coordinate[1] += 0.02 * np.sin(np.arange(coordinate.shape[1]))
-    run: dict[str, Any] = {"samples": 21, "method": "rk4", "step": step}
+    run: dict[str, Any] = {"samples": 21, "method": "rk4", "stepping": Stepping(step=step)}
     batch = simulate_batch(model, 0.1, coordinate=coordinate, **run)
     for k in range(3):
         alone = simulate(model, 0.1, coordinate=coordinate[k], **run)
@@ -203,7 +224,7 @@ def test_a_tolerance_that_no_step_meets_is_told_of_each(
     coordinate = starts(model, 3)
     monkeypatch.setattr(batch_integration, "STEPS_BEFORE_FORECAST", 1)
     monkeypatch.setattr(c_run, "FIRST_CHUNK", 4)
-    found = simulate_batch(model, T_END, max_steps=2, coordinate=coordinate)
+    found = simulate_batch(model, T_END, stepping=Stepping(max_steps=2), coordinate=coordinate)
     assert found.status == ("not_converged",) * 3
     assert "too many steps" in found.message[0]
 
@@ -224,7 +245,11 @@ def test_cables_that_go_slack_cost_accuracy_no_more_than_the_tolerance() -> None
     structure = make_structure(place, members, anchored={0: "xyz"}, mass=0.1, axes="xy")
     model = build(structure, parameters={}, events=None)
     coordinate = model.nominal("coordinate") + 0.05 * np.random.default_rng(1).normal(size=(6, 4))
-    options: dict[str, Any] = {"method": "rk853", "rtol": 1e-11, "atol": 1e-11, "control": "steps"}
+    options: dict[str, Any] = {
+        "method": "rk853",
+        "rtol": 1e-11,
+        "stepping": Stepping(atol=1e-11, control="steps"),
+    }
 
     def move(rows: np.ndarray) -> list[Any]:
         return [simulate(model, 2.0, samples=9, coordinate=row, **options) for row in rows]
@@ -239,7 +264,9 @@ def test_cables_that_go_slack_cost_accuracy_no_more_than_the_tolerance() -> None
     changes = 1e-8 * np.random.default_rng(2).normal(size=(3, *coordinate.shape))
     growth = np.max([apart(move(coordinate + change), tight) for change in changes], axis=0) / 1e-8
     for rtol in (1e-5, 1e-7):
-        found = simulate_batch(model, 2.0, samples=9, coordinate=coordinate, rtol=rtol, atol=rtol)
+        found = simulate_batch(
+            model, 2.0, samples=9, coordinate=coordinate, rtol=rtol, stepping=Stepping(atol=rtol)
+        )
         assert found.is_ok.all()
         # No farther off than a start that is off by a few tolerances.
         assert np.all(apart([found[k] for k in range(6)], tight) < 5.0 * growth * rtol)
@@ -251,7 +278,7 @@ def test_redundant_coordinates_stay_on_their_constraints() -> None:
     model = build(structure, formulation="node_distance", parameters={})
     velocity = np.zeros((3, len(model.nominal("velocity"))))
     batch = simulate_batch(model, T_END, samples=SAMPLES, velocity=velocity)
-    alone = simulate(model, T_END, samples=SAMPLES, method="rk853", control="steps")
+    alone = simulate(model, T_END, samples=SAMPLES, method="rk853", stepping=Stepping(control="steps"))
     assert batch.is_ok.all()
     for name in ("coordinate", "node_position", "node_velocity", "total_energy"):
         np.testing.assert_array_equal(getattr(batch[2], name), getattr(alone, name), err_msg=name)
@@ -264,7 +291,7 @@ def test_methods_without_lanes_go_motion_by_motion() -> None:
     gravity[:, 2] = -np.arange(4.0)
     coordinate[2, 0] = np.nan
     told: list[float] = []
-    run = {"samples": SAMPLES, "method": "radau", "rtol": 1e-4, "atol": 1e-4}
+    run = {"samples": SAMPLES, "method": "radau", "rtol": 1e-4, "stepping": Stepping(atol=1e-4)}
     given = {"coordinate": coordinate, "arguments": {"gravity": gravity}}
     batch = simulate_batch(model, T_END, progress=told.append, **given, **run)  # type: ignore[arg-type]
     assert batch.status == ("ok", "ok", "non_finite_input", "ok")

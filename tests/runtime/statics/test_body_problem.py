@@ -7,6 +7,7 @@ import pytest
 
 from tensegrity_codegen.pipeline.analyses import equilibrium_quantities
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -139,7 +140,7 @@ def test_energy_of_an_undamped_system_is_conserved() -> None:
     }
     document["tendons"]["t4"] = {"class": "wire", "points": ["leg.A", "ground.a"]}
     system, _ = assemble_document(document)
-    motion = simulate(dynamics(system), 0.5, samples=21, method="rk4", step=1e-4)
+    motion = simulate(dynamics(system), 0.5, samples=21, method="rk4", stepping=Stepping(step=1e-4))
     assert motion.status == "ok"
     assert np.abs(motion.total_energy - motion.total_energy[0]).max() < 1e-8
     assert np.ptp(motion.kinetic_energy) > 0.1
@@ -150,8 +151,8 @@ def test_energy_of_an_undamped_system_is_conserved() -> None:
 def test_the_c_loop_and_scipy_agree(method: str) -> None:
     system, _ = assemble_document(EVERYTHING)
     model = dynamics(system)
-    by_c = simulate(model, 0.1, samples=5, method="rk4", step=1e-5)
-    by_scipy = simulate(model, 0.1, samples=5, method=method, rtol=1e-10, atol=1e-12)
+    by_c = simulate(model, 0.1, samples=5, method="rk4", stepping=Stepping(step=1e-5))
+    by_scipy = simulate(model, 0.1, samples=5, method=method, rtol=1e-10, stepping=Stepping(atol=1e-12))
     np.testing.assert_allclose(by_c.coordinate, by_scipy.coordinate, atol=1e-7)
     np.testing.assert_allclose(by_c.node_position, by_scipy.node_position, atol=1e-7)
 
@@ -160,7 +161,7 @@ def test_the_c_loop_and_scipy_agree(method: str) -> None:
 def test_friction_and_damping_take_energy_away() -> None:
     document = {**EVERYTHING, "loads": EVERYTHING["loads"][:1], "inputs": []}
     system, _ = assemble_document(document)
-    motion = simulate(dynamics(system), 0.3, samples=31, method="rk4", step=1e-4)
+    motion = simulate(dynamics(system), 0.3, samples=31, method="rk4", stepping=Stepping(step=1e-4))
     assert (np.diff(motion.total_energy) < 1e-12).all()
     assert motion.energy_drift is None
 
@@ -173,7 +174,7 @@ def test_passing_the_pole_of_the_angles_is_reported_with_body_and_time() -> None
     }}  # fmt: skip
     system, _ = assemble_document(document)
     model = dynamics(system)
-    motion = simulate(model, 1.0, samples=101, method="rk4", step=1e-4)
+    motion = simulate(model, 1.0, samples=101, method="rk4", stepping=Stepping(step=1e-4))
     assert motion.status == "at_pole"
     assert "'rod'" in motion.message
     assert "polar_axis" in motion.message
@@ -192,7 +193,9 @@ def test_passing_the_pole_of_the_angles_is_reported_with_body_and_time() -> None
 def test_stiff_springs_approach_rigid_bars_as_one_over_their_stiffness() -> None:
     """Two free bars: half a bar's mass at each end, bars as springs of 1e3, 1e4, 1e5 times the cables."""
     system, _ = assemble_document(two_bars())
-    rigid = simulate(dynamics(system), 0.5, samples=6, method="rk4", step=1e-4).node_position
+    rigid = simulate(
+        dynamics(system), 0.5, samples=6, method="rk4", stepping=Stepping(step=1e-4)
+    ).node_position
     errors = []
     for kappa in (1e3, 1e4, 1e5):
         structure = as_structure(20.0 * kappa)
@@ -200,7 +203,7 @@ def test_stiff_springs_approach_rigid_bars_as_one_over_their_stiffness() -> None
             *simulation_quantities("node_position"), integrators=("rk4", "rk54")
         )
         model = build_library(structure, request).load()
-        soft = simulate(model, 0.5, samples=6, method="rk4", step=2e-5).node_position
+        soft = simulate(model, 0.5, samples=6, method="rk4", stepping=Stepping(step=2e-5)).node_position
         errors.append(float(np.abs(soft - rigid).max()))
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.3)
     assert errors[1] / errors[2] == pytest.approx(10, rel=0.3)
@@ -213,7 +216,9 @@ def test_a_symmetrical_tower_stays_symmetrical() -> None:
     tower = example("svd_tower")
     q = tower.coordinate.copy()
     q[[k for k, name in enumerate(tower.coordinate_name) if name.endswith("declination")]] += 0.01
-    motion = simulate(dynamics(tower), 0.2, samples=3, method="rk4", step=1e-3, coordinate=q)
+    motion = simulate(
+        dynamics(tower), 0.2, samples=3, method="rk4", stepping=Stepping(step=1e-3), coordinate=q
+    )
     end = dict(zip(tower.coordinate_name, motion.coordinate[-1], strict=True))
     tilt = [end[f"top_{name}"] for name in ("phi", "theta", "x", "y")]
     np.testing.assert_allclose(tilt, 0, atol=1e-12)

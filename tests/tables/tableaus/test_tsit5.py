@@ -13,7 +13,7 @@ from tensegrity_codegen.runtime.integrate.batch_integration import integrate_bat
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.methods import METHODS
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
@@ -123,8 +123,8 @@ def pendulum() -> CompiledModel:
 
 
 def test_simulate_meets_the_tolerance_and_finds_the_events(pendulum: CompiledModel) -> None:
-    found = simulate(pendulum, 1.0, samples=41, method="tsit5", rtol=1e-8, atol=1e-10)
-    best = simulate(pendulum, 1.0, samples=41, method="rk853", rtol=1e-11, atol=1e-12)
+    found = simulate(pendulum, 1.0, samples=41, method="tsit5", rtol=1e-8, stepping=Stepping(atol=1e-10))
+    best = simulate(pendulum, 1.0, samples=41, method="rk853", rtol=1e-11, stepping=Stepping(atol=1e-12))
     assert found.status == "ok"
     np.testing.assert_allclose(found.node_position, best.node_position, atol=2e-8)
     assert found.log.count == best.log.count > 0

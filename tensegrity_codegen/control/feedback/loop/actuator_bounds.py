@@ -11,9 +11,33 @@ from tensegrity_codegen.runtime.model.arrays import to_doubles, to_each
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import InvalidValueError
 
 ROUNDING = 1e-9  # of a rate, by which a motion may exceed it
+
+
+@dataclass(frozen=True)
+class ActuatorLimits:
+    """Limits of the actuators of a closed loop in place of those of the scene.
+
+    Attributes
+    ----------
+    rate : float or array_like, shape (n_actuators,), optional [m/s]
+        Largest rates.
+    range : array_like, shape (2,) or (n_actuators, 2), optional [m]
+        Least and largest rest lengths.
+    delay : float or array_like, shape (n_actuators,), optional [s]
+        Times from the command to the motion.
+    """
+
+    rate: ArrayLike | None = None
+    range: ArrayLike | None = None
+    delay: ArrayLike | None = None
+
+
+# Arguments of functions with a closed loop that `ActuatorLimits` has.
+MOVED_TO_LIMITS = {name: f"limits=ActuatorLimits({name}=...)" for name in ("rate", "range", "delay")}
 
 
 @dataclass(frozen=True)
@@ -40,24 +64,22 @@ class ActuatorBounds:
 def find_bounds(
     model: Described,
     motion: Motion,
+    limits: ActuatorLimits | None = None,
     *,
-    rate: ArrayLike | None = None,
-    range: ArrayLike | None = None,
-    delay: ArrayLike | None = None,
     longest_delay: float | None = None,
 ) -> ActuatorBounds:
     """Return the bounds of a motion's actuators: those of the scene, or those given.
 
     model: with its structure, which has the actuators.
     motion: names the actuators.
-    rate (n_actuators,) [m/s]: largest rates.
-    range (2,) or (n_actuators, 2) [m]: least and largest rest lengths.
-    delay (n_actuators,) [s]: delays.
+    limits: in place of those of the scene.
     longest_delay [s]: that is accepted; by default the duration of the motion.
     Returns: bounds in the order of the motion.
     Raises InvalidValueError: a value out of range, a motion that needs higher rates, or a delay longer than
         the motion.
     """
+    check_instance(limits, (ActuatorLimits, type(None)), "limits", "ActuatorLimits, or None")
+    stated = limits or ActuatorLimits()
     actuation = find_actuation(model, motion.actuators)
     structure = model.structure
     assert structure is not None  # find_actuation refuses models without
@@ -71,16 +93,16 @@ def find_bounds(
         rate=actuation.rate,
         delay=np.array([item.delay for item in actuation.actuators]),
     )
-    if rate is not None:
-        found = replace(found, rate=_read(rate, count, "rate", "m/s", strictly=True))
-    if delay is not None:
-        found = replace(found, delay=_read(delay, count, "delay", "s", strictly=False))
-    if range is not None:
+    if stated.rate is not None:
+        found = replace(found, rate=_read(stated.rate, count, "rate", "m/s", strictly=True))
+    if stated.delay is not None:
+        found = replace(found, delay=_read(stated.delay, count, "delay", "s", strictly=False))
+    if stated.range is not None:
         allowed = "0 <= least < largest rest length [m], one pair or one for each actuator"
-        given = to_doubles(range, "range", allowed)
+        given = to_doubles(stated.range, "range", allowed)
         is_range = given.shape in ((2,), (count, 2))
         if not is_range or not (given[..., 0] < given[..., 1]).all() or not (given[..., 0] >= 0.0).all():
-            raise InvalidValueError("not a range", where="range", given=range, allowed=allowed)
+            raise InvalidValueError("not a range", where="range", given=stated.range, allowed=allowed)
         pair = np.broadcast_to(given, (count, 2))
         rest = [structure.rest_length[list(members)] for members in found.members]
         found = replace(

@@ -1,14 +1,20 @@
 """Parts of one loop: whether they fit each other and the motion, and what the simulation starts from."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
+from tensegrity_codegen.control.feedback.loop.sampled_plant import (
+    NODE_LOAD,
+    Disturbance,
+    GustLoad,
+    bind_gust,
+)
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles, to_sized
@@ -17,7 +23,7 @@ from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_instance, check_positive, is_number
+from tensegrity_codegen.system.checks import check_instance, check_positive, check_whole, is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import Manifest
 
@@ -100,12 +106,39 @@ def count_samples(t_end: float, sample: float) -> int:
     return int(np.floor(count + 1e-9))
 
 
-def find_start(motion: Motion, coordinate: ArrayLike | None, velocity: ArrayLike | None) -> FloatArray:
+@dataclass(frozen=True, eq=False)
+class LoopStart:
+    """Start (n_states,) of a simulated loop, arguments of its model, loads that change, seed of the noise."""
+
+    state: FloatArray
+    given: Mapping[str, Any]
+    gusts: GustLoad | None
+    seed: int
+
+
+def read_disturbance(
+    model: CompiledModel, motion: Motion, disturbance: Disturbance | None, where: str = "disturbance"
+) -> LoopStart:
+    """Return what a loop starts from.
+
+    Raises InvalidValueError, NonFiniteError or UnknownNameError for a value of another shape or out of range,
+    and for arguments that the model lacks.
+    """
+    check_instance(disturbance, (Disturbance, type(None)), where, "a Disturbance")
+    stated = disturbance or Disturbance()
+    seed = check_whole(stated.seed, "seed" if where == "disturbance" else f"{where}.seed", 0)
+    given = _find_given(model, stated)
+    start = _find_state(motion, stated)
+    return LoopStart(start, given, bind_gust(model, stated.gust, given.get(NODE_LOAD)), seed)
+
+
+def _find_state(motion: Motion, stated: Disturbance) -> FloatArray:
     """Return the state of the motion at its start, with errors."""
     point = motion.at(0.0)
     state = np.concatenate([point.coordinate, point.velocity])
     n = len(point.coordinate)
-    for place, value, name in ((0, coordinate, "coordinate_error"), (n, velocity, "velocity_error")):
+    for place, name in ((0, "coordinate_error"), (n, "velocity_error")):
+        value = getattr(stated, name)
         if value is not None:
             error = to_sized(value, (n,), name).ravel()
             check_finite(error, name)
@@ -113,13 +146,11 @@ def find_start(motion: Motion, coordinate: ArrayLike | None, velocity: ArrayLike
     return state
 
 
-def find_given(
-    model: CompiledModel, arguments: Mapping[str, Any] | None, axial_stiffness: ArrayLike | None
-) -> dict[str, Any]:
+def _find_given(model: CompiledModel, stated: Disturbance) -> dict[str, Any]:
     """Return the run-time arguments of the simulated model by name; raises for those that it lacks."""
-    given = merge_inputs(model.manifest, arguments)
-    if axial_stiffness is not None:
+    given = merge_inputs(model.manifest, stated.arguments)
+    if stated.axial_stiffness is not None:
         allowed = "one stiffness for each member of the run-time parameter [N]"
-        given["axial_stiffness"] = to_doubles(axial_stiffness, "axial_stiffness", allowed)
+        given["axial_stiffness"] = to_doubles(stated.axial_stiffness, "axial_stiffness", allowed)
     check_arguments(model.manifest, given)
     return given

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.integrate.event_run import EventRun
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
@@ -46,6 +47,32 @@ class Gust:
     def end(self) -> float:
         """Time at which it ends [s]."""
         return self.start + self.duration
+
+
+@dataclass(frozen=True, eq=False)
+class Disturbance:
+    """What a simulated closed loop has and its controller does not know.
+
+    Attributes
+    ----------
+    coordinate_error, velocity_error : array_like, shape (n_coordinates,), optional
+        Added to the state of the motion at its start.
+    axial_stiffness : array_like, shape (k,), optional [N]
+        Of the simulated model, in the order of its run-time parameter.
+    arguments : mapping, optional
+        Run-time parameters of the simulated model where they differ from the scene.
+    gust : Gust or sequence of Gust, optional
+        Forces on nodes for a limited time.
+    seed : int
+        Of the noise of the measurements.
+    """
+
+    coordinate_error: ArrayLike | None = None
+    velocity_error: ArrayLike | None = None
+    axial_stiffness: ArrayLike | None = None
+    arguments: Mapping[str, Any] | None = None
+    gust: Gust | Sequence[Gust] | None = None
+    seed: int = 0
 
 
 @dataclass(frozen=True)

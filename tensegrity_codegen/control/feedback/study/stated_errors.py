@@ -1,12 +1,13 @@
 """Disturbances of a study, drawn anew for each run: errors of start and stiffnesses, gusts; and its times."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.control.feedback.loop.sampled_plant import NODE_LOAD, Gust
 from tensegrity_codegen.control.feedback.study.tuning import Scales, find_angles
 from tensegrity_codegen.runtime.model.arrays import to_doubles
@@ -14,7 +15,13 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_instance, check_positive, is_number
+from tensegrity_codegen.system.checks import (
+    check_callback,
+    check_instance,
+    check_positive,
+    check_whole,
+    is_number,
+)
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
 STIFFNESSES = ("axial_stiffness", "spring_constant")
@@ -70,6 +77,41 @@ class StatedErrors:
     start_angle: float | None = None
     stiffness_error: float = 0.05
     gusts: tuple[Gust | RandomGust, ...] = ()
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Draws of the disturbances of a study.
+
+    Attributes
+    ----------
+    number : int
+        How many there are.
+    seed : int
+        Of the draws and of the noise of measurements.
+    last : float, optional [s]
+        Time before the end in which errors are compared; by default a sixth of the simulated time.
+    batch : callable, optional
+        `simulate_control_batch`: simulates many draws at once, in C; loops with a distribution are simulated
+        in Python.
+    """
+
+    number: int = 5
+    seed: int = 0
+    last: float | None = None
+    batch: Callable[..., Sequence[ControlRun]] | None = None
+
+
+MOST_DRAWS = 10_000
+
+
+def read_draws(draws: int | Draws) -> Draws:
+    """Return the draws, also of their number alone; raises InvalidValueError for values out of range."""
+    found = draws if isinstance(draws, Draws) else Draws(draws)
+    check_whole(found.number, "draws", 1, MOST_DRAWS)
+    check_whole(found.seed, "seed", 0)
+    check_callback(found.batch, "batch")
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.control.feedback.study.control_study import (
@@ -34,12 +35,14 @@ from tensegrity_codegen.control.feedback.study.loop_result import (
 from tensegrity_codegen.control.feedback.study.stated_errors import (
     HELD_TIME,
     DrawnErrors,
+    Draws,
     StatedErrors,
     check_errors,
     check_gust_times,
     check_times,
     draw_errors,
     find_default_times,
+    read_draws,
     read_times,
 )
 from tensegrity_codegen.control.feedback.study.tuning import Tuning, choose_weights
@@ -48,16 +51,15 @@ from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.system.checks import check_callback, check_instance, check_positive, check_whole
+from tensegrity_codegen.system.checks import check_callback, check_instance, check_positive
 from tensegrity_codegen.system.errors import check_choice
+from tensegrity_codegen.system.moved_arguments import with_moved
 
 SENSORS = "sensors"
-MOST_DRAWS = 10_000
 CHUNK = 32  # draws that are simulated at once
 
-Batch = Callable[..., Sequence[ControlRun]]
 
-
+@with_moved(**{name: f"draws=Draws({name}=...)" for name in ("seed", "last", "batch")})
 def study_control(
     model: CompiledModel,
     motion: Motion | Equilibrium,
@@ -69,11 +71,8 @@ def study_control(
     errors: StatedErrors | None = None,
     sample: float = 0.005,
     t_end: float | None = None,
-    last: float | None = None,
-    draws: int = 5,
-    seed: int = 0,
+    draws: int | Draws = 5,
     arguments: Mapping[str, Any] | None = None,
-    batch: Batch | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ControlStudy:
     """Simulate a motion under disturbances: without feedback, with the true state, with an estimator.
@@ -99,17 +98,11 @@ def study_control(
         Time between two commands, where no gains are given.
     t_end : float, optional [s]
         Simulated time; by default three times the motion, longer where the slowest error needs it.
-    last : float, optional [s]
-        Time before the end in which errors are compared; by default a sixth of the simulated time.
-    draws : int
-        Number of draws of the disturbances.
-    seed : int
-        Of the draws.
+    draws : int or Draws
+        Number of draws of the disturbances; a `Draws` also with their seed, the time in which errors are
+        compared, and many at once in C.
     arguments : mapping, optional
         Inputs and run-time parameters where they differ from the scene, known to the controller.
-    batch : callable, optional
-        `simulate_control_batch`: simulates many draws at once, in C; loops with a distribution are simulated
-        in Python.
     progress : callable, optional
         Called with the fraction done.
 
@@ -142,13 +135,12 @@ def study_control(
     ('holds', ['open', 'true_state'])
     """
     require_model(model)
-    check_times(t_end=t_end, last=last)
+    wanted = read_draws(draws)
+    check_times(t_end=t_end, last=wanted.last)
     check_positive(sample, "sample", "[s]")
-    check_whole(seed, "seed", 0)
     check_instance(tuning, (Tuning, type(None)), "tuning", "a Tuning of choose_weights, or None")
     check_instance(errors, (StatedErrors, type(None)), "errors", "StatedErrors, or None")
     check_instance(gains, (Gains, type(None)), "gains", "Gains of design_lqr, or None")
-    check_callback(batch, "batch")
     check_callback(progress, "progress")
     held = HELD_TIME if t_end is None else t_end
     reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
@@ -156,7 +148,6 @@ def study_control(
     chosen = tuning or choose_weights(model, reference, sample=sample, arguments=arguments)
     stated = errors or StatedErrors()
     check_errors(model, stated)
-    check_whole(draws, "draws", 1, MOST_DRAWS)
     if gains is None:
         gains = design_lqr(
             model, reference, chosen.Q, chosen.R, sample=chosen.sample,
@@ -164,13 +155,13 @@ def study_control(
         )  # fmt: skip
     senses, note = _find_estimator(model, reference, estimator, gains, chosen, arguments)
     default = find_default_times(reference, *find_time_constants(gains, senses))[0]
-    end, window = read_times(gains.sample, default, t_end, last)
+    end, window = read_times(gains.sample, default, t_end, wanted.last)
     check_gust_times(stated.gusts, end)
     notes = () if note is None else (note,)
     work = _Work(
-        model, reference, gains, senses, distribution, chosen, stated, given, end, window, seed, batch, notes
+        model, reference, gains, senses, distribution, chosen, stated, given, end, window, wanted, notes
     )
-    return work.study(draws, progress)
+    return work.study(progress)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,19 +178,18 @@ class _Work:
     given: Mapping[str, Any]
     t_end: float
     last: float
-    seed: int
-    batch: Batch | None
+    draws: Draws
     notes: tuple[str, ...]
 
-    def study(self, draws: int, progress: Callable[[float], None] | None) -> ControlStudy:
+    def study(self, progress: Callable[[float], None] | None) -> ControlStudy:
         """Simulate all draws; of the worst one the runs are kept."""
         # All loops over all draws, some of them at once; the runs of the worst draw are kept.
         names = [name for name in LOOPS if name != LOOPS[2] or self.estimator is not None]
         rows: dict[str, list[RunMeasures]] = {name: [] for name in names}
         worst, kept, number = -np.inf, {}, 0
-        scales = self.tuning.scales
-        drawn = [draw_errors(self.model, self.stated, scales, self.seed, k) for k in range(draws)]
-        size = 1 if self.batch is None else CHUNK
+        scales, draws = self.tuning.scales, self.draws.number
+        drawn = [draw_errors(self.model, self.stated, scales, self.draws.seed, k) for k in range(draws)]
+        size = 1 if self.draws.batch is None else CHUNK
         for first in range(0, draws, size):
             some = range(first, min(first + size, draws))
             runs = {}
@@ -247,7 +237,7 @@ class _Work:
             worst_draw=number,
             t_end=self.t_end,
             last=self.last,
-            seed=self.seed,
+            seed=self.draws.seed,
         )
 
     def run(self, name: str, drawn: Sequence[DrawnErrors], first: int) -> Sequence[ControlRun]:
@@ -258,21 +248,21 @@ class _Work:
         parts: dict[str, Any] = {"t_end": self.t_end, "sample": self.gains.sample, "compare": False}
         parts["estimator"] = self.estimator if name == LOOPS[2] else None
         states = [self._describe(item, first + k) for k, item in enumerate(drawn)]
-        if self.batch is not None and spread is None:
-            return self.batch(self.model, self.motion, gains, draws=states, **parts)
+        if self.draws.batch is not None and spread is None:
+            return self.draws.batch(self.model, self.motion, gains, draws=states, **parts)
         return [
-            simulate_control(self.model, self.motion, gains, distribution=spread, **parts, **state)
+            simulate_control(self.model, self.motion, gains, distribution=spread, disturbance=state, **parts)
             for state in states
         ]
 
-    def _describe(self, drawn: DrawnErrors, draw: int) -> dict[str, Any]:
-        """Return a draw as arguments of `simulate_control`."""
-        return {
-            "coordinate_error": drawn.coordinate,
-            "arguments": {**self.given, **drawn.arguments},
-            "gust": drawn.gusts or None,
-            "seed": int(np.random.SeedSequence([self.seed, draw]).generate_state(1)[0]),
-        }
+    def _describe(self, drawn: DrawnErrors, draw: int) -> Disturbance:
+        """Return a draw for `simulate_control`."""
+        return Disturbance(
+            coordinate_error=drawn.coordinate,
+            arguments={**self.given, **drawn.arguments},
+            gust=drawn.gusts or None,
+            seed=int(np.random.SeedSequence([self.draws.seed, draw]).generate_state(1)[0]),
+        )
 
 
 def _find_estimator(

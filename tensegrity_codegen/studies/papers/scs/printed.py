@@ -13,6 +13,7 @@ import numpy as np
 
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.motion import Schedule
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
@@ -266,11 +267,10 @@ def track(
         samples=samples,
         method=method,
         rtol=rtol,
-        atol=atol,
+        stepping=Stepping(atol=atol, control="steps"),
         coordinate=start,
         velocity=np.zeros(len(start)),
         schedule=schedule or drive(plan),
-        control="steps",
     )
     if trajectory.status != "ok":
         raise UnstableError(

@@ -12,7 +12,7 @@ from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Figure, Paragraph, Remark, Section, diagram_figure
 from tensegrity_codegen.report.pages.page_table import Cell, Table, make_table, number_cell
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.integrate.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -150,7 +150,7 @@ def measure_constraint_drift(
 
 FORMULATIONS = ("node_position", "node_distance")
 ADAPTIVE = "scipy_rk45"
-REFERENCE = {"method": "scipy_dop853", "rtol": 1e-12, "atol": 1e-13, "control": "steps"}
+REFERENCE_STEPPING = Stepping(atol=1e-13, control="steps")
 
 
 def compare_trajectories(
@@ -175,8 +175,8 @@ def compare_trajectories(
     def run(name: str, **options: Any) -> Trajectory:
         return simulate(models[name], t_end, samples=samples, **options)
 
-    equal = {name: run(name, method="rk4", step=step) for name in FORMULATIONS}
-    truth = run("node_position", **REFERENCE)
+    equal = {name: run(name, method="rk4", stepping=Stepping(step)) for name in FORMULATIONS}
+    truth = run("node_position", method="scipy_dop853", rtol=1e-12, stepping=REFERENCE_STEPPING)
     result: dict[str, Any] = {
         "time": truth.time,
         "step": step,
@@ -186,8 +186,10 @@ def compare_trajectories(
     }
     for tolerance in tolerances:
         for kind, method, control in (("adaptive", ADAPTIVE, "steps"), ("auto", "auto", "samples")):
-            given = {"method": method, "control": control, "rtol": tolerance, "atol": 0.1 * tolerance}
-            runs = {name: run(name, **given) for name in FORMULATIONS}
+            stepping = Stepping(atol=0.1 * tolerance, control=control)
+            runs = {
+                name: run(name, method=method, rtol=tolerance, stepping=stepping) for name in FORMULATIONS
+            }
             result[kind][tolerance] = {
                 "difference": _difference(runs["node_position"], runs["node_distance"]),
                 "error": {name: _difference(found, truth) for name, found in runs.items()},

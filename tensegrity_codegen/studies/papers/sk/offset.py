@@ -16,6 +16,7 @@ from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.diagram import Diagram, Series, find_style
 from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, diagram_figure
 from tensegrity_codegen.report.pages.page_table import Table, make_table
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.papers.sk.motion import compile_in, sample_prism
@@ -171,12 +172,16 @@ def compare_offset_trajectories(
     structure = structure or sample_prism()
     models = {name: compile_in(structure, name) for name in FORMULATIONS}
     result: dict[str, Any] = {name: {} for name in FORMULATIONS}
-    truth = simulate(models["node_distance"], t_end, samples=samples, method="rk4", step=step)
+    truth = simulate(
+        models["node_distance"], t_end, samples=samples, method="rk4", stepping=Stepping(step=step)
+    )
     for name, model in models.items():
         symbolic = build_model(structure, ModelRequest((), formulation=name))
         for offset in offsets:
             start = _move(symbolic, float(offset)).astype(np.float64)
-            run = simulate(model, t_end, samples=samples, method="rk4", step=step, coordinate=start)
+            run = simulate(
+                model, t_end, samples=samples, method="rk4", stepping=Stepping(step=step), coordinate=start
+            )
             count = len(run.time)
             apart = np.abs(run.member_tension - truth.member_tension[:count])
             result[name][float(offset)] = apart.max(axis=1)

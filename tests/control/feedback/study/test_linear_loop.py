@@ -19,6 +19,8 @@ from tensegrity_codegen import (
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.kalman import DISTURBED_PART, find_usual_forces
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.control.feedback.study.linear_loop import (
     LinearLoop,
     build_linear_loop,
@@ -77,7 +79,8 @@ def test_simulated_loops_fail_beyond_the_margin(model: CompiledModel, motion: Mo
     margins = find_margins(build(model, motion, gains, None))
     ends = [
         simulate_control(
-            model, motion, gains, t_end=1.5, delay=part * margins.delay, coordinate_error=np.full(6, 1e-4),
+            model, motion, gains, t_end=1.5, limits=ActuatorLimits(delay=part * margins.delay),
+            disturbance=Disturbance(coordinate_error=np.full(6, 1e-4)),
             compare=False,
         ).worst_error(last=0.25)
         for part in (0.8, 1.2)

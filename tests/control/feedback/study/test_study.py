@@ -8,6 +8,7 @@ import pytest
 
 from tensegrity_codegen import ControlStudy, Gust, RandomGust, StatedErrors, simulate_control, study_control
 from tensegrity_codegen.control.feedback.loop.control_run import find_displacement
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.control.feedback.study.control_study import (
     count_worse,
     find_margin_warnings,
@@ -15,7 +16,7 @@ from tensegrity_codegen.control.feedback.study.control_study import (
     judge_study,
 )
 from tensegrity_codegen.control.feedback.study.linear_loop import Margins
-from tensegrity_codegen.control.feedback.study.stated_errors import draw_errors, find_default_times
+from tensegrity_codegen.control.feedback.study.stated_errors import Draws, draw_errors, find_default_times
 from tensegrity_codegen.control.feedback.study.tuning import choose_weights, find_scales
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
@@ -27,9 +28,10 @@ ERRORS = StatedErrors(start_angle=np.radians(1.2), gusts=(RandomGust("bar*_B", 5
 
 @pytest.fixture(scope="module")
 def study(model: CompiledModel, motion: Motion) -> ControlStudy:
-    return study_control(model, motion, errors=ERRORS, draws=2, t_end=3.0, last=0.5)
+    return study_control(model, motion, errors=ERRORS, draws=Draws(2, last=0.5), t_end=3.0)
 
 
+@pytest.mark.thorough
 def test_default_weights_meet_the_acceptance_of_the_pinned_prism(study: ControlStudy) -> None:
     worst = {name: np.degrees(loop.end_angle) for name, loop in study.loops.items()}
     assert study.status == "holds"
@@ -40,7 +42,7 @@ def test_default_weights_meet_the_acceptance_of_the_pinned_prism(study: ControlS
 
 @pytest.mark.thorough
 def test_default_weights_meet_it_in_twenty_draws(model: CompiledModel, motion: Motion) -> None:
-    found = study_control(model, motion, errors=ERRORS, draws=20, t_end=3.0, last=0.5)
+    found = study_control(model, motion, errors=ERRORS, draws=Draws(20, last=0.5), t_end=3.0)
     worst = {name: np.degrees(loop.end_angle) for name, loop in found.loops.items()}
     assert worst["open"].min() > 1.0
     assert worst["true_state"].max() < 0.05
@@ -54,8 +56,8 @@ def test_the_worst_draw_is_kept_and_can_be_repeated(
     assert study.worst_draw == int(loop.end_error.argmax())
     drawn = study.drawn[study.worst_draw]
     run = simulate_control(
-        model, motion, None, sample=0.005, t_end=3.0, coordinate_error=drawn.coordinate,
-        arguments=drawn.arguments, gust=drawn.gusts,
+        model, motion, None, sample=0.005, t_end=3.0,
+        disturbance=Disturbance(drawn.coordinate, arguments=drawn.arguments, gust=drawn.gusts),
     )  # fmt: skip
     np.testing.assert_array_equal(run.coordinate, study.loops["open"].run.coordinate)
 
@@ -65,9 +67,10 @@ def test_loops_in_c_give_the_same_study(model: CompiledModel, motion: Motion) ->
     from tensegrity_codegen import simulate_control_batch
 
     gains = study_control(model, motion, draws=1, t_end=0.1, estimator=None).gains.at_knots(25)
-    options: dict[str, Any] = {"gains": gains, "errors": ERRORS, "draws": 3, "t_end": 0.8, "estimator": None}
+    options: dict[str, Any] = {"gains": gains, "errors": ERRORS, "t_end": 0.8, "estimator": None}
     one, many = (
-        study_control(model, motion, batch=batch, **options) for batch in (None, simulate_control_batch)
+        study_control(model, motion, draws=Draws(3, batch=batch), **options)
+        for batch in (None, simulate_control_batch)
     )
     assert one.worst_draw == many.worst_draw
     for name in one.loops:
@@ -126,7 +129,7 @@ def test_a_loop_that_is_worse_than_none_does_not_hold(
     """Gains of the wrong sign: the structure is pushed away."""
     wrong = replace(study.gains, K=-0.3 * study.gains.K)
     found = study_control(
-        model, motion, gains=wrong, errors=ERRORS, draws=1, t_end=1.5, estimator=None, seed=study.seed
+        model, motion, gains=wrong, errors=ERRORS, draws=Draws(1, seed=study.seed), t_end=1.5, estimator=None
     )
     assert found.status in ("does_not_hold", "unstable")
     assert not found.holds
@@ -230,8 +233,8 @@ def test_arrays_have_every_loop_and_can_be_read_without_pickle(study: ControlStu
         ({"draws": 0}, "draws"),
         ({"draws": True}, "draws"),
         ({"t_end": -1.0}, "t_end"),
-        ({"last": 0.0}, "last"),
-        ({"last": 9.0}, "last"),
+        ({"draws": Draws(last=0.0)}, "last"),
+        ({"draws": Draws(last=9.0)}, "last"),
         ({"t_end": 0.0}, "t_end"),
         ({"t_end": 0.001}, "t_end"),
         ({"t_end": 0.01}, "t_end"),

@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tensegrity_codegen import ModelRequest, Profile, build_library, simulate
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.integrate.scipy_methods import build_derivative
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
@@ -78,7 +79,9 @@ def test_a_table_of_all_tendons_is_followed_to_1e_11(driven_model: CompiledModel
         state = solve_ivp(derivative, (first, last), state, "DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
     given: dict[str, Any] = {"coordinate": start, "schedule": profile, "samples": 5}
     for method, tolerance in (("auto", 1e-10), ("rk853", 1e-11), ("rk54", 1e-12)):
-        run = simulate(driven_model, END, method=method, rtol=tolerance, atol=0.1 * tolerance, **given)
+        run = simulate(
+            driven_model, END, method=method, rtol=tolerance, stepping=Stepping(atol=0.1 * tolerance), **given
+        )
         assert run.status == "ok"
         assert "scipy" not in run.method
         found = np.concatenate([run.coordinate[-1], run.velocity[-1]])
