@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen.integrators import radau as generated
+from tensegrity_codegen.codegen.integrators import implicit as generated
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate import c_run
 from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
