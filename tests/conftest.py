@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 from platformdirs import user_cache_path
 
 from tensegrity_codegen.sweeps.engines.threads import limit_threads
@@ -24,8 +24,10 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDER = pytest.StashKey[str]()
 
 
-# The default run draws the same examples every time; HYPOTHESIS_PROFILE=explore draws new ones.
-settings.register_profile("same", derandomize=True, deadline=None)
+# The default run draws the same few examples every time and shows one that fails as it was drawn.
+# HYPOTHESIS_PROFILE=explore draws new and more ones, and looks for a smaller one that fails.
+DRAWN = (Phase.explicit, Phase.generate)
+settings.register_profile("same", derandomize=True, deadline=None, max_examples=25, phases=DRAWN)
 settings.register_profile("explore", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 

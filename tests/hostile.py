@@ -13,34 +13,9 @@ Case = tuple[list[tuple[str, bytes]], list[str]]
 
 WORDS = st.sampled_from(
     [
-        "a",
-        "b",
-        "a__b",
-        "x_",
-        "example",
-        "Makefile",
-        "int",
-        "jac",
-        "NULL",
-        "__",
-        "a b",
-        "ä",
-        "\u202e",
-        "",
-        "n" * 64,
-        "\x00",
-        "\ud7ff",
-        "=",
-        "]",
-        "'",
-        '"',
-        "nan",
-        "all",
-        "N" * 5000,
-        "group0",
-        "motion",
-        "-",
-        "1e400",
+        *("a", "b", "a__b", "x_", "example", "Makefile", "int", "jac", "NULL", "__", "a b", "ä", "\u202e"),
+        *("", "n" * 64, "\x00", "\ud7ff", "=", "]", "'", '"', "nan", "all", "N" * 5000, "group0", "motion"),
+        *("-", "1e400"),
     ]
 )
 NUMBERS = st.one_of(
@@ -77,31 +52,20 @@ RAW = st.sampled_from(
     ]
 )
 KEYS = (
+    *("name", "axes", "gravity", "nodes", "members", "classes", "shape", "groups", "loads", "inputs"),
+    *("parameters", "bodies", "tendons", "joint_friction", "interference", "position", "mass", "kind"),
     *(
-        "name",
-        "axes",
-        "gravity",
-        "nodes",
-        "members",
-        "classes",
-        "shape",
-        "groups",
-        "loads",
-        "inputs",
         "model",
-    ),
-    *(
-        "parameters",
-        "bodies",
-        "tendons",
-        "joint_friction",
-        "interference",
-        "position",
-        "mass",
-        "kind",
         "stages",
+        "anchored",
+        "velocity",
+        "spring_constant",
+        "rest_length",
+        "prestress",
+        "bars",
+        "height",
+        "quantities",
     ),
-    *("anchored", "velocity", "spring_constant", "rest_length", "prestress", "bars", "height", "quantities"),
 )
 GOOD = (
     'name = "s"\n[nodes]\na = { position = [0, 0, 0], anchored = true }\nb = { position = [1, 0, 0], mass = 1 }\n'
@@ -239,17 +203,8 @@ def structures(draw: st.DrawFn) -> Case:
 def conditions() -> st.SearchStrategy[str]:
     """Texts of conditions: grammar with wrong kinds, and plain noise."""
     names = [
-        "abs",
-        "min",
-        "max",
-        "sum",
-        "sqrt",
-        "time",
-        "member_length",
-        "node_position",
-        "n1.x",
-        "n1.w",
-        "total_energy",
+        *("abs", "min", "max", "sum", "sqrt", "time", "member_length", "node_position", "n1.x", "n1.w"),
+        *("total_energy",),
     ]
     numbers = ["0", "1", "-1", "1e308", "1e999", "9" * 490, "0.5", "True", "1j", "'a'", "...", "x"]
     leaf = st.sampled_from(

@@ -142,7 +142,10 @@ def test_raised_errors_exist(name: str) -> None:
 
 
 WITH_EXAMPLE = [name for name, item in PUBLIC.items() if ">>>" in (item.__doc__ or "")]
-LONG = ("design_distribution", "load_controller", "time_motion")
+LONG = (
+    *("design_distribution", "load_controller", "time_motion", "plan", "sweep"),
+    *("study_control", "choose_weights", "find_equilibria", "simulate_batch"),
+)
 
 
 @pytest.mark.parametrize("name", [*(name for name in WITH_EXAMPLE if name not in LONG), *thorough(*LONG)])

@@ -53,20 +53,8 @@ ANY_WORD = re.compile("|".join(DIALECT), re.IGNORECASE)
 
 # Names that a reader cannot look up: of constants, write what they bound (MAX_STALLED_ITERATIONS).
 UNCLEAR_NAMES = {
-    *(
-        "NEAR",
-        "FAR",
-        "LOST",
-        "KEPT",
-        "LOUDER",
-        "PATIENCE",
-        "STUCK",
-        "CROWDED",
-        "DOUBTED",
-        "DEAD",
-        "FADED",
-        "EASED",
-    ),
+    *("NEAR", "FAR", "LOST", "KEPT", "LOUDER", "PATIENCE", "STUCK", "CROWDED", "DOUBTED", "DEAD", "FADED"),
+    *("EASED",),
     *("SOFT", "USELESS", "NOWHERE", "ENOUGH", "STILL", "TINY", "SAFE", "BALANCED", "WORTH", "CALM"),
     *("tell_left_out", "trust_in_radau", "way_out", "settled", "glide", "leash", "loudness", "crowd"),
 }

@@ -38,7 +38,16 @@ def numbers(text: str) -> np.ndarray:
     return np.array([float(found) for found in NUMBER.findall(HASH.sub("@", text))])
 
 
-@pytest.mark.parametrize("scene", EXAMPLES, ids=lambda path: path.stem)
+LARGE = ("icosahedron", "svd_tower", "tower")
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        pytest.param(path, marks=[pytest.mark.thorough] * (path.stem in LARGE), id=path.stem)
+        for path in EXAMPLES
+    ],
+)
 def test_generated_files_are_the_kept_ones(scene: Path, update_golden: bool) -> None:
     folder = ROOT / "generated" / scene.stem
     files = generate(scene)

@@ -8,20 +8,20 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.condition import build_condition
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.system.errors import TensegrityError
-from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import draws
 from tests.hostile import Case, conditions, scenes, structures, tables
+from tests.models import load
 from tests.runtime.build import make_structure, spring
 
-FEW = settings(max_examples=10, suppress_health_check=list(HealthCheck))
+FEW = draws(5)
 
 
 def read(case: Case) -> None:
@@ -62,10 +62,10 @@ def model() -> CompiledModel:
     structure = make_structure(
         [[0, 0, 0], [1.2, 0, 0]], [spring(0, 1, 1.0, 40.0)], anchored={0: "xyz"}, mass=0.1, axes="x"
     )
-    return build_library(structure, ModelRequest((*SIMULATION_QUANTITIES, "member_length"))).load()
+    return load(structure, *SIMULATION_QUANTITIES, "member_length")
 
 
-@settings(FEW, max_examples=200)
+@draws(50)
 @given(text=conditions())
 def test_hostile_conditions(model: CompiledModel, text: str) -> None:
     with suppress(TensegrityError):

@@ -96,15 +96,8 @@ def test_the_sdist_holds_all_that_the_project_is_built_and_tested_with(dist: Pat
         *(f"templates/{name}" for name in TEMPLATES),
         *THREE,
         *(f"tensegrity_codegen/scene/examples/{name}" for name in EXAMPLES),
-        *(
-            "tensegrity_codegen/py.typed",
-            "pyproject.toml",
-            "Makefile",
-            "README.md",
-            "CHANGELOG.md",
-            "CONTRIBUTING.md",
-            "LICENSE",
-        ),
+        *("tensegrity_codegen/py.typed", "pyproject.toml", "Makefile", "README.md", "CHANGELOG.md"),
+        *("CONTRIBUTING.md", "LICENSE"),
         *("tests/test_packaging.py", "docs/model.md", "docs/decisions/0001-floors.md"),
         *("examples/run.py", "examples/mast.toml", "examples/c/mast.c", "examples/rust/src/main.rs"),
     }

@@ -2,17 +2,18 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.tables.quantities import PARAMETERS
 from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import draws
 from tests.random_structures import structures
 from tests.reference import ReferenceModel
 
-few = settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+few = draws(5)
 
 
 def differences(model, quantity, argument, step=1e-6):

@@ -1,7 +1,6 @@
 """Public functions given wrong values, each argument in turn: named errors or results, no bare errors."""
 
 import inspect
-import math
 import pickle
 from collections.abc import Callable
 from pathlib import Path
@@ -22,25 +21,18 @@ from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.scene_warnings import find_warnings
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.write import write_scene
-from tensegrity_codegen.system.errors import TensegrityError
-from tests.codegen.quickly import without_optimisation
+from tests.models import EXAMPLES
 from tests.scene.formats.test_import_tables import MEMBERS, NODES
+from tests.wrong_calls import WRONG, list_bare_errors
 
-PRISM = Path(__file__).resolve().parents[1] / "tensegrity_codegen/scene/examples/prism.toml"
-WRONG = (
-    *(None, True, 0, -1, 3, 2.5, math.nan, -math.inf, 10**400, 1j, "", "x", "a\0b", "\ud800", b"x"),
-    *([], [None], ["x"], [[1], [1, 2]], (1, "a"), {}, {"x": 1}, {1: 2}, {"node_load": "x"}, {1}, object()),
-    *(np.zeros(0), np.zeros((6, 3)), np.full((6, 3), np.nan), np.ones((6, 3), complex), np.array("x")),
-    *(np.array([None]), np.bool_(True), np.datetime64("2020"), range(3), ..., slice(1), memoryview(b"ab")),
-)
+PRISM = EXAMPLES / "prism.toml"
 
 
 class Calls:
     """A right call of each function: its arguments by name."""
 
     def __init__(self, folder: Path) -> None:
-        with without_optimisation():
-            model = compile_scene(PRISM, for_=("load_path", "equilibrium"))
+        model = compile_scene(PRISM, for_=("load_path", "equilibrium"))
         scene, (structure, _) = read_scene(PRISM), load_scene(PRISM)
         load = np.zeros((6, 3))
         load[3] = [0, 0, -1]
@@ -89,18 +81,9 @@ SLOW = (find_snap, find_load_snap, draw, view, export_fmu)
 
 
 def list_bare(calls: Calls, function: Callable[..., Any], values: tuple[Any, ...]) -> list[str]:
-    """Return the errors that have no name of this package."""
-    right, bare = calls.right[function], []
     kinds = inspect.signature(function).parameters.values()
-    for name in (item.name for item in kinds if item.kind is not item.VAR_KEYWORD):
-        for value in values:
-            try:
-                function(**(right | {name: value}))
-            except TensegrityError:
-                continue
-            except Exception as error:
-                bare.append(f"{name}={value!r}: {type(error).__name__}: {error}")
-    return bare
+    names = [item.name for item in kinds if item.kind is not item.VAR_KEYWORD]
+    return list_bare_errors(function, calls.right[function], names, values)
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -110,7 +93,7 @@ def test_wrong_calls_are_named_errors(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     function(**calls.right[function])
-    assert list_bare(calls, function, WRONG[2::12] if function in SLOW else WRONG) == []
+    assert list_bare(calls, function, WRONG[2::16] if function in SLOW else WRONG) == []
 
 
 @pytest.mark.thorough

@@ -19,7 +19,10 @@ SCENE = {
     "actuators": [{"name": "winch", "members": "cord", "rate": 1.0}],
     "sensors": [{"kind": "member_length", "members": "cord", "noise": 1e-3}],
 }
-WORK = ("simulate", "equilibrium", "sensitivity", "linearize", "analyse", "plan", "time_motion", "control")
+WORK = (
+    *("simulate", "simulate_batch", "equilibrium", "equilibria", "sensitivity"),
+    *("linearize", "analyse", "plan", "time_motion", "control"),
+)
 
 
 def main(folder: Path) -> dict[str, object]:
@@ -32,8 +35,7 @@ def main(folder: Path) -> dict[str, object]:
     small: tc.CompiledModel = tc.build_library(structure, request).load()
     model: tc.CompiledModel = tc.compile_scene(scene, for_=WORK)
     found: tc.Equilibrium = tc.find_equilibrium(model)
-    lifted = tc.compile_scene(scene, for_="equilibria")
-    several: tc.Equilibria = tc.find_equilibria(lifted, arguments={"winch": np.array([0.0, -0.1])})
+    several: tc.Equilibria = tc.find_equilibria(model, arguments={"winch": np.array([0.0, -0.1])})
     analysis: tc.Analysis = tc.analyse(model)
     slopes: tc.Sensitivity = tc.equilibrium_sensitivity(model, found)
     linear: tc.LinearModel = tc.linearize(model, coordinate=found.coordinate)
@@ -42,8 +44,7 @@ def main(folder: Path) -> dict[str, object]:
     motion: tc.Trajectory = tc.simulate(model, t_end=1.0, samples=11, schedule=profile)
     steps = tc.Stepping(atol=1e-10, max_steps=10_000)
     fall = tc.simulate(model, t_end=0.1, samples=3, until=tc.Until("load.z < -5"), stepping=steps)
-    many = tc.compile_scene(scene, for_="simulate_batch")
-    batch: tc.BatchTrajectory = tc.simulate_batch(many, t_end=0.1, samples=3, coordinate=[[-1.0], [-1.1]])
+    batch: tc.BatchTrajectory = tc.simulate_batch(model, t_end=0.1, samples=3, coordinate=[[-1.0], [-1.1]])
     planned: tc.PlanResult = tc.plan(model, "load.z=-0.95")
     path = tc.EquilibriumPath([[0.0], [-0.05]])
     timed: tc.Motion = tc.time_motion(model, path, duration=1.0)
@@ -75,19 +76,19 @@ def main(folder: Path) -> dict[str, object]:
     except tc.TensegrityError as error:
         problem: str = error.hint
     print(fall.status, tc.__version__, found.position("load"), length, speed, pull, problem)
-    names = (
-        "scene",
-        "structure",
-        "small",
-        "model",
-        "found",
-        "analysis",
-        "slopes",
-        "linear",
-        "profile",
+    names = ("scene", "structure", "small", "model", "found", "analysis", "slopes", "linear", "profile")
+    more = (
         "motion",
+        "several",
+        "batch",
+        "planned",
+        "path",
+        "timed",
+        "gains",
+        "estimator",
+        "distribution",
+        "run",
     )
-    more = ("several", "batch", "planned", "path", "timed", "gains", "estimator", "distribution", "run")
     values = locals()
     return {name: values[name] for name in (*names, *more)}
 

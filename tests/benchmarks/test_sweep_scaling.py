@@ -4,13 +4,7 @@ import pytest
 
 pytest.importorskip("zarr")
 
-from sweep_scaling import (
-    Costs,
-    compute_overhead,
-    find_least_size,
-    fit_line,
-    simulate_queue,
-)
+from sweep_scaling import Costs, compute_overhead, find_least_size, fit_line, simulate_queue
 
 
 def test_without_overhead_all_workers_compute_all_the_time() -> None:

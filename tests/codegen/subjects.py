@@ -1,5 +1,6 @@
 """Two structures for the tests of generated code: one with everything there is, one with nothing extra."""
 
+import functools
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -41,6 +42,7 @@ def offered(structure: Structure, request: ModelRequest) -> dict[str, PrunedFunc
     return functions
 
 
+@functools.cache
 def everything() -> tuple[Structure, ModelRequest]:
     """A braced tetrahedron with every feature, every parameter, every quantity and the integrator."""
     position = [[0, 0, 0], [1, 0, 0.1], [0.2, 1, 0], [0.4, 0.3, 1.1]]
@@ -70,9 +72,7 @@ def everything() -> tuple[Structure, ModelRequest]:
     request = ModelRequest(
         (), parameters=all_parameters(structure), integrators=("rk4", "rk54", "rk853", "radau")
     )
-    return structure, request.wanting(
-        *offered(structure, request), integrators=("rk4", "rk54", "rk853", "radau")
-    )
+    return structure, request.wanting(*offered(structure, request), integrators=request.integrators)
 
 
 def in_single_precision(

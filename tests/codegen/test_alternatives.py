@@ -83,7 +83,7 @@ def hint_of(structure: Subject, request: ModelRequest) -> str:
 
 
 @pytest.mark.parametrize("name", ["small", *thorough(*(name for name in STRUCTURES if name != "small"))])
-@pytest.mark.parametrize("formulation", ["node_position", "rigid_bar", "node_distance"])
+@pytest.mark.parametrize("formulation", ["rigid_bar", *thorough("node_position", "node_distance")])
 @pytest.mark.parametrize("emitter", ["auto", *thorough("unrolled", "table")])
 def test_every_choice_that_a_hint_names_is_served(name: str, formulation: str, emitter: str) -> None:
     structure = STRUCTURES[name]
@@ -103,6 +103,7 @@ def test_every_choice_that_a_hint_names_is_served(name: str, formulation: str, e
     assert followed or emitter == "auto" or name == "small"
 
 
+@pytest.mark.thorough
 def test_linearize_of_a_large_structure_with_heavy_bars_goes_round_in_no_circle() -> None:
     """Once: unrolled, said table, which said unrolled."""
     quantities = linearize_quantities("node_position", with_inputs=False)

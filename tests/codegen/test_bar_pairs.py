@@ -12,6 +12,7 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import Manifest, name_bar_pairs
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.comparison import dense, run_in_casadi
+from tests.models import load
 from tests.reference import ReferenceModel
 from tests.runtime.build import prism
 
@@ -83,8 +84,8 @@ def test_bars_that_share_a_node_and_bars_without_radius_are_no_pairs() -> None:
 
 def test_chosen_pairs_are_the_only_ones() -> None:
     structure = round_prism(3).with_changes(interference=((8, 0),))
-    model = build_library(structure, ModelRequest(("bar_distance",))).load()
-    every = build_library(round_prism(3), ModelRequest(("bar_distance",))).load()
+    model = load(structure, "bar_distance")
+    every = load(round_prism(3), "bar_distance")
     assert model.compute("bar_distance").tolist() == [every.compute("bar_distance")[1]]
 
 

@@ -1,5 +1,6 @@
 """Batch functions in C: bit-equal to single evaluations, refusals by status, nothing outside the arrays."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,11 +8,13 @@ import pytest
 
 from tensegrity_codegen.codegen import batch
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
-from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.tables.precision import PRECISIONS
 from tensegrity_codegen.tables.request import ModelRequest
-from tests.codegen.build_c import STRICT, has_sanitizers, run, write_files
+from tests.cases import thorough
+from tests.codegen.build_c import STRICT, has_sanitizers, run_program, write_files
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.quickly import SANITIZE
 from tests.codegen.subjects import bare, everything
@@ -19,6 +22,7 @@ from tests.runtime.build import bar, make_structure, prism
 
 pytestmark = pytest.mark.optimised
 
+CHECKED = (*FLAG_SETS["reference"].options, *STRICT)
 COUNTS = (0, 1, 7, 8, 9, 17)
 
 HEAD = """\
@@ -103,11 +107,10 @@ def check_function(manifest: Manifest, spec: FunctionSpec) -> str:
         "NAME": manifest.name.upper(),
         "quantity": spec.quantity,
         "symbol": spec.symbol,
-        "real": "float" if manifest.precision == "single" else "double",
-        "size": len(spec.pattern.row) if spec.pattern else max(1, _product(spec.shape)),
+        "real": PRECISIONS[manifest.precision].c_type,
+        "size": len(spec.pattern.row) if spec.pattern else math.prod(spec.shape),
         "rows": "".join(
-            f"{'float' if manifest.precision == 'single' else 'double'} *{a} = "
-            f"rows({manifest.name}_nominal_{a}, {n}, n);\n  "
+            f"{PRECISIONS[manifest.precision].c_type} *{a} = rows({manifest.name}_nominal_{a}, {n}, n);\n  "
             for a, n in sizes.items()
         ),
         "given": "".join(f"{a}, {n}, " for a, n in sizes.items()),
@@ -124,16 +127,9 @@ def check_function(manifest: Manifest, spec: FunctionSpec) -> str:
     return BLOCK.format(**names, shared=SHARED.format(**names))
 
 
-def _product(shape: tuple[int, ...]) -> int:
-    result = 1
-    for size in shape:
-        result *= size
-    return result
-
-
 def format_batch_driver(manifest: Manifest) -> str:
     """Return a C program that checks every batch function against the single one; 0 if all is well."""
-    real = "float" if manifest.precision == "single" else "double"
+    real = PRECISIONS[manifest.precision].c_type
     functions = [spec for spec in manifest.functions if spec.arguments]
     blocks = "".join(check_function(manifest, spec) for spec in functions)
     calls = "".join(f"  check_{spec.quantity}({n});\n" for spec in functions for n in COUNTS)
@@ -146,12 +142,11 @@ def lane_request(request: ModelRequest, width: int, **changes: str) -> ModelRequ
     return replace(plain, batch_width=width, **changes)  # type: ignore[arg-type]
 
 
-def run_driver(folder: Path, manifest: Manifest, family: str, options: tuple[str, ...]) -> None:
-    compiler = require_compiler(family)
-    write_files(folder, {"driver.c": format_batch_driver(manifest)})
-    command = [*compiler.command, *options, "driver.c", f"{manifest.name}.c", "-o", "driver", "-lm"]
-    run(command, folder, compiler)
-    run([str(folder / "driver")], folder)
+def run_driver(
+    source: GeneratedSource, folder: Path, family: str = "gcc", options: tuple[str, ...] = CHECKED
+) -> None:
+    write_files(folder, {**source.files, "driver.c": format_batch_driver(source.manifest)})
+    run_program(folder, *options, "driver.c", f"{source.manifest.name}.c", family=family)
 
 
 @pytest.mark.thorough
@@ -159,8 +154,7 @@ def run_driver(folder: Path, manifest: Manifest, family: str, options: tuple[str
 def test_a_batch_has_the_bits_of_single_evaluations(family: str, tmp_path: Path) -> None:
     structure, request = everything()
     source = emit(structure, lane_request(request, 8))
-    folder = write_files(tmp_path / "source", source.files)
-    run_driver(folder, source.manifest, family, (*FLAG_SETS["reference"].options, *STRICT))
+    run_driver(source, tmp_path, family)
 
 
 @pytest.mark.thorough
@@ -172,8 +166,7 @@ def test_every_width_and_precision_has_the_bits_of_single_evaluations(
     structure, request = bare()
     wanted = request.wanting("member_tension", "acceleration", "tangent_stiffness", "total_energy")
     source = emit(structure, lane_request(wanted, width, precision=precision))
-    folder = write_files(tmp_path / "source", source.files)
-    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS["reference"].options, *STRICT))
+    run_driver(source, tmp_path)
 
 
 @pytest.mark.thorough
@@ -185,8 +178,7 @@ def test_the_sanitizers_find_nothing(flags: str, tmp_path: Path) -> None:
     structure, request = bare()
     wanted = request.wanting("member_tension", "acceleration", "tangent_stiffness")
     source = emit(structure, replace(lane_request(wanted, 8), flags=flags))
-    folder = write_files(tmp_path / "source", source.files)
-    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS[flags].options, *SANITIZE))
+    run_driver(source, tmp_path, "gcc", (*FLAG_SETS[flags].options, *SANITIZE))
 
 
 @pytest.mark.thorough
@@ -201,11 +193,10 @@ def test_a_function_too_long_for_lanes_runs_one_by_one(
     assert "member_tension_lanes" in text
     assert "acceleration_lanes" not in text
     assert "one after the other" in source.files["triangle.h"]
-    folder = write_files(tmp_path / "source", source.files)
-    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS["reference"].options, *STRICT))
+    run_driver(source, tmp_path)
 
 
-@pytest.mark.parametrize("name", ["MOST_OPERATIONS", "MOST_STACK"])
+@pytest.mark.parametrize("name", ["MOST_STACK", *thorough("MOST_OPERATIONS")])
 def test_without_any_lanes_nothing_of_them_is_left(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -213,8 +204,7 @@ def test_without_any_lanes_nothing_of_them_is_left(
     structure, request = bare()
     source = emit(structure, lane_request(request, 8))
     assert "lanes" not in source.files["triangle.c"]
-    folder = write_files(tmp_path / "source", source.files)
-    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS["reference"].options, *STRICT))
+    run_driver(source, tmp_path)
 
 
 def test_a_function_of_nothing_fills_every_row(tmp_path: Path) -> None:
@@ -231,9 +221,7 @@ int main(void)
 }
 """
     folder = write_files(tmp_path / "source", source.files | {"main.c": text})
-    compiler = require_compiler("gcc")
-    run([*compiler.command, "-std=c99", *STRICT, "main.c", "small.c", "-o", "main", "-lm"], folder, compiler)
-    run([str(folder / "main")], folder)
+    run_program(folder, "-std=c99", *STRICT, "main.c", "small.c")
 
 
 @pytest.mark.thorough
@@ -258,13 +246,12 @@ def test_the_table_emitter_runs_one_by_one(tmp_path: Path) -> None:
     wanted = ModelRequest(("member_tension", "acceleration"), emitter="table", batch_width=8)
     source = emit(prism(150.0, anchored={0: "xyz"}), wanted)
     assert "one after the other" in source.files["small.h"]
-    folder = write_files(tmp_path / "source", source.files)
-    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS["reference"].options, *STRICT))
+    run_driver(source, tmp_path)
 
 
+@pytest.mark.thorough
 def test_the_lanes_emitter_has_the_same_bits_in_a_batch(tmp_path: Path) -> None:
     wanted = ModelRequest(("member_tension", "node_force"), emitter="lanes", batch_width=8)
     source = emit(prism(150.0, anchored={0: "xyz"}), wanted)
     assert "node_force_lanes" in source.files["small.c"]
-    folder = write_files(tmp_path / "source", source.files)
-    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS["reference"].options, *STRICT))
+    run_driver(source, tmp_path)

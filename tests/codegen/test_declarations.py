@@ -10,6 +10,7 @@ from tensegrity_codegen.codegen.source import read_declarations
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.library import LoadedLibrary
 from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
+from tests.cases import thorough
 from tests.codegen.subjects import bare, everything
 
 HEADER = """\
@@ -43,7 +44,7 @@ def test_types_and_functions_stay() -> None:
     ]
 
 
-@pytest.mark.parametrize("subject", [everything, bare])
+@pytest.mark.parametrize("subject", [bare, *thorough(everything)])
 def test_every_function_of_the_manifest_is_declared(subject: object) -> None:
     source = emit(*subject())  # type: ignore[operator]
     manifest = source.manifest

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
-from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_compilers
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.options import Stepping
@@ -22,10 +22,17 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.manifest import ABI_VERSION, FunctionSpec
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
-from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, write_files
+from tests.codegen.build_c import (
+    STRICT,
+    check_object,
+    check_sanitized,
+    require_cpp,
+    run,
+    run_program,
+    write_files,
+)
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.drive_c import format_driver
-from tests.codegen.quickly import SANITIZE
 from tests.codegen.subjects import bare, everything, in_single_precision
 from tests.codegen.table.subjects import served
 from tests.comparison import dense
@@ -65,9 +72,6 @@ SUBJECTS = {
 }
 EACH_CPP = ("g++", *thorough("clang++", "zig"))
 each = pytest.mark.parametrize(
-    "subject", ["everything", "bare", "batches", *thorough("single", "lanes", "tables")]
-)
-few = pytest.mark.parametrize(
     "subject", ["bare", "batches", *thorough("everything", "single", "lanes", "tables")]
 )
 
@@ -103,7 +107,7 @@ def models() -> dict[str, CompiledModel]:
 # --- compilers and languages -----------------------------------------------------------------------
 
 
-@few
+@each
 @pytest.mark.parametrize("family", EACH_FAMILY)
 def test_it_is_c99_without_a_warning(sources: Any, subject: str, family: str, tmp_path: Path) -> None:
     compiler = require_compiler(family)
@@ -113,30 +117,17 @@ def test_it_is_c99_without_a_warning(sources: Any, subject: str, family: str, tm
         run([*compiler.command, "-std=c99", *STRICT, "-c", unit, "-o", f"{unit}.o"], folder, compiler)
 
 
-@few
+@each
 @pytest.mark.parametrize("family", EACH_CPP)
 def test_it_is_cpp11_without_a_warning(sources: Any, subject: str, family: str, tmp_path: Path) -> None:
     command, name = require_cpp(family), sources[subject].manifest.name
     folder = write_files(tmp_path / "source", sources[subject].files)
-    run(
-        [
-            *command,
-            "-x",
-            "c++",
-            "-std=c++11",
-            "-Wall",
-            "-Wextra",
-            "-Werror",
-            "-c",
-            f"{name}.c",
-            "-o",
-            "scene.o",
-        ],
-        folder,
-        require_compiler("zig") if family == "zig" else None,
-    )
+    options = ("-x", "c++", "-std=c++11", "-Wall", "-Wextra", "-Werror")
+    zig = require_compiler("zig") if family == "zig" else None
+    run([*command, *options, "-c", f"{name}.c", "-o", "scene.o"], folder, zig)
 
 
+@pytest.mark.thorough
 @each
 def test_the_header_may_be_included_twice(sources: Any, subject: str, tmp_path: Path) -> None:
     compiler, name = find_compiler(), sources[subject].manifest.name
@@ -148,15 +139,14 @@ def test_the_header_may_be_included_twice(sources: Any, subject: str, tmp_path: 
 
 @pytest.mark.thorough
 def test_two_scenes_go_into_one_program(sources: Any, tmp_path: Path) -> None:
-    compiler, chosen = find_compiler(), (sources["everything"], sources["bare"])
+    chosen = (sources["everything"], sources["bare"])
     folder = write_files(tmp_path / "source", {n: t for s in chosen for n, t in s.files.items()})
     names = [source.manifest.name for source in chosen]
     includes = "".join(f'#include "{name}.h"\n' for name in names)
     sizes = " + ".join(f"{name}_descriptor.abi_version" for name in names)
     write_files(folder, {"main.c": f"{includes}int main(void) {{ return {sizes} - {2 * ABI_VERSION}; }}\n"})
     units = ["main.c", *(f"{name}.c" for name in names)]
-    run([*compiler.command, "-std=c99", *units, "-o", "main", "-lm"], folder, compiler)
-    run([str(folder / "main")], folder)
+    run_program(folder, "-std=c99", *units)
 
 
 # --- what it prints is what Python computes --------------------------------------------------------
@@ -203,16 +193,13 @@ def test_the_example_prints_what_python_computes(
 MOTION_ROW = re.compile(r"^  (\d\.\d+) s((?:  \S+ +\S+)+)$", re.MULTILINE)
 
 
-@pytest.mark.parametrize("name", ["rk54", "rk4", "radau"])
+@pytest.mark.parametrize("name", ["rk4", *thorough("rk54", "radau")])
 def test_the_example_integrates_the_motion(models: Any, name: str, tmp_path: Path) -> None:
     """From the scene's own state, with each kind of integrator that a library can have alone."""
     structure, request = everything()
     request = replace(request, quantities=("acceleration",), integrators=(name,))
     folder = write_files(tmp_path / "source", emit(structure, request).files)
-    compiler = require_compiler("gcc")
-    command = [*compiler.command, "-std=c99", "-O0", *STRICT, "example.c", "braced.c", "-o", "example", "-lm"]
-    run(command, folder, compiler)
-    text = run([str(folder / "example")], folder).stdout
+    text = run_program(folder, "-std=c99", "-O0", *STRICT, "example.c", "braced.c")
     assert f"motion by {name}, 0.1 s" in text
     rows = [(float(time), found.split()) for time, found in MOTION_ROW.findall(text)]
     assert [time for time, _ in rows] == [k / 100 for k in range(11)]
@@ -256,7 +243,7 @@ int main(void)
 
 def test_forces_in_a_program_of_one_s_own(models: Any, tmp_path: Path) -> None:
     """Header and source alone, linked into a program elsewhere, no Python and no CasADi."""
-    compiler, model = find_compiler(), models["everything"]
+    model = models["everything"]
     structure, request = everything()
     files = emit(structure, request.wanting("member_tension", "node_force")).files
 
@@ -269,8 +256,7 @@ def test_forces_in_a_program_of_one_s_own(models: Any, tmp_path: Path) -> None:
     folder = write_files(
         tmp_path / "elsewhere", {"main.c": text} | {n: files[n] for n in ("braced.c", "braced.h")}
     )
-    run([*compiler.command, *REFERENCE, *STRICT, "main.c", "braced.c", "-o", "main", "-lm"], folder, compiler)
-    printed = parse_printed(run([str(folder / "main")], folder).stdout)
+    printed = parse_printed(run_program(folder, *REFERENCE, *STRICT, "main.c", "braced.c"))
     coordinate = model.nominal("coordinate") + 0.001 * np.arange(8)
     tension = model.compute("member_tension", coordinate=coordinate)
     force = model.compute("node_force", coordinate=coordinate)
@@ -282,38 +268,23 @@ def test_forces_in_a_program_of_one_s_own(models: Any, tmp_path: Path) -> None:
 # --- no state, no memory, no undefined behaviour ---------------------------------------------------
 
 
-@few
+@each
 @pytest.mark.parametrize("options", [("-std=c99",), *thorough((REFERENCE,))])
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the symbols of ELF objects")
 def test_it_allocates_nothing_and_has_no_writable_data(
     sources: Any, subject: str, options: tuple[str, ...], tmp_path: Path
 ) -> None:
-    if shutil.which("nm") is None:
-        pytest.skip("nm is not installed")
-    compiler, name = find_compiler(), sources[subject].manifest.name
+    name = sources[subject].manifest.name
     folder = write_files(tmp_path / "source", sources[subject].files)
-    run([*compiler.command, *options, "-c", f"{name}.c", "-o", "scene.o"], folder, compiler)
-    rows = [line.split()[-2:] for line in run(["nm", "scene.o"], folder).stdout.splitlines()]
-    assert [symbol for kind, symbol in rows if kind in "dDbBcC"] == []
-    needed = {symbol for kind, symbol in rows if kind == "U"}
-    mathematics = {"sqrt", "pow", "fmax", "fmin", "sqrtf", "fmaxf", "fminf"}
-    assert needed <= mathematics | {"memset", "memcpy", "memmove", "_GLOBAL_OFFSET_TABLE_"}
-    exported = {symbol for kind, symbol in rows if kind in "TR"}
+    needed, exported = check_object(folder, f"{name}.c", *options)
+    assert needed <= {"sqrt", "pow", "fmax", "fmin", "sqrtf", "fmaxf", "fminf"}
     assert all(symbol.startswith((f"{name}_", f"jac_{name}_")) for symbol in exported)
 
 
 @pytest.mark.thorough
 @each
 def test_no_sanitizer_has_anything_to_say(sources: Any, subject: str, tmp_path: Path) -> None:
-    able = (c for c in find_compilers() if c.name != "zig" and has_sanitizers(c, tmp_path))
-    compiler = next(able, None)
-    if compiler is None:
-        pytest.skip("no compiler here builds programs with the address sanitizer")
     source = sources[subject]
     driver = format_driver(source.manifest, source.files[f"{source.manifest.name}.c"])
     folder = write_files(tmp_path / "source", source.files | {"driver.c": driver})
-    units = ["driver.c", f"{source.manifest.name}.c"]
-    run([*compiler.command, "-std=c99", *SANITIZE, *units, "-o", "driver", "-lm"], folder, compiler)
-    done = run([str(folder / "driver")], folder, UBSAN_OPTIONS="print_stacktrace=1")
-    assert done.stdout == "done\n"
-    assert done.stderr == ""
+    check_sanitized(folder, "driver.c", f"{source.manifest.name}.c")

@@ -11,7 +11,6 @@ import pytest
 
 from tensegrity_codegen.codegen import unrolled
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidNameError
@@ -19,6 +18,7 @@ from tensegrity_codegen.tables.manifest import ABI_VERSION, Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.subjects import bare, everything
+from tests.models import load
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 
 FINGERPRINT = """
@@ -99,18 +99,18 @@ def test_too_many_operations_are_refused_with_an_estimate(monkeypatch: pytest.Mo
 
 
 def test_the_files_are_those_of_a_package_to_embed() -> None:
-    source = emit(*everything())
-    assert set(source.files) == {"braced.c", "braced.h", "example.c", "Makefile", "manifest.json"}
+    source = emit(*bare())
+    assert set(source.files) == {"triangle.c", "triangle.h", "example.c", "Makefile", "manifest.json"}
     assert Manifest.from_json(source.files["manifest.json"]) == source.manifest
     assert source.manifest.abi_version == ABI_VERSION
     assert all("\t" not in text or name == "Makefile" for name, text in source.files.items())
     assert all(text.endswith("\n") for text in source.files.values())
-    for name in ("braced.c", "braced.h", "example.c", "Makefile"):
+    for name in ("triangle.c", "triangle.h", "example.c", "Makefile"):
         assert "do not edit" in source.files[name].splitlines()[0]
 
 
 def test_two_emissions_are_equal_to_the_byte() -> None:
-    first, second = emit(*everything()), emit(*everything())
+    first, second = emit(*bare()), emit(*bare())
     assert first.files == second.files
 
 
@@ -136,7 +136,7 @@ def test_another_value_gives_another_hash() -> None:
 
 def test_a_scene_may_bear_the_name_of_the_integrator() -> None:
     structure = prism().with_changes(name="rk4")
-    model = build_library(structure, ModelRequest(("acceleration",), integrators=("rk4",))).load()
+    model = load(structure, "acceleration", integrators=("rk4",))
     assert model.compute("acceleration").shape == (18,)
 
 

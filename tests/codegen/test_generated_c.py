@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tensegrity_codegen.pipeline.build_library import build_library
@@ -15,13 +15,14 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.manifest import STATUS
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import draws, thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.subjects import all_parameters, bare, everything, offered
 from tests.comparison import dense, run_in_casadi
 from tests.random_structures import structures
 from tests.reference import ReferenceModel
 
-SLOW = settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
+SLOW = draws(4)
 
 
 def build(structure: Structure, request: ModelRequest) -> CompiledModel:
@@ -77,7 +78,7 @@ def small() -> CompiledModel:
 
 @pytest.mark.optimised
 @pytest.mark.parametrize("family", EACH_FAMILY)
-@pytest.mark.parametrize("subject", [everything, bare], ids=["everything", "bare"])
+@pytest.mark.parametrize("subject", [bare, *thorough(everything)], ids=["bare", "everything"])
 def test_the_two_subjects_equal_the_virtual_machine(subject: Any, family: str) -> None:
     require_compiler(family)
     structure, request = subject()
@@ -93,6 +94,12 @@ def test_the_two_subjects_equal_the_virtual_machine(subject: Any, family: str) -
             )
 
 
+def test_what_has_every_feature_equals_the_virtual_machine_without_optimisation(full: CompiledModel) -> None:
+    functions, arguments = offered(*everything()), arguments_near(full, 0)
+    for name in full.quantities:
+        assert_same_bits(full.compute(name, **arguments), run_in_casadi(functions[name], arguments), name)
+
+
 def test_at_the_scene_s_own_values_the_matrix_pattern_is_that_of_the_manifest(full: CompiledModel) -> None:
     for spec in full.manifest.functions:
         if spec.pattern is not None:
@@ -100,9 +107,6 @@ def test_at_the_scene_s_own_values_the_matrix_pattern_is_that_of_the_manifest(fu
             assert found.indices.tolist() == spec.pattern.row.tolist()
             assert found.indptr.tolist() == spec.pattern.column_start.tolist()
             assert found.shape == spec.shape
-
-
-# --- non-finite values -----------------------------------------------------------------------------
 
 
 def raw_call(model: CompiledModel, quantity: str, **changes: np.ndarray | None) -> tuple[str, np.ndarray]:
@@ -166,9 +170,6 @@ def test_python_says_what_may_make_a_result_not_finite(small: CompiledModel) -> 
     with pytest.raises(NonFiniteError) as caught:
         small.compute("acceleration", coordinate=np.zeros(6))
     assert "coincide" in caught.value.hint
-
-
-# --- threads ---------------------------------------------------------------------------------------
 
 
 def test_four_threads_share_one_library(full: CompiledModel) -> None:

@@ -11,14 +11,15 @@ from tensegrity_codegen import Profile, load_scene, simulate
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.options import Stepping
+from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
 from tests.cases import thorough
 from tests.codegen.build_c import STRICT, require_cpp, run, write_files
 from tests.codegen.compilers import require_compiler
 from tests.codegen.subjects import bare, everything, in_single_precision
+from tests.models import EXAMPLES, ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 SECTION = "### Arguments over time"
 MAIN = """
 #include <stdio.h>
@@ -35,20 +36,37 @@ int main(void)
 """
 
 
-def test_the_documented_program_steps_the_model(tmp_path: Path) -> None:
+def compiler() -> list[str]:
+    return [*require_compiler("gcc").command, "-std=c99", "-O0", *STRICT]
+
+
+@pytest.fixture(scope="module")
+def prism12(tmp_path_factory: pytest.TempPathFactory) -> tuple[CompiledModel, Path]:
+    """The model of the page, and a folder with its header and object file."""
+    structure, request = load_scene(EXAMPLES / "prism12.toml")
+    request = request.wanting(*SIMULATION_QUANTITIES, integrators=("rk54", "rk853"))
+    folder = tmp_path_factory.mktemp("prism12")
+    write_files(folder, emit(structure, request).files)
+    run([*compiler(), "-c", "prism12.c"], folder)
+    return build_library(structure, request).load(), folder
+
+
+def run_with(folder: Path, name: str, text: str) -> list[str]:
+    """Compile a program, link it with the model, and return the lines that it prints."""
+    (folder / f"{name}.c").write_text(text, encoding="utf-8")
+    run([*compiler(), f"{name}.c", "prism12.o", "-lm", "-o", name], folder)
+    return run([str(folder / name)], folder).stdout.splitlines()
+
+
+def test_the_documented_program_steps_the_model(prism12: tuple[CompiledModel, Path]) -> None:
     """The whole program of the page as printed, beside one `simulate` for each period."""
     text = (ROOT / "docs/embedding.md").read_text(encoding="utf-8").split("## Integrating in C")[1]
     found = re.search(r"```c\n(.*?)```", text, re.DOTALL)
     assert found is not None
-    structure, request = load_scene(ROOT / "tensegrity_codegen/scene/examples/prism12.toml")
-    request = request.wanting(*SIMULATION_QUANTITIES, integrators=("rk54",))
-    write_files(tmp_path, emit(structure, request).files | {"stepping.c": found[1]})
-    command = [*require_compiler("gcc").command, "-std=c99", "-O0", *STRICT]
-    run([*command, "stepping.c", "prism12.c", "-lm", "-o", "stepping"], tmp_path)
-    shown = run([str(tmp_path / "stepping")], tmp_path).stdout
+    model, folder = prism12
+    shown = "\n".join(run_with(folder, "stepping", found[1]))
     printed = re.findall(r"^(\S+) s  t1_z (\S+) m  vertical1 (\S+) N$", shown, re.MULTILINE)
     assert [float(row[0]) for row in printed] == pytest.approx([0.02 * k for k in range(1, 11)])
-    model = build_library(structure, request).load()
     start = {name: model.nominal(name) for name in ("coordinate", "velocity")}
     motor_input = model.nominal("input").copy()
     motor = list(model.manifest.input_name).index("v1")
@@ -72,22 +90,15 @@ def test_the_documented_program_steps_the_model(tmp_path: Path) -> None:
             assert float(tension) == pytest.approx(motion.tension("vertical1")[-1], abs=1e-3)
 
 
-def test_the_documented_c_drives_the_motor_as_simulate_does(tmp_path: Path) -> None:
+def test_the_documented_c_drives_the_motor_as_simulate_does(prism12: tuple[CompiledModel, Path]) -> None:
     text = (ROOT / "docs/embedding.md").read_text(encoding="utf-8").split(SECTION)[1]
     found = re.search(r"```c\n(.*?)```", text, re.DOTALL)
     assert found is not None
-    structure, request = load_scene(ROOT / "tensegrity_codegen/scene/examples/prism12.toml")
-    request = request.wanting(*SIMULATION_QUANTITIES, integrators=("rk853",))
-    write_files(tmp_path, emit(structure, request).files)
-    (tmp_path / "main.c").write_text(MAIN.replace("BODY", found[1]), encoding="utf-8")
-    command = [*require_compiler("gcc").command, "-std=c99", "-O0", *STRICT]
-    run([*command, "main.c", "prism12.c", "-lm", "-o", "main"], tmp_path)
-    *state, (status, time) = [
-        line.split() for line in run([str(tmp_path / "main")], tmp_path).stdout.splitlines()
-    ]
+    model, folder = prism12
+    lines = run_with(folder, "main", MAIN.replace("BODY", found[1]))
+    *state, (status, time) = [line.split() for line in lines]
     assert (int(status), float(time)) == (0, 1.0)
     pull = Profile([0.0, 0.1, 0.3, 1.0], {"v1": [0.0, 0.0, -0.01, -0.01]})
-    model = build_library(structure, request).load()
     driven = simulate(
         model,
         1.0,
@@ -109,7 +120,7 @@ def write_library(folder: Path, structure: Structure, request: object) -> list[s
     return [name for name in files if name.endswith(".c") and name != "example.c"]
 
 
-@pytest.mark.parametrize("case", ["all", *thorough("no events", "single", "batches")])
+@pytest.mark.parametrize("case", ["fixed step", *thorough("all", "no events", "single", "batches")])
 def test_libraries_with_profiles_compile_without_a_warning(case: str, tmp_path: Path) -> None:
     structure, request = in_single_precision(everything) if case == "single" else everything()
     request = replace(request, quantities=("acceleration",))
@@ -117,7 +128,8 @@ def test_libraries_with_profiles_compile_without_a_warning(case: str, tmp_path: 
         request = replace(request, events=())
     if case == "batches":
         request = replace(request, batch_width=8)
-    for integrators in (request.integrators, ("rk4",)):
+    kinds = (("rk4",),) if case == "fixed step" else (request.integrators, ("rk4",))
+    for integrators in kinds:
         folder = tmp_path / "_".join(integrators)
         folder.mkdir()
         sources = write_library(folder, structure, replace(request, integrators=integrators))

@@ -5,13 +5,13 @@ import re
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.scene.names import check_scene_name
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.models import load
 from tests.runtime.build import make_structure, spring
 
 
@@ -24,7 +24,7 @@ def structure() -> Structure:
 
 @pytest.mark.parametrize("name", ["tower___final__2_", "a__b", "jac", "group0"])
 def test_names_that_casadi_or_the_c_within_could_mind_give_a_library(structure: Structure, name: str) -> None:
-    model = build_library(structure.with_changes(name=name), ModelRequest(("member_tension",))).load()
+    model = load(structure.with_changes(name=name), "member_tension")
     assert model.compute("member_tension") == pytest.approx([0.0])
     assert model.manifest.functions[0].symbol.startswith(f"{name}_")
 

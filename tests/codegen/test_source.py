@@ -32,6 +32,7 @@ def test_few_constants_stay_in_the_source() -> None:
     assert [name for name in files if name.endswith(".c")] == [f"{bare()[0].name}.c", "example.c"]
 
 
+@pytest.mark.thorough
 def test_many_constants_have_a_file_of_their_own(apart: GeneratedSource) -> None:
     name = apart.manifest.name
     code, tables = apart.files[f"{name}.c"], apart.files[f"{name}_tables.c"]

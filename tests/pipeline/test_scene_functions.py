@@ -8,12 +8,13 @@ import pytest
 
 from tensegrity_codegen import SymbolicFunctions, compile_scene, symbolic_functions
 from tensegrity_codegen.system.errors import FormulationError, SceneError, UnknownNameError
+from tests.cases import thorough
 from tests.comparison import dense
 
 EXAMPLES = Path(__file__).resolve().parent.parent.parent / "tensegrity_codegen" / "scene" / "examples"
 
 
-@pytest.mark.parametrize("scene", ["two_nodes", "prism", "planar", "lin_prism"])
+@pytest.mark.parametrize("scene", ["two_nodes", "lin_prism", *thorough("prism", "planar")])
 def test_values_are_those_of_the_library(scene: str) -> None:
     path = EXAMPLES / f"{scene}.toml"
     functions, model = symbolic_functions(path), compile_scene(path)

@@ -12,6 +12,7 @@ from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler, Fl
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.pipeline.tuning import TuningRow, build_tuned, fastest
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import CompileError, FormulationError, UnknownNameError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
@@ -43,6 +44,10 @@ def fake(monkeypatch: pytest.MonkeyPatch, answers: Answers) -> list[str]:
     monkeypatch.setattr(measure, "build_driver", build)
     monkeypatch.setattr(measure, "run_drivers", run)
     return measured
+
+
+def two_nodes() -> Structure:
+    return make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 0.9)])
 
 
 TIMES: Answers = {
@@ -102,8 +107,8 @@ def test_an_emitter_that_does_not_serve_the_request_is_a_row(
     monkeypatch: pytest.MonkeyPatch, cache: Cache
 ) -> None:
     fake(monkeypatch, {"unrolled": {"parameter_jacobian": 1.0}})
-    request = ModelRequest(("parameter_jacobian",), {"rest_length": (0, 1)}, emitter="auto")
-    tuned = build_tuned(prism(), request, compiler=find_compiler().command[0], cache=cache)
+    request = ModelRequest(("parameter_jacobian",), {"rest_length": (0,)}, emitter="auto")
+    tuned = build_tuned(two_nodes(), request, compiler=find_compiler().command[0], cache=cache)
     assert [row.emitter for row in tuned.rows] == ["unrolled", "table"]
     assert "does not serve" in tuned.rows[1].problem
     assert tuned.rows[1].total is None
@@ -112,7 +117,7 @@ def test_an_emitter_that_does_not_serve_the_request_is_a_row(
 def test_only_the_emitter_named_is_measured(monkeypatch: pytest.MonkeyPatch, cache: Cache) -> None:
     measured = fake(monkeypatch, TIMES)
     request = replace(REQUEST, emitter="unrolled")
-    build_tuned(prism(), request, compiler=find_compiler().command[0], cache=cache)
+    build_tuned(two_nodes(), request, compiler=find_compiler().command[0], cache=cache)
     assert measured == ["unrolled"]
 
 

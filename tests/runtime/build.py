@@ -70,12 +70,7 @@ def make_structure(
 
 
 def prism(
-    twist: float = 150.0,
-    *,
-    sides: int = 3,
-    bar_stiffness: float = 1e5,
-    strain: float = 0.1,
-    **more: Any,
+    twist: float = 150.0, *, sides: int = 3, bar_stiffness: float = 1e5, strain: float = 0.1, **more: Any
 ) -> Structure:
     """Prism of unit radius and height: bars i -> i, side cables i -> i + 1, horizontal cables; angles in deg.
 

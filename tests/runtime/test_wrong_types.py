@@ -8,7 +8,6 @@ import pytest
 import tensegrity_codegen as package
 from tensegrity_codegen import Stepping, compile_scene, find_equilibrium, simulate, simulate_batch
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError, UnknownNameError
-from tests.codegen.quickly import without_optimisation
 from tests.scene.samples import ARCH
 
 TAKES_A_MODEL = [
@@ -21,8 +20,7 @@ TAKES_A_MODEL = [
 
 @pytest.fixture(scope="module")
 def arch():
-    with without_optimisation():
-        return compile_scene(ARCH, for_="equilibrium")
+    return compile_scene(ARCH, for_="equilibrium")
 
 
 def test_most_public_functions_take_a_model():

@@ -1,14 +1,15 @@
 """The order of members and of their contributions: by class, free nodes apart from held ones."""
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
 from tensegrity_codegen.structure.assembly import ABSENT, ARGUMENT, CONSTANT, plan_assembly
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tests.cases import draws
 from tests.random_structures import structures
 from tests.runtime.build import bar, cable, make_structure, spring
 
-SLOW = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+SLOW = draws(12)
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 MEMBERS = [bar(0, 2, 1.4), cable(0, 1, 0.9), spring(1, 2, 0.9), cable(2, 3, 0.9), bar(1, 3, 1.4)]
 

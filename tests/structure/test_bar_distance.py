@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.structure.bar_distance import compute_bar_distance, compute_segment_distance
-from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import EVERYTHING, assemble_document
+from tests.models import load
 from tests.scene.samples import build
 from tests.segments import exact_distance
 
@@ -50,7 +49,7 @@ def test_bars_that_are_bodies_as_in_the_generated_code() -> None:
         for name, body in EVERYTHING["bodies"].items()
     }
     system, _ = assemble_document({**EVERYTHING, "bodies": bodies})
-    model = build_library(system, ModelRequest(("bar_distance",), formulation="bodies")).load()
+    model = load(system, "bar_distance", formulation="bodies")
     pairs, distance = compute_bar_distance(system)
     assert pairs == model.manifest.bar_pair
     np.testing.assert_allclose(distance, model.compute("bar_distance"), atol=1e-13)

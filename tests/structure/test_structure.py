@@ -9,14 +9,14 @@ from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.random_structures import make_structure
+from tests.runtime.build import bar
+from tests.runtime.build import make_structure as node_structure
 
-WANTS = dict.fromkeys(
-    ("gravity", "damping", "loads", "velocity", "anchors", "bar_mass", "inputs", "slack"), True
-)
+WISHES = ("gravity", "damping", "loads", "velocity", "anchors", "bar_mass", "inputs", "slack")
 
 
 def random_structure(seed: int) -> Structure:
-    return make_structure(np.random.default_rng(seed), 12, (0, 1, 2), WANTS)
+    return make_structure(np.random.default_rng(seed), 12, (0, 1, 2), dict.fromkeys(WISHES, True))
 
 
 def many_bars(count: int) -> Structure:
@@ -24,31 +24,10 @@ def many_bars(count: int) -> Structure:
     position = np.zeros((2 * count, 3))
     position[:, 0] = np.repeat(np.arange(count), 2)
     position[1::2, 2] = 1.0
-    anchored = np.zeros((2 * count, 3), dtype=bool)
-    anchored[::2] = True
-    ones = np.ones(count)
-    return Structure(
-        name="forest",
-        axes=(0, 1, 2),
-        node_name=tuple(f"n{k}" for k in range(2 * count)),
-        node_position=position,
-        node_velocity=np.zeros_like(position),
-        node_mass=np.ones(2 * count),
-        node_anchored=anchored,
-        node_load=np.zeros_like(position),
-        gravity=np.zeros(3),
-        member_name=tuple(f"m{k}" for k in range(count)),
-        member_class=("",) * count,
-        connectivity=np.arange(2 * count).reshape(-1, 2),
-        is_bar=np.ones(count, dtype=bool),
-        tension_only=np.zeros(count, dtype=bool),
-        rest_length=ones,
-        spring_constant=ones,
-        axial_stiffness=np.zeros(count),
-        damping=np.zeros(count),
-        member_mass=ones,
-        radius=0.1 * ones,
-    )
+    members = [bar(2 * k, 2 * k + 1, 1.0, 1.0, mass=1.0) for k in range(count)]
+    forest = node_structure(position, members, anchored=dict.fromkeys(range(0, 2 * count, 2), "xyz"))
+    names = tuple(f"m{k}" for k in range(count))
+    return forest.with_changes(name="forest", member_name=names, radius=np.full(count, 0.1))
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -12,10 +12,7 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 from tests.runtime.build import make_structure, spring
 
-INPUTS = (
-    ActuatedInput("pull", "rest_length", (0, 1)),
-    ActuatedInput("push", "force", (1,), (0.0, 0.6, 0.8)),
-)
+INPUTS = (ActuatedInput("pull", "rest_length", (0, 1)), ActuatedInput("push", "force", (1,), (0.0, 0.6, 0.8)))
 
 
 def planar(**more: Any) -> Structure:

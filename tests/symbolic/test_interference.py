@@ -5,7 +5,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -17,11 +17,12 @@ from tensegrity_codegen.symbolic.interference import (
     build_bar_quantities,
 )
 from tensegrity_codegen.system.errors import FormulationError
+from tests.cases import draws
 from tests.segments import exact_distance, searched_distance
 
 Array = NDArray[np.float64]
 EPSILON = float(np.finfo(float).eps)
-MANY = settings(max_examples=100, deadline=None)
+MANY = draws(25)
 
 
 def make_contact(n_axes: int = 3) -> ca.Function:
@@ -121,14 +122,14 @@ def test_bars_without_length(a: Array, b: Array, c: Array, which: str) -> None:
     assert contact(*four)[1] == "no_length" or not np.array_equal(four[0], four[1])
 
 
-@settings(max_examples=60, deadline=None)
+@draws(25)
 @given(points, points, points, points)
 def test_sampling_finds_no_shorter_way(a: Array, b: Array, c: Array, d: Array) -> None:
     distance = contact(a, b, c, d)[0]
     assert distance <= searched_distance(a, b, c, d) + 1e-15
 
 
-@settings(max_examples=60, deadline=None)
+@draws(25)
 @given(points, points, points, points)
 def test_sampling_finds_the_distance(a: Array, b: Array, c: Array, d: Array) -> None:
     sine = np.linalg.norm(np.cross(b - a, d - c))

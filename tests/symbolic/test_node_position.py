@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tensegrity_codegen.codegen.prune import PrunedFunction, prune
@@ -14,6 +14,7 @@ from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.quantities import PARAMETERS
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import draws
 from tests.codegen.subjects import everything
 from tests.comparison import dense, largest_terms, run_in_casadi
 from tests.random_structures import structures
@@ -21,7 +22,7 @@ from tests.reference import ReferenceModel
 from tests.runtime.build import cable, make_structure, spring
 from tests.symbolic.taylor import check_second_order
 
-SLOW = settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+SLOW = draws(6)
 
 
 def offered(structure: Structure, request: ModelRequest) -> list[PrunedFunction]:
@@ -80,7 +81,7 @@ def test_every_quantity_equals_the_numpy_model_with_constants_baked_in(
 
 
 @given(structures(most_nodes=15), st.integers(0, 2**32 - 1))
-@settings(SLOW, max_examples=6)
+@draws(2)
 def test_every_quantity_equals_the_numpy_model_with_all_parameters_at_run_time(
     structure: Structure, seed: int
 ) -> None:
@@ -154,7 +155,7 @@ def check_jacobian(jacobian: str, structure: Structure, seed: int) -> bool:
 @pytest.mark.thorough
 @pytest.mark.parametrize("jacobian", JACOBIANS)
 @given(structure=structures(most_nodes=8), seed=st.integers(0, 2**32 - 1))
-@settings(SLOW, max_examples=25)
+@draws(8)
 def test_jacobians_leave_a_remainder_of_second_order(jacobian: str, structure: Structure, seed: int) -> None:
     assume(check_jacobian(jacobian, structure, seed))
 
@@ -167,7 +168,7 @@ def test_so_they_do_where_everything_is_present(jacobian: str, seed: int) -> Non
 
 
 @given(structures(most_nodes=12), st.integers(0, 2**32 - 1))
-@settings(SLOW, max_examples=20)
+@draws(6)
 def test_the_tangent_stiffness_is_the_slope_of_the_residual(structure: Structure, seed: int) -> None:
     evaluator = Evaluator(structure)
     direction = draw_direction(evaluator, ("coordinate",), seed)
@@ -177,7 +178,7 @@ def test_the_tangent_stiffness_is_the_slope_of_the_residual(structure: Structure
 
 
 @given(structures(most_nodes=12), st.integers(0, 2**32 - 1))
-@settings(SLOW, max_examples=20)
+@draws(6)
 def test_the_residual_is_the_slope_of_the_energy(structure: Structure, seed: int) -> None:
     evaluator = Evaluator(structure)
     direction = draw_direction(evaluator, ("coordinate",), seed)
@@ -191,7 +192,7 @@ def test_the_residual_is_the_slope_of_the_energy(structure: Structure, seed: int
 
 
 @given(structures(most_nodes=12))
-@settings(SLOW, max_examples=20)
+@draws(6)
 def test_stiffness_is_material_plus_geometric_and_symmetric(structure: Structure) -> None:
     evaluator = Evaluator(structure)
     material, geometric, tangent = (
@@ -204,7 +205,7 @@ def test_stiffness_is_material_plus_geometric_and_symmetric(structure: Structure
 
 
 @given(structures(most_nodes=12))
-@settings(SLOW, max_examples=20)
+@draws(6)
 def test_tensions_balance_what_acts_on_the_free_coordinates(structure: Structure) -> None:
     """A t = weight + loads - residual at rest, where weight and loads are the residual without members."""
     still = structure.with_changes(node_velocity=np.zeros_like(structure.node_velocity))
@@ -221,7 +222,7 @@ def test_tensions_balance_what_acts_on_the_free_coordinates(structure: Structure
 
 
 @given(structures(most_nodes=12))
-@settings(SLOW, max_examples=20)
+@draws(6)
 def test_anchors_carry_weight_and_loads(structure: Structure) -> None:
     """Along an axis that is modelled, residuals minus reactions add up to weight and loads."""
     still = structure.with_changes(node_velocity=np.zeros_like(structure.node_velocity))

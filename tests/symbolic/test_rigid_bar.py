@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -14,12 +14,13 @@ from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.rigid_bar_check import find_redundant
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import draws
 from tests.comparison import dense, largest_terms, run_in_casadi
 from tests.random_structures import structures
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure
 
-FEW = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+FEW = draws(10)
 Array = NDArray[np.float64]
 
 

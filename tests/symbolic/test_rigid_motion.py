@@ -2,7 +2,7 @@
 
 import casadi as ca
 import numpy as np
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tensegrity_codegen.structure.structure import Structure
@@ -10,10 +10,11 @@ from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.bar_constraints import BarConstraints
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
 from tensegrity_codegen.symbolic.rigid_motion import RigidMotion
+from tests.cases import draws
 from tests.random_structures import structures
 from tests.symbolic.test_rigid_bar import make_rigid
 
-FEW = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+FEW = draws(6)
 
 
 @given(structures(most_nodes=9), st.integers(0, 2**32 - 1))

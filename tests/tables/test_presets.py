@@ -10,6 +10,7 @@ from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.memory_use import measure_memory
 from tensegrity_codegen.system.errors import SceneError, UnknownNameError
 from tensegrity_codegen.tables.presets import PRESETS, find_preset
+from tests.cases import thorough
 from tests.codegen.build_c import run, write_files
 from tests.codegen.compilers import require_compiler
 
@@ -54,7 +55,7 @@ def test_functions_in_single_precision_have_no_double(tmp_path: Path) -> None:
     run([*compiler.command, "-std=c99", "-O1", *strict, "-c", "prism.c", "-o", "prism.o"], folder, compiler)
 
 
-@pytest.mark.parametrize("target", [None, "thumbv7em"])
+@pytest.mark.parametrize("target", [None, *thorough("thumbv7em")])
 def test_force_and_step_of_the_prism_fit_a_microcontroller(target: str | None, tmp_path: Path) -> None:
     if target is not None:
         pytest.importorskip("ziglang", reason="the package ziglang is not installed")

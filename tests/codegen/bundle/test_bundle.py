@@ -124,6 +124,7 @@ def write_project(folder: Path, language: str = "C") -> Path:
     return folder
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="the paths are those of Linux")
 def test_a_project_with_cmake_finds_an_installed_and_a_plain_bundle(
     bundles: dict[str, Path], libraries: dict[str, BuiltLibrary], tmp_path: Path
@@ -195,6 +196,7 @@ int inside(double *tension) { return prism_compute_member_tension(prism_nominal_
 """
 
 
+@pytest.mark.thorough
 def test_a_shared_library_can_contain_a_bundle(bundles: dict[str, Path], tmp_path: Path) -> None:
     require("cmake", "make")
     (tmp_path / "inside.c").write_text(INSIDE, encoding="utf-8")

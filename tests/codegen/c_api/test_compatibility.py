@@ -1,42 +1,15 @@
-"""Headers of one version of the C interface only gain declarations: those kept here stand in today's."""
+"""Headers of one version of the C interface only gain: those kept, without comments, stand in today's."""
 
 import re
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.tables.manifest import C_API_VERSION
 from tests.codegen.c_api.header_rule import find_breaks, read_interface
-from tests.codegen.subjects import everything
+from tests.codegen.c_api.headers import HEADERS
 
-ROOT = Path(__file__).resolve().parents[3]
 KEPT = Path(__file__).resolve().parent / f"version_{C_API_VERSION}"
-
-
-def prism() -> str:
-    structure, request = load_scene(ROOT / "tensegrity_codegen/scene/examples/prism.toml")
-    return emit(structure, request).files["prism.h"]
-
-
-def braced() -> str:
-    """Everything that a library can have: integrators, batches, profiles, all quantities."""
-    structure, request = everything()
-    return emit(structure, replace(request, batch_width=8)).files["braced.h"]
-
-
-def lin_prism() -> str:
-    structure, request = load_scene(ROOT / "tensegrity_codegen/scene/examples/lin_prism.toml")
-    wanted = ("potential_energy", "coordinate_force", "tangent_stiffness", "acceleration", "total_energy")
-    loads = {"node_load": tuple(range(structure.n_nodes))}
-    request = request.wanting(*wanted, integrators=("rk853",), solvers=("equilibrium",), parameters=loads)
-    return emit(structure, request).files["lin_prism.h"]
-
-
-HEADERS: dict[str, Callable[[], str]] = {"prism": prism, "braced": braced, "lin_prism": lin_prism}
 
 
 @pytest.mark.parametrize("name", HEADERS)

@@ -17,14 +17,8 @@ from tests.codegen.build_c import STRICT, run, write_files
 from tests.codegen.subjects import everything
 
 NAMES = (
-    "expl_ode_fun",
-    "expl_vde_forw",
-    "expl_vde_adj",
-    "impl_dae_fun",
-    "impl_dae_fun_jac_x_xdot_z",
-    "impl_dae_fun_jac_x_xdot_u_z",
-    "impl_dae_fun_jac_x_xdot_u",
-    "impl_dae_jac_x_xdot_u_z",
+    *("expl_ode_fun", "expl_vde_forw", "expl_vde_adj", "impl_dae_fun", "impl_dae_fun_jac_x_xdot_z"),
+    *("impl_dae_fun_jac_x_xdot_u_z", "impl_dae_fun_jac_x_xdot_u", "impl_dae_jac_x_xdot_u_z"),
 )
 
 # The members of acados' struct of an external function that templates fill, with their types.

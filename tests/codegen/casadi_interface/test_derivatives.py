@@ -70,7 +70,7 @@ class Pair:
         return [ca.DM((value + 0.01 * random.uniform(0.5, 1.0, value.shape)).T) for value in nominal]
 
 
-@pytest.fixture(scope="module", params=["table", "bodies", "plane", *thorough("lanes")])
+@pytest.fixture(scope="module", params=["plane", *thorough("bodies", "table", "lanes")])
 def pair(request: pytest.FixtureRequest) -> Pair:
     structure, wanted = SUBJECTS[request.param]()
     wanted = replace(wanted, interfaces=("casadi_hessian",), integrators=())
@@ -155,9 +155,6 @@ def test_a_bad_argument_is_an_error(pair: Pair) -> None:
     function, values = pair.external(name).jacobian(), pair.values(name)
     with pytest.raises(RuntimeError):
         function(ca.DM(values[0]) * np.nan, *values[1:], pair.symbolic[name](*values))
-
-
-# --- what is in the source, and what is not --------------------------------------------------------
 
 
 def names_of(structure: Any, request: ModelRequest) -> set[str]:
@@ -250,7 +247,7 @@ def test_a_function_of_no_argument_has_no_derivative() -> None:
 Make = Callable[[], tuple[Any, ModelRequest]]
 
 
-@pytest.mark.parametrize("make", [in_lanes, in_tables], ids=["lanes", "table"])
+@pytest.mark.parametrize("make", [in_plane, *thorough(in_lanes, in_tables)], ids=["plane", "lanes", "table"])
 def test_the_other_functions_keep_their_text(make: Make) -> None:
     structure, request = make()
     without = emit(structure, request).files[f"{structure.name}.c"]

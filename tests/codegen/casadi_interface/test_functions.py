@@ -14,11 +14,12 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import FormulationError, UnknownNameError
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import thorough
 from tests.codegen.subjects import bare, everything
 from tests.comparison import dense
 
 
-@pytest.fixture(scope="module", params=[everything, bare], ids=["everything", "bare"])
+@pytest.fixture(scope="module", params=[bare, *thorough(everything)], ids=["bare", "everything"])
 def subject(request: pytest.FixtureRequest) -> tuple[CompiledModel, dict[str, PrunedFunction]]:
     structure, wanted = request.param()
     wanted = replace(wanted, interfaces=("casadi",))

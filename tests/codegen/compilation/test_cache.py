@@ -203,6 +203,7 @@ def test_two_processes_make_one_library_once(tmp_path):
     assert Cache(tmp_path).find(KEY) is not None
 
 
+@pytest.mark.thorough
 def test_processes_that_store_the_same_key_do_not_disturb_each_other(tmp_path):
     run_together(store_many, 2, str(tmp_path), KEY)
     assert [path.name for path in (tmp_path / "libraries").iterdir()] == [KEY]

@@ -13,6 +13,7 @@ from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler
 from tensegrity_codegen.system.errors import CompileError, InvalidNameError, InvalidValueError
 from tests.cases import thorough
 from tests.codegen.compilers import (
+    EACH_FAMILY,
     FAMILIES,
     POSIX,
     SOURCES,
@@ -81,7 +82,7 @@ SEVERAL = {
 }
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", EACH_FAMILY)
 def test_several_sources_become_one_library(family, scratch, tmp_path):
     compiler = require_compiler(family)
     first, second = (
@@ -103,7 +104,7 @@ def test_of_several_sources_the_bad_one_is_named(bad, scratch):
     assert list(scratch.iterdir()) == []
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", EACH_FAMILY)
 def test_the_same_source_gives_the_same_bytes(family):
     compiler = require_compiler(family)
     first, second = (
@@ -211,7 +212,7 @@ def test_ctrl_c_leaves_no_file_and_no_process(tmp_path, scratch):
         wait_until(lambda pid=pid: not is_running(pid), "the compiler ended")
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", EACH_FAMILY)
 def test_more_code_makes_a_larger_object(family):
     compiler = require_compiler(family)
     body = "double f{0}(double x);\ndouble f{0}(double x) {{ return x * (x + {0}.0) / (x - 1.0); }}\n"

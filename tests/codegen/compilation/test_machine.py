@@ -217,6 +217,7 @@ def run_on_nehalem(program: Path, folder: Path) -> list[str]:
     return run(["qemu-x86_64", "-cpu", "Nehalem", str(program)], folder).stdout.split()
 
 
+@pytest.mark.thorough
 @ON_X86
 @ON_LINUX
 @pytest.mark.skipif(shutil.which("qemu-x86_64") is None, reason="qemu-user is not installed")

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
-from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.codegen.integrators.batch_integrators import plan_memory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.manifest import IntegratorSpec, Manifest
 from tensegrity_codegen.tables.precision import PRECISIONS
 from tensegrity_codegen.tables.request import ModelRequest
-from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, write_files
+from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, run_program, write_files
 from tests.codegen.compilers import OTHERS, require_compiler
 from tests.codegen.quickly import SANITIZE
 from tests.codegen.subjects import bare, everything, in_single_precision
@@ -204,112 +204,70 @@ def _refusals(spec: IntegratorSpec, given: list[str], name: str) -> list[str]:
     ]
 
 
-def in_batches(structure: Structure, request: ModelRequest, **changes: object) -> ModelRequest:
+def in_batches(structure: Structure, request: ModelRequest, **changes: object) -> GeneratedSource:
     wanted = replace(request, quantities=("acceleration",), integrators=INTEGRATORS, events=())
-    return replace(wanted, batch_width=WIDTH, **changes)  # type: ignore[arg-type]
+    return emit(structure, replace(wanted, **{"batch_width": WIDTH} | changes))  # type: ignore[arg-type]
 
 
-def free_everything() -> tuple[Structure, ModelRequest]:
-    structure, request = everything()
-    return structure, in_batches(structure, request)
+TABLED = prism(150.0, anchored={0: "xyz"}).with_changes(name="tabled")
+RIGID = prism(150.0).with_changes(name="rigid")
+PARAMETERS = {"rest_length": (1, 2), "node_load": (3,)}
+SUBJECTS: dict[str, Callable[[], GeneratedSource]] = {
+    "everything": lambda: in_batches(*everything()),
+    "for this machine": lambda: in_batches(*everything(), flags="native"),
+    "single": lambda: in_batches(*in_single_precision(everything)),
+    "plane": lambda: in_batches(*bare()),
+    "table": lambda: in_batches(TABLED, ModelRequest((), PARAMETERS), emitter="table"),
+    "rigid bars": lambda: in_batches(
+        RIGID, ModelRequest(()), formulation="rigid_bar", options={"bars": "all"}
+    ),
+}
 
 
-def native_everything() -> tuple[Structure, ModelRequest]:
-    structure, request = free_everything()
-    return structure, replace(request, flags="native")
-
-
-def single_everything() -> tuple[Structure, ModelRequest]:
-    structure, request = in_single_precision(everything)
-    return structure, in_batches(structure, request)
-
-
-def in_the_plane() -> tuple[Structure, ModelRequest]:
-    structure, request = bare()
-    return structure, in_batches(structure, request)
-
-
-def in_tables() -> tuple[Structure, ModelRequest]:
-    structure = prism(150.0, anchored={0: "xyz"}).with_changes(name="tabled")
-    parameters = {"rest_length": (1, 2), "node_load": (3,)}
-    return structure, in_batches(structure, ModelRequest((), parameters), emitter="table")
-
-
-def with_rigid_bars() -> tuple[Structure, ModelRequest]:
-    structure = prism(150.0).with_changes(name="rigid")
-    options = {"bars": "all"}
-    return structure, in_batches(structure, ModelRequest(()), formulation="rigid_bar", options=options)
-
-
-SUBJECTS: tuple[Callable[[], tuple[Structure, ModelRequest]], ...] = (
-    free_everything,
-    single_everything,
-    in_tables,
-    with_rigid_bars,
-)
-
-
-def write(subject: Callable[[], tuple[Structure, ModelRequest]], folder: Path) -> Manifest:
-    source = emit(*subject())
+def write(subject: str, folder: Path) -> str:
+    """Write a library and its driver; returns its source file."""
+    source = SUBJECTS[subject]()
     write_files(folder, {**source.files, "driver.c": driver(source.manifest)})
-    return source.manifest
-
-
-def build_and_run(folder: Path, manifest: Manifest, family: str, *options: str) -> None:
-    compiler = require_compiler(family)
-    command = [*compiler.command, *options, "driver.c", f"{manifest.name}.c", "-o", "driver", "-lm"]
-    run(command, folder, compiler)
-    run([str(folder / "driver")], folder)
+    return f"{source.manifest.name}.c"
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("subject", SUBJECTS)
-def test_every_lane_has_the_bits_of_a_single_run(
-    subject: Callable[[], tuple[Structure, ModelRequest]], tmp_path: Path
-) -> None:
-    manifest = write(subject, tmp_path)
-    build_and_run(tmp_path, manifest, "gcc", *QUICK, *STRICT)
+@pytest.mark.parametrize("subject", ["everything", "single", "table", "rigid bars"])
+def test_every_lane_has_the_bits_of_a_single_run(subject: str, tmp_path: Path) -> None:
+    run_program(tmp_path, *QUICK, *STRICT, "driver.c", write(subject, tmp_path))
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("family", OTHERS)
 def test_other_compilers_take_it_too(family: str, tmp_path: Path) -> None:
-    manifest = write(in_the_plane, tmp_path)
-    build_and_run(tmp_path, manifest, family, *QUICK, *STRICT)
+    run_program(tmp_path, *QUICK, *STRICT, "driver.c", write("plane", tmp_path), family=family)
 
 
 @pytest.mark.thorough
 def test_it_is_cpp_without_a_warning(tmp_path: Path) -> None:
-    compiler, manifest = require_cpp("g++"), write(native_everything, tmp_path)
     native = FLAG_SETS["native"].options[1:]
     options = ("-std=c++11", "-x", "c++", *native, "-O0", *STRICT, "-c")
-    run([*compiler, *options, f"{manifest.name}.c", "-o", "x.o"], tmp_path)
+    run([*require_cpp("g++"), *options, write("for this machine", tmp_path), "-o", "x.o"], tmp_path)
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("subject", [in_the_plane, in_tables])
-def test_the_sanitizers_find_nothing(
-    subject: Callable[[], tuple[Structure, ModelRequest]], tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("subject", ["plane", "table"])
+def test_the_sanitizers_find_nothing(subject: str, tmp_path: Path) -> None:
     if not has_sanitizers(require_compiler("gcc"), tmp_path):
         pytest.skip("no sanitizers here")
-    manifest = write(subject, tmp_path)
-    build_and_run(tmp_path, manifest, "gcc", "-std=c99", "-ffp-contract=off", *SANITIZE)
+    options = ("-std=c99", "-ffp-contract=off", *SANITIZE)
+    run_program(tmp_path, *options, "driver.c", write(subject, tmp_path))
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("subject", [in_the_plane, in_tables])
-def test_valgrind_finds_nothing(
-    subject: Callable[[], tuple[Structure, ModelRequest]], tmp_path: Path
-) -> None:
-    valgrind, compiler = shutil.which("valgrind"), require_compiler("gcc")
+@pytest.mark.parametrize("subject", ["plane", "table"])
+def test_valgrind_finds_nothing(subject: str, tmp_path: Path) -> None:
+    valgrind = shutil.which("valgrind")
     if valgrind is None:
         pytest.skip("valgrind is not installed")
-    manifest = write(subject, tmp_path)
     options = ("-std=c99", "-O1", "-ffp-contract=off", "-DWATCHED")
-    command = [*compiler.command, *options, "driver.c", f"{manifest.name}.c", "-o", "driver", "-lm"]
-    run(command, tmp_path, compiler)
-    run([valgrind, "-q", "--error-exitcode=9", "./driver"], tmp_path)
+    run_program(tmp_path, *options, "driver.c", write(subject, tmp_path))
+    run([valgrind, "-q", "--error-exitcode=9", "./program"], tmp_path)
 
 
 def test_the_memory_fits_lanes_that_begin_anywhere() -> None:
@@ -321,8 +279,7 @@ def test_the_memory_fits_lanes_that_begin_anywhere() -> None:
 
 
 def test_a_library_without_batches_has_none_of_it() -> None:
-    structure, request = free_everything()
-    source = emit(structure, replace(request, batch_width=0))
+    source = in_batches(*everything(), batch_width=0)
     assert all(spec.batch_work_size == 0 for spec in source.manifest.integrators)
     assert "_batch" not in source.files[f"{source.manifest.name}.h"]
     assert "motion_batch" not in source.files[f"{source.manifest.name}.c"]

@@ -19,8 +19,7 @@ def test_each_file_needs_no_other_to_be_included_before(name: str, tmp_path: Pat
 @pytest.mark.parametrize("language", ["c", "c++"])
 def test_all_compile_together(group: str, language: str, tmp_path: Path) -> None:
     family = "gcc" if language == "c" else CPP["gcc"]
-    for single in (False, True):
-        compile_alone(GROUPS[group], family, language, options_for(15, single), tmp_path)
+    compile_alone(GROUPS[group], family, language, options_for(15, language == "c"), tmp_path)
 
 
 @pytest.mark.thorough

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.cases import thorough
 from tests.codegen.plain_c.alone import options_for, run_c
 
 HEAD = """
@@ -84,7 +85,7 @@ def chain(force: np.ndarray) -> np.ndarray:
     return np.cumsum(1 + tension)
 
 
-@pytest.mark.parametrize("n", [1, 15, 40])
+@pytest.mark.parametrize("n", [15, *thorough(1, 40)])
 def test_a_chain_of_springs_settles_where_statics_says(n: int, tmp_path: Path) -> None:
     printed = run_c(HEAD + FIND.replace("BAD", "0.0"), tmp_path, *options_for(n, False)).split()
     assert printed[:2] == ["0", "3"]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cases import thorough
 from tests.codegen.plain_c.alone import options_for, run_c
 
 # N masses, each on a spring of stiffness 4: they begin at 1, 1/2, 1/3 ... at rest.
@@ -64,7 +65,7 @@ def run(body: str, folder: Path, n: int = 15, single: bool = False, rtol: str = 
     return [[float(word) for word in line.split()] for line in said.splitlines()]
 
 
-@pytest.mark.parametrize(("n", "single"), [(1, False), (15, False), (15, True)])
+@pytest.mark.parametrize(("n", "single"), [(15, False), *thorough((1, False), (15, True))])
 def test_a_linear_oscillator_is_followed(n: int, single: bool, tmp_path: Path) -> None:
     *samples, end = run(WHOLE + SAY_SAMPLES, tmp_path, n, single, "1e-4" if single else "1e-7")
     assert end == [5, 1.0]
@@ -115,7 +116,7 @@ def test_events_are_found_and_end_the_run(tmp_path: Path) -> None:
     assert end == [2, 1, pytest.approx(math.pi / 4, abs=1e-5)]
 
 
-@pytest.mark.parametrize("n", [1, 15])
+@pytest.mark.parametrize("n", [15, *thorough(1)])
 def test_steps_end_at_the_energy_of_the_start(n: int, tmp_path: Path) -> None:
     body = r"""
   run.keeps_energy = 1;

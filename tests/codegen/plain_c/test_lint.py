@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cases import thorough
 from tests.codegen.build_c import run
 from tests.codegen.plain_c.alone import GROUPS, options_for
 
@@ -37,7 +38,7 @@ def test_clang_tidy_finds_nothing(unit: Path) -> None:
     run(command, unit.parent)
 
 
-@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+@pytest.mark.parametrize("single", [False, *thorough(True)])
 def test_cppcheck_finds_nothing(unit: Path, single: bool) -> None:
     command = [require("cppcheck"), "-q", "--std=c99", "--enable=warning,performance,portability"]
     # Settings make some conditions constant.

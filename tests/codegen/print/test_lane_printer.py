@@ -18,7 +18,8 @@ from tensegrity_codegen.codegen.print.operations import OPERATIONS
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.precision import PRECISIONS
-from tests.codegen.print.test_printer import NAMES, PRINTED, operand_pairs, operation_function
+from tests.cases import thorough
+from tests.codegen.print.test_printer import NAMES, PRINTED, evaluate, operand_pairs, operation_function
 
 pytestmark = pytest.mark.optimised
 
@@ -30,10 +31,7 @@ REGISTERS = {
     "128 bit": ((), ()),
     "256 bit": (("-mavx",), ("avx",)),
     "512 bit": (("-mavx512f", "-mavx512dq"), ("avx512f", "avx512dq")),
-    "512 bit, by estimate": (
-        ("-mavx512f", "-mavx512dq", "-DTENSEGRITY_NATIVE"),
-        ("avx512f", "avx512dq"),
-    ),
+    "512 bit, by estimate": (("-mavx512f", "-mavx512dq", "-DTENSEGRITY_NATIVE"), ("avx512f", "avx512dq")),
 }
 
 
@@ -93,12 +91,14 @@ def pointer(array: np.ndarray) -> ctypes.c_void_p:
 
 @functools.cache
 def expected_of(operation: int) -> np.ndarray:
-    function = operation_function(operation)
     pairs = operand_pairs()
-    return np.array([float(function(x, y)) for x, y in pairs[: len(pairs) // WIDTH * WIDTH]])
+    return evaluate(operation, pairs[: len(pairs) // WIDTH * WIDTH])
 
 
-@pytest.fixture(scope="module", params=[name for name in REGISTERS if "estimate" not in name])
+OTHERS = thorough(*(name for name in REGISTERS if "estimate" not in name and name != "128 bit"))
+
+
+@pytest.fixture(scope="module", params=["128 bit", *OTHERS])
 def compiled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     """One library with one function over lanes an operation."""
     functions = [(operation, operation_function(operation)) for operation in PRINTED]
@@ -119,9 +119,6 @@ def test_each_operation_in_lanes_is_that_of_the_virtual_machine(
     if operation not in (ca.OP_FMIN, ca.OP_FMAX):  # C leaves open which of +0 and -0 is the smaller
         known = ~np.isnan(expected)
         np.testing.assert_array_equal(np.signbit(result[known]), np.signbit(expected[known]))
-
-
-# --- whole functions -------------------------------------------------------------------------------
 
 
 def chain() -> ca.Function:

@@ -73,7 +73,7 @@ def random_function(rng: np.random.Generator, n_operations: int) -> ca.Function:
 
 def test_nested_expressions_are_the_virtual_machine_to_the_last_bit(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
-    functions = [random_function(rng, n) for n in itertools.chain(*[(3, 8, 20, 60)] * 12)]
+    functions = [random_function(rng, n) for n in itertools.chain(*[(3, 8, 20, 60)] * 4)]
     text = "#include <math.h>\n"
     for number, function in enumerate(functions):
         lines = "\n  ".join(print_body(function, ("x",), ("r",)).lines)
@@ -85,7 +85,7 @@ def test_nested_expressions_are_the_virtual_machine_to_the_last_bit(tmp_path: Pa
     path = tmp_path / artifact.file_name
     path.write_bytes(artifact.library)
     library = ctypes.CDLL(str(path))
-    points = np.vstack([rng.normal(size=(40, 4)), rng.integers(-1, 2, (40, 4)).astype(float)])
+    points = np.vstack([rng.normal(size=(20, 4)), rng.integers(-1, 2, (20, 4)).astype(float)])
     for number, function in enumerate(functions):
         for point in points:
             found, expected = np.empty(3), np.array(function(point)).ravel()

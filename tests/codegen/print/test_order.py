@@ -7,6 +7,7 @@ import pytest
 from tensegrity_codegen.codegen.print import order
 from tensegrity_codegen.codegen.print.instructions import Instruction, read_instructions
 from tensegrity_codegen.codegen.print.order import order_instructions
+from tests.cases import thorough
 
 
 def random_function(seed: int, count: int = 300) -> ca.Function:
@@ -24,7 +25,7 @@ def printed(instructions: list[Instruction]) -> list[int]:
 
 
 @pytest.mark.parametrize("reach", [1, 20, 800])
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *thorough(2, 3)])
 def test_every_operation_comes_once_and_after_its_operands(
     seed: int, reach: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

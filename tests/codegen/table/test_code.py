@@ -60,7 +60,7 @@ def test_code_does_not_grow_with_the_structure(tmp_path: Path) -> None:
 
 
 def test_values_that_are_not_finite_are_a_status_everywhere() -> None:
-    structure = tower(2)
+    structure = tower(1)
     model = build_library(structure, REQUEST.wanting(*served(structure, REQUEST))).load()
     seen = 0
     for spec in model.manifest.functions:

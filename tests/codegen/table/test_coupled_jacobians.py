@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -18,16 +18,17 @@ from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests import random_structures
-from tests.cases import thorough
+from tests.cases import draws, thorough
 from tests.codegen.table.modules import spine, tower, twisted
 from tests.codegen.table.subjects import assert_equal_to_casadi
 from tests.codegen.test_generated_c import arguments_near
 from tests.comparison import dense
+from tests.models import load
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure
 
 JACOBIANS = ("state_jacobian", "rest_length_jacobian", "input_jacobian")
-SLOW = settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
+SLOW = draws(3)
 
 
 def heavy(structure: Structure, which: NDArray[np.bool_] | None = None) -> Structure:
@@ -130,7 +131,7 @@ def test_structures_of_480_and_1074_members_with_heavy_bars_have_a_linear_model(
     structure = prisms(count)
     assert structure.n_members == 18 * count - 6
     quantities = linearize_quantities("node_position", with_inputs=False)
-    model = build_library(structure, ModelRequest(quantities, emitter="auto")).load()
+    model = load(structure, *quantities, emitter="auto")
     assert model.manifest.emitter == "table"
     found = linearize(model)
     assert np.all(found.natural_frequency > 0.0)

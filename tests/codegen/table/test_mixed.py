@@ -10,11 +10,12 @@ from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import thorough
 from tests.codegen.subjects import everything
 from tests.runtime.stiff_bars import class_two
 
 
-@pytest.mark.parametrize("is_changeable", [True, False])
+@pytest.mark.parametrize("is_changeable", [True, *thorough(False)])
 def test_cable_forces_and_laws_have_the_bits_of_unrolled_code(is_changeable: bool) -> None:
     structure, request = everything()
     request = request.wanting("cable_force", "member_law")

@@ -19,6 +19,7 @@ from tests.codegen.subjects import all_parameters
 from tests.codegen.table.modules import grid, shuffled, spine, tower, twisted
 from tests.codegen.test_generated_c import arguments_near, assert_same_bits, raw_call
 from tests.comparison import run_in_casadi
+from tests.models import load
 
 FORCES = ("node_residual", "acceleration", "cable_force")
 REQUEST = ModelRequest(FORCES, emitter="table")
@@ -86,7 +87,7 @@ def test_values_that_are_arguments_or_changed_by_inputs_are_brought_in() -> None
 
 def test_coincident_nodes_are_reported_from_within_a_module() -> None:
     structure = SUBJECTS["tower"]
-    model = build_library(structure, ModelRequest(("node_residual",), emitter="table")).load()
+    model = load(structure, "node_residual", emitter="table")
     position = model.nominal("coordinate").reshape(-1, 3)
     plan = plan_assembly(structure, {})
     i, j = structure.connectivity[plan.modules[0].member[1, 7]] - 3  # three anchored nodes come first

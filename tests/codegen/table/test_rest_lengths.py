@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tensegrity_codegen.codegen.prune import prune
@@ -14,6 +14,7 @@ from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import EVERYTHING, BodyEvaluator, assemble_document, random_state
+from tests.cases import draws
 from tests.comparison import dense, largest_terms, run_in_casadi
 from tests.random_structures import structures
 from tests.runtime.build import cable, make_structure, prism, spring
@@ -21,7 +22,7 @@ from tests.symbolic.taylor import check_second_order
 from tests.symbolic.test_node_position import Evaluator, all_parameters, draw_direction, offered_by
 from tests.tables.laws.test_bilinear import with_law
 
-SLOW = settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+SLOW = draws(3)
 NEW = ("residual_rest_length_jacobian", "tension_rest_length_derivative", "tension_jacobian")
 TAYLOR = [
     ("residual_rest_length_jacobian", "node_residual", "rest_length"),
@@ -132,8 +133,7 @@ def test_tensions_of_node_distances_by_their_own_coordinates() -> None:
 
 
 @pytest.mark.parametrize(
-    ("derivative", "value", "argument"),
-    [(TAYLOR[0][0], "coordinate_force", "rest_length"), *TAYLOR[1:]],
+    ("derivative", "value", "argument"), [(TAYLOR[0][0], "coordinate_force", "rest_length"), *TAYLOR[1:]]
 )
 def test_tendons_of_bodies(derivative: str, value: str, argument: str) -> None:
     system, _ = assemble_document(EVERYTHING)

@@ -24,6 +24,7 @@ def rigid_prism() -> Structure:
     return structure.with_changes(spring_constant=constant)
 
 
+@pytest.mark.thorough
 def test_statics_have_the_bits_of_unrolled_code() -> None:
     structure = rigid_prism()
     structure = structure.with_changes(damping=np.where(structure.is_bar, 0.0, 0.4))

@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.structure.structure import Structure
-from tests.cases import thorough
+from tests.cases import draws, thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.subjects import all_parameters, everything
 from tests.codegen.table.subjects import assert_equal_to_casadi, build_table, some_of
@@ -16,7 +16,7 @@ from tests.codegen.test_generated_c import arguments_near
 from tests.random_structures import structures
 from tests.test_golden import EXAMPLES
 
-SLOW = settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
+SLOW = draws(3)
 
 
 @pytest.mark.thorough
@@ -32,6 +32,7 @@ def test_random_structures_equal_the_virtual_machine(
     assert_equal_to_casadi(model, functions, arguments_near(model, seed))
 
 
+@pytest.mark.thorough
 @pytest.mark.optimised
 @pytest.mark.parametrize("family", EACH_FAMILY)
 def test_every_compiler_gives_the_same_bits(family: str) -> None:
@@ -43,7 +44,7 @@ def test_every_compiler_gives_the_same_bits(family: str) -> None:
 
 
 NODES = [path for path in EXAMPLES if isinstance(load_scene(path)[0], Structure)]
-LARGE = [path for path in NODES if path.stem in ("icosahedron", "prism12", "tower")]
+LARGE = [path for path in NODES if path.stem in ("icosahedron", "prism", "prism12", "tower")]
 SMALL = [path for path in NODES if path not in LARGE]
 
 

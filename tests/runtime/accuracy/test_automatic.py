@@ -6,7 +6,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy.choice import choose_method, integrators_for
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.motion import Motion
@@ -14,12 +13,11 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.until import Until
-from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
-from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
+from tests.models import simulator, start_of
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 from tests.runtime.stiff_bars import class_two, move_rigidly, pendulums, prism_of_ratio
 
@@ -31,10 +29,7 @@ def model_of(make: Callable[[float], Structure]) -> CompiledModel:
     """One library for all stiffnesses of the bars."""
     structure = make(1e4)
     bars = tuple(np.flatnonzero(structure.is_bar).tolist())
-    kept = {"spring_constant": bars, "damping": bars}
-    return build_library(
-        structure, ModelRequest(SIMULATION_QUANTITIES, kept, integrators=("rk853", "radau"))
-    ).load()
+    return simulator(structure, "rk853", "radau", parameters={"spring_constant": bars, "damping": bars})
 
 
 def run(
@@ -83,6 +78,7 @@ def test_vibrations_that_few_steps_resolve_are_resolved(
     assert max(worst(found, exact)) <= found.error_estimate <= 1.0
 
 
+@pytest.mark.thorough
 def test_bars_that_vibrate_alone_are_right_in_positions_velocities_and_tensions() -> None:
     found, exact = run(prism_of_ratio, 1e7), run(prism_of_ratio, 1e7, "rk853", 1e-11)
     assert found.status == "ok"
@@ -134,8 +130,7 @@ def test_the_reason_names_what_limits_explicit_steps(ratio: float, words: str) -
     """Bars 250 times as stiff as cables limit explicit steps, though radau, which cables limit, is slower."""
     model, structure = model_of(prism_of_ratio), prism_of_ratio(ratio)
     given = {"spring_constant": structure.spring_constant[structure.is_bar]}
-    state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-    motion = Motion(model, state, np.array([0.0, 500.0]), given)
+    motion = Motion(model, start_of(model), np.array([0.0, 500.0]), given)
     found = choose_method(motion, RunOptions(rtol=1e-9))
     assert found.name == "rk853"
     assert words in found.why
@@ -169,7 +164,7 @@ def test_what_a_library_shall_hold_follows_from_stiffness_damping_and_tolerance(
 
 
 def test_a_library_without_error_control_says_how_to_get_it() -> None:
-    model = build_library(prism(), ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4",))).load()
+    model = simulator(prism(), "rk4")
     with pytest.raises(FormulationError, match="no integrator with error control"):
         simulate(model, 1.0)
 
@@ -177,7 +172,7 @@ def test_a_library_without_error_control_says_how_to_get_it() -> None:
 def test_a_structure_far_from_the_origin_is_told_the_cure() -> None:
     structure = prism(140.0, bar_stiffness=1e5)
     far = structure.with_changes(node_position=structure.node_position + 1e9)
-    model = build_library(far, ModelRequest(SIMULATION_QUANTITIES, integrators=("rk853",))).load()
+    model = simulator(far, "rk853")
     found = simulate(model, 1.0, samples=3, stepping=Stepping(max_steps=20_000))
     assert found.status == "not_converged"
     assert "node_distance" in found.message
@@ -186,8 +181,9 @@ def test_a_structure_far_from_the_origin_is_told_the_cure() -> None:
 
 @pytest.mark.parametrize("step", [1e9, 0.5, 1.0])
 def test_a_step_of_the_whole_time_or_more_is_held_to_half_of_it(step: float) -> None:
-    model = build_library(prism(), ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4",))).load()
-    assert simulate(model, 0.5, samples=2, method="rk4", stepping=Stepping(step=step)).status in (
+    assert simulate(
+        simulator(prism(), "rk4"), 0.5, samples=2, method="rk4", stepping=Stepping(step=step)
+    ).status in (
         "inaccurate",
         "unstable",
     )
@@ -268,7 +264,6 @@ def hung_prism(held_bar: bool, law: str) -> Structure:
 @pytest.mark.parametrize("law", ["spring_constant", "axial_stiffness"])
 @pytest.mark.parametrize("held_bar", [False, True])
 def test_the_words_for_stiff_bars_count_members_that_move(held_bar: bool, law: str) -> None:
-    request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk853", "radau"))
-    model = build_library(hung_prism(held_bar, law), request).load()
+    model = simulator(hung_prism(held_bar, law), "rk853", "radau")
     found = simulate(model, 1e-3, samples=2, stepping=Stepping(control="steps"))
     assert "bars are 3,600,000 times stiffer than cables" in found.why_method, found.why_method

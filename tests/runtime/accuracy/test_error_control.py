@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance, compare_runs
@@ -16,9 +15,8 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
-from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
+from tests.models import simulator
 from tests.runtime.build import bar, make_structure, prism
 
 DIRECTION = np.array([0.6, -0.7, 0.4])
@@ -31,15 +29,8 @@ each = pytest.mark.parametrize("method", METHODS)
 def model() -> CompiledModel:
     structure = prism(anchored={0: "xyz"}, bar_stiffness=1e3)
     every = tuple(range(12))
-    parameters: dict[str, tuple[int, ...]] = {
-        "rest_length": every,
-        "spring_constant": every,
-        "anchor_position": (0,),
-    }
-    request = ModelRequest(
-        simulation_quantities("node_position"), integrators=INTEGRATORS, parameters=parameters
-    )
-    return build_library(structure, request).load()
+    parameters = {"rest_length": every, "spring_constant": every, "anchor_position": (0,)}
+    return simulator(structure, *INTEGRATORS, parameters=parameters)
 
 
 def moved(
@@ -66,9 +57,6 @@ def trajectory(state: np.ndarray) -> RawTrajectory:
 
 def of_one_node(rtol: float, atol: float) -> Tolerance:
     return Tolerance(rtol, atol, atol, np.array([0]), ("node top",))
-
-
-# --- what "ok" means -------------------------------------------------------------------------------
 
 
 def test_runs_that_stay_a_few_tolerances_apart_are_not_ok_and_the_worst_node_is_named() -> None:
@@ -114,14 +102,11 @@ def test_errors_do_not_depend_on_how_the_axes_lie() -> None:
     assert there.error == pytest.approx(here.error, rel=1e-9)
 
 
-# --- rounding of positions -------------------------------------------------------------------------
+NEAR = [("rk853", 0.0), ("rk853", 1e5), ("rk54", 1e6), ("radau", 1e5)]
+OTHERS = [case for case in product(INTEGRATORS, (0.0, 1e5, 1e6)) if case not in NEAR]
 
 
-FAR = [(method, 1e6) for method in INTEGRATORS if method == "radau"]  # takes seconds
-NEAR = [case for case in product(INTEGRATORS, (0.0, 1e5, 1e6)) if case not in FAR]
-
-
-@pytest.mark.parametrize(("method", "distance"), [*NEAR, *thorough(*FAR)])
+@pytest.mark.parametrize(("method", "distance"), [*NEAR, *thorough(*OTHERS)])
 def test_velocities_beyond_the_tolerance_by_rounding_are_bounded(
     model: CompiledModel, method: str, distance: float
 ) -> None:
@@ -151,14 +136,10 @@ def test_velocities_beyond_the_tolerance_by_rounding_are_bounded(
         assert bound > 0.0
 
 
-# --- vibrations that loose steps lose ----------------------------------------------------------------
-
-
 def test_two_loose_runs_that_lose_the_same_vibration_are_not_ok() -> None:
     """Two masses on a stiff spring fly fast; the vibration is 30 tolerances, each step takes little of it."""
     structure = make_structure([[0, 0, 0], [1, 0, 0]], [bar(0, 1, 1.0, 1e6)], axes="x")
-    request = ModelRequest(simulation_quantities("node_position"), integrators=("rk853",))
-    model = build_library(structure, request).load()
+    model = simulator(structure, "rk853")
     for speed, shake, t_end, rtol in ((100.0, 8.0, 0.3, 10**-2.6), (10.0, 2.0, 0.1, 10**-2.2)):
         options: dict[str, Any] = {
             "method": "rk853",
@@ -172,9 +153,6 @@ def test_two_loose_runs_that_lose_the_same_vibration_are_not_ok() -> None:
         error = np.abs(found.velocity - exact) / (1e-3 * rtol + rtol * np.abs(exact))
         assert found.status == "ok"
         assert error.max() <= 1.0
-
-
-# --- the absolute tolerance that nobody gives ---------------------------------------------------------
 
 
 @each

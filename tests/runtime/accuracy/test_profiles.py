@@ -5,16 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen import CompiledModel, ModelRequest, Profile, Trajectory, simulate, simulate_batch
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen import CompiledModel, Profile, Trajectory, simulate, simulate_batch
 from tensegrity_codegen.runtime.integrate.options import Stepping
-from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
-    SIMULATION_QUANTITIES,
-    simulation_quantities,
-)
 from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.system.errors import InvalidValueError
-from tests.codegen.quickly import without_optimisation
+from tests.cases import thorough
+from tests.models import simulator
 from tests.runtime.build import bar, cable, make_structure, prism
 
 END = 2.0
@@ -24,10 +20,8 @@ RAMP = Profile([0.0, 0.2, 0.9, 1.2, END], {"motor": [0.0, 0.0, 0.3, 0.3, 0.0]})
 def build_prism(bar_stiffness: float) -> CompiledModel:
     """A prism that stands on three nodes, a motor on two of its side cables; cables of 100 N/m."""
     structure = prism(bar_stiffness=bar_stiffness, strain=0.05, anchored=dict.fromkeys(range(3), "xyz"))
-    structure = structure.with_changes(inputs=(ActuatedInput("motor", "rest_length", (3, 7)),))
-    request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk853", "radau"))
-    with without_optimisation():
-        return build_library(structure, request).load()
+    motor = ActuatedInput("motor", "rest_length", (3, 7))
+    return simulator(structure.with_changes(inputs=(motor,)), "rk853", "radau")
 
 
 def apart(run: Trajectory, other: Trajectory) -> tuple[float, float]:
@@ -36,7 +30,7 @@ def apart(run: Trajectory, other: Trajectory) -> tuple[float, float]:
     return position, float(np.abs(run.velocity - other.velocity).max())
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("tolerance", [1e-6, *thorough(1e-4, 1e-8)])
 def test_a_ramp_with_slack_cables_meets_the_tolerance(tolerance: float) -> None:
     model = build_prism(1e3)
     run = simulate(
@@ -86,7 +80,7 @@ def test_the_rates_are_those_of_the_whole_profile() -> None:
         [[0, 0, 0], [1, 0, 0]], [cable(0, 1, 0.9, mu=0.0, axial=100.0)], anchored={0: "xyz"},
         inputs=(ActuatedInput("motor", "rest_length", (0,)),),
     )  # fmt: skip
-    model = build_library(structure, ModelRequest(SIMULATION_QUANTITIES, integrators=("rk853",))).load()
+    model = simulator(structure, "rk853")
     shrink = Profile([0.0, 0.5, 1.0], {"motor": [0.0, 0.0, -0.88]})
     run = simulate(model, 1.0, samples=11, rtol=1e-8, stepping=Stepping(atol=1e-9), schedule=shrink)
     best = simulate(
@@ -126,10 +120,7 @@ def test_rigid_bars_do_not_grow() -> None:
     members = [cable(0, 1, 0.9), cable(1, 2, 1.0), bar(0, 2, 1.2083045973594573, 0.0)]
     inputs = (ActuatedInput("motor", "rest_length", (0,)), ActuatedInput("jack", "rest_length", (2,)))
     structure = make_structure(position, members, anchored={0: "xyz"}, inputs=inputs)
-    request = ModelRequest(
-        simulation_quantities("rigid_bar"), formulation="rigid_bar", integrators=("rk853",)
-    )
-    model = build_library(structure, request).load()
+    model = simulator(structure, "rk853", formulation="rigid_bar")
     assert simulate(model, 0.5, schedule=Profile([0.0, 1.0], {"motor": [0.0, 0.1]})).status == "ok"
     for method in ("auto", "rk853", "scipy_dop853"):
         with pytest.raises(InvalidValueError, match="rigid bars keep their lengths"):

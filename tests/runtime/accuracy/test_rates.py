@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy.rates import find_rates
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.tables.request import ModelRequest
+from tests.models import load
 from tests.runtime.stiff_bars import class_two, pendulums, prism_of_ratio
 
 WANTED = ("member_law", "mass_matrix", "tangent_stiffness", "damping_matrix")
@@ -21,7 +20,7 @@ WANTED = ("member_law", "mass_matrix", "tangent_stiffness", "damping_matrix")
 def model_of(make: Callable[[float], Structure]) -> CompiledModel:
     structure = make(1e3)
     wanted = WANTED if structure.damping.any() else WANTED[:3]
-    return build_library(structure, ModelRequest(wanted)).load()
+    return load(structure, *wanted)
 
 
 def stiff(structure: Structure) -> tuple[int, ...]:
@@ -49,10 +48,8 @@ def test_no_eigenvalue_is_above_the_bounds_and_the_largest_is_near(
 
 
 def test_ratio_and_meeting_members_are_told() -> None:
-    prism, chain = (
-        find_rates(model_of(prism_of_ratio), (0, 4, 8), {}),
-        find_rates(model_of(class_two), (0, 1, 2, 3), {}),
-    )
+    prism = find_rates(model_of(prism_of_ratio), (0, 4, 8), {})
+    chain = find_rates(model_of(class_two), (0, 1, 2, 3), {})
     assert prism is not None
     assert chain is not None
     assert (prism.stiffness_ratio, prism.meeting) == (pytest.approx(1e3), 1)
@@ -60,5 +57,4 @@ def test_ratio_and_meeting_members_are_told() -> None:
 
 
 def test_a_library_without_laws_has_no_rates() -> None:
-    model = build_library(prism_of_ratio(1e3), ModelRequest(("member_tension",))).load()
-    assert find_rates(model, (), {}) is None
+    assert find_rates(load(prism_of_ratio(1e3), "member_tension"), (), {}) is None

@@ -3,20 +3,17 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
-from tensegrity_codegen.tables.request import ModelRequest
 from tests.common_prism import POSITION, common_prism
+from tests.models import simulator
 from tests.runtime.build import bar, make_structure
 
 
 @pytest.fixture(scope="module")
 def prism() -> CompiledModel:
-    request = ModelRequest(SIMULATION_QUANTITIES, formulation="rigid_bar", integrators=("rk4",))
-    return build_library(common_prism(), request).load()
+    return simulator(common_prism(), "rk4", formulation="rigid_bar")
 
 
 def test_where_twice_the_step_is_of_no_use_half_of_it_decides(prism: CompiledModel) -> None:
@@ -39,8 +36,7 @@ def test_a_step_that_loses_the_motion_is_inaccurate(prism: CompiledModel) -> Non
 def test_a_vibration_that_steps_lose_is_not_taken_for_followed() -> None:
     """A stiff bar that is stretched at the start: with w h = 0.8 its vibration fades, with 1.6 at once."""
     structure = make_structure([[0, 0, 0], [0, 0, 1.0]], [bar(0, 1, 0.9, mu=1e6)], anchored={0: "xyz"})
-    request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4",))
-    model = build_library(structure, request).load()
+    model = simulator(structure, "rk4")
     for reach, status in ((0.8, "inaccurate"), (0.05, "ok")):
         found = simulate(model, 1.0, samples=3, method="rk4", stepping=Stepping(step=reach / 1000.0))
         error = np.abs(found.node_velocity[1:, 1, 2] + 100.0 * np.sin(1000.0 * found.time[1:])).max()

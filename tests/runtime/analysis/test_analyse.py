@@ -10,6 +10,7 @@ from tensegrity_codegen.report.analysis_data import describe_analysis
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
+from tests.cases import thorough
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 from tests.runtime.rigid_reference import RigidReference
@@ -101,8 +102,7 @@ def test_a_mass_above_its_support() -> None:
 
 def test_a_compressed_chain_is_unstable_though_its_cable_is_tight() -> None:
     structure = make_structure(
-        [[-1, 0, 0], [0, 0, 0], [1, 0, 0]],
-        [bar(0, 1, 1.0), bar(1, 2, 1.0), cable(0, 2, 1.9)],
+        [[-1, 0, 0], [0, 0, 0], [1, 0, 0]], [bar(0, 1, 1.0), bar(1, 2, 1.0), cable(0, 2, 1.9)]
     )
     found = of(structure)
     assert found.prestress.is_found
@@ -199,13 +199,6 @@ def test_members_between_supports_only() -> None:
     np.testing.assert_allclose(found.prestress.tension, 1.0)
 
 
-def test_one_cable_in_space() -> None:
-    found = of(make_structure([[0, 0, 0], [1, 0, 0]], [cable(0, 1, 0.9)]))
-    assert found.status == "infeasible"
-    assert found.certificate is not None
-    assert found.certificate.shortening == (0,)
-
-
 def test_parts_are_named() -> None:
     structure = make_structure([[0, 0, 0], [1, 0, 0], [5, 0, 0], [6, 0, 0]], [bar(0, 1, 1.0), bar(2, 3, 1.0)])
     found = of(structure)
@@ -231,17 +224,13 @@ def test_wrong_arguments_are_refused() -> None:
     same[3:6] = same[:3]
     with pytest.raises(InvalidValueError, match="n0 and n1 at the same place"):
         analyse(model, coordinate=same)
-    with pytest.raises(InvalidValueError, match="rank_tolerance"):
-        analyse(model, rank_tolerance=float("nan"))
-    with pytest.raises(InvalidValueError, match="n_modes"):
-        analyse(model, n_modes=-1)
 
 
 # --- what must not matter --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("twist", [150.0, 160.0])
-@pytest.mark.parametrize(("shift", "size"), [(1000.0, 1.0), (0.0, 1e-3), (0.0, 1e3)])
+@pytest.mark.parametrize(("shift", "size"), [(1000.0, 1.0), *thorough((0.0, 1e-3), (0.0, 1e3))])
 def test_place_and_size(twist, shift, size) -> None:
     plain = prism(twist)
     moved = plain.with_changes(

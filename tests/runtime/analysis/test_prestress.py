@@ -117,9 +117,7 @@ def test_loads_on_a_net_of_four_cables() -> None:
 
 def test_without_cables_no_sign_matters() -> None:
     square = make_plain(
-        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
-        [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)],
-        [],
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)], []
     )
     found = find_rank(square.matrix)
     result = find_prestress(found.selfstress, square.is_cable)

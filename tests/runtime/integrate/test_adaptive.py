@@ -1,11 +1,11 @@
 """Runge-Kutta with error control in C, 5(4) and 8(5,3): order, error control, kinks, and when it gives up."""
 
+import functools
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy import error_control, tolerance
 from tensegrity_codegen.runtime.accuracy.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance, compare_runs
@@ -17,9 +17,7 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
-from tensegrity_codegen.system.errors import FormulationError, NonFiniteError
-from tensegrity_codegen.tables.request import ModelRequest
+from tests.models import load, simulator, start_of
 from tests.runtime.build import bar, cable, make_structure
 
 METHODS = ("rk54", "rk853")
@@ -29,6 +27,7 @@ STIFFNESS, MASS = 40.0, 0.1
 FREQUENCY = np.sqrt(STIFFNESS / MASS)
 
 
+@functools.cache
 def oscillator(*, slack: bool = False, damping: float = 0.0) -> CompiledModel:
     """A mass on a line: x'' = -(k/m) (x - 1), or only while x > 1 if the spring is a cable."""
     member = cable if slack else bar
@@ -39,19 +38,13 @@ def oscillator(*, slack: bool = False, damping: float = 0.0) -> CompiledModel:
         mass=MASS,
         axes="x",
     )
-    structure = structure.with_changes(damping=np.full(1, damping))
-    request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4", *METHODS))
-    return build_library(structure, request).load()
-
-
-def state_of(model: CompiledModel) -> np.ndarray:
-    return np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
+    return simulator(structure.with_changes(damping=np.full(1, damping)), *METHODS)
 
 
 def integrate(
     method: str, model: CompiledModel, time: np.ndarray, rtol: float, atol: float, **given: Any
 ) -> RawTrajectory:
-    return integrate_adaptive(Motion(model, state_of(model), time, **given), RunOptions(method, rtol, atol))
+    return integrate_adaptive(Motion(model, start_of(model), time, **given), RunOptions(method, rtol, atol))
 
 
 def single(rtol: float, atol: float, n: int) -> Tolerance:
@@ -68,7 +61,7 @@ def exact_speed(time: np.ndarray) -> np.ndarray:
 
 
 @each
-@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-9])
 def test_a_harmonic_motion_is_met_within_a_few_tolerances(method: str, rtol: float) -> None:
     model, time = oscillator(), np.linspace(0.0, 1.0, 57)
     run = integrate(method, model, time, rtol, rtol * 1e-2)
@@ -84,6 +77,7 @@ def test_the_number_of_steps_grows_as_the_order_says(method: str, least: float, 
     assert least < counts[1] / counts[0] < most
 
 
+@functools.cache
 def pendulum() -> CompiledModel:
     """A mass on a spring that swings in a plane: smooth, not linear."""
     structure = make_structure(
@@ -93,13 +87,13 @@ def pendulum() -> CompiledModel:
         axes="xz",
         gravity=(0.0, 0.0, -9.81),
     )
-    return build_library(structure, ModelRequest(("acceleration",), integrators=METHODS)).load()
+    return load(structure, "acceleration", integrators=METHODS)
 
 
 def end_of_equal_steps(method: str, model: CompiledModel, t_end: float, count: int) -> np.ndarray:
     """The state after `count` equal steps: each call is given the time of one, and a tolerance for any."""
     time = np.linspace(0.0, t_end, count + 1)
-    bound = BoundIntegrator(method, Motion(model, state_of(model), time[[0, -1]]))
+    bound = BoundIntegrator(method, Motion(model, start_of(model), time[[0, -1]]))
     now, run = bound.ffi.new("double *"), bound.ffi.new("integrator_run *")
     for end in time[1:].tolist():
         step = bound.ffi.new("double *", 1.0)
@@ -158,16 +152,6 @@ def test_a_cable_that_goes_slack_with_a_jump_of_its_damping_force_is_met() -> No
     assert found.member_tension[-1, 0] == 0.0
 
 
-def test_the_estimate_of_auto_is_an_upper_bound_of_its_error() -> None:
-    model = oscillator()
-    found = simulate(model, 5.0, samples=51, rtol=1e-7, stepping=Stepping(atol=1e-9))
-    error = np.abs(found.coordinate[:, 0] - exact(found.time)) / (
-        1e-9 + 1e-7 * np.abs(found.coordinate[:, 0])
-    )
-    assert found.error_estimate is not None
-    assert error.max() <= found.error_estimate <= 1.0
-
-
 @each
 def test_the_same_bits_come_out_in_one_call_and_in_many(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     model, time = oscillator(), np.linspace(0.0, 30.0, 11)
@@ -180,12 +164,6 @@ def test_the_same_bits_come_out_in_one_call_and_in_many(method: str, monkeypatch
     assert calls[-1] == 1.0
     assert (one.n_steps, one.n_evaluations) == (many.n_steps, many.n_evaluations)
     np.testing.assert_array_equal(one.state, many.state)
-
-
-def test_energy_of_an_undamped_motion_is_kept_to_the_tolerance() -> None:
-    found = simulate(oscillator(), 10.0, rtol=1e-9, stepping=Stepping(atol=1e-12))
-    assert found.energy_drift is not None
-    assert found.energy_drift < 1e-7
 
 
 @each
@@ -202,24 +180,6 @@ def test_a_time_out_of_reach_is_given_up_early(method: str) -> None:
     run = integrate(method, model, np.array([0.0, 1e12]), 1e-8, 1e-8)
     assert run.status == "not_converged"
     assert "too many steps" in run.message
-
-
-@each
-def test_a_state_that_is_not_finite_is_named(method: str) -> None:
-    model = oscillator()
-    with pytest.raises(NonFiniteError, match="state"):
-        integrate_adaptive(
-            Motion(model, np.array([np.nan, 0.0]), np.linspace(0.0, 1.0, 3)), RunOptions(method)
-        )
-
-
-def test_a_library_without_it_says_how_to_get_it() -> None:
-    structure = make_structure(
-        [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0]], [bar(0, 1, rest=1.0, mu=40.0)], anchored={0: "xyz"}, mass=0.1
-    )
-    model = build_library(structure, ModelRequest(("acceleration",))).load()
-    with pytest.raises(FormulationError, match="no integrator 'rk54'"):
-        integrate("rk54", model, np.linspace(0.0, 1.0, 3), 1e-6, 1e-9)
 
 
 def test_the_tolerance_is_tightened_over_rk853_too() -> None:

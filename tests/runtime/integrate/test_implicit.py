@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.integrators import implicit as generated
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate import c_run
 from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
@@ -18,14 +17,14 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
 from tensegrity_codegen.system.errors import NonFiniteError
-from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import thorough
+from tests.models import load, simulator, start_of
 from tests.runtime.build import bar, cable, make_structure, spring
-from tests.runtime.integrate.test_integrator_events import net
+from tests.runtime.integrate.nets import net
 from tests.runtime.stiff_bars import class_two, move_rigidly, pendulums, prism_of_ratio
 
 TIME = np.linspace(0.0, 0.5, 11)
@@ -39,22 +38,27 @@ def model_of(make: Callable[..., Structure], *more: float) -> CompiledModel:
     return compiled(structure, {"spring_constant": bars, "damping": bars})
 
 
+@functools.cache
+def pendulum() -> CompiledModel:
+    return compiled(spring_pendulum())
+
+
+def compiled(structure: Structure, parameters: dict[str, tuple[int, ...]] | None = None) -> CompiledModel:
+    return simulator(structure, "radau", "rk853", parameters=parameters or {})
+
+
 def stiffness(structure: Structure) -> dict[str, Any]:
     """The values of the bars as run-time arguments."""
     bars = structure.is_bar
     return {"spring_constant": structure.spring_constant[bars], "damping": structure.damping[bars]}
 
 
-def compiled(structure: Structure, parameters: dict[str, tuple[int, ...]] | None = None) -> CompiledModel:
-    request = ModelRequest(SIMULATION_QUANTITIES, parameters or {}, integrators=("radau", "rk853"))
-    return build_library(structure, request).load()
-
-
 def run(model: CompiledModel, tolerance: float, time: np.ndarray = TIME, **arguments: Any) -> RawTrajectory:
     known = {item.name for item in model.manifest.arguments}
-    state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
     given = {name: value for name, value in arguments.items() if name in known}
-    return integrate_implicit(Motion(model, state, time, given), RunOptions("radau", tolerance, tolerance))
+    return integrate_implicit(
+        Motion(model, start_of(model), time, given), RunOptions("radau", tolerance, tolerance)
+    )
 
 
 def run_at(
@@ -95,45 +99,20 @@ def spring_pendulum(mu: float = 40.0) -> Structure:
     return structure.with_changes(node_velocity=velocity)
 
 
-def fixed_steps(model: CompiledModel, count: int, span: float) -> np.ndarray:
-    """State after `count` steps of the same length."""
-    raw = BoundSteps(model, count, span)
-    return raw.state
-
-
-class BoundSteps:
-    """The C function called step by step, with the step that it is to try next set from outside."""
-
-    def __init__(self, model: CompiledModel, count: int, span: float) -> None:
-        state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-        bound = BoundIntegrator("radau", Motion(model, state, np.array([0.0, span])))
-        ffi = bound.ffi
-        time, step = ffi.new("double *", 0.0), ffi.new("double *", span / count)
-        counts, vibration = ffi.new("long long[]", 6), ffi.new("double[]", 3)
-        for k in range(count):
-            step[0] = span / count
-            status = bound.call(
-                span if k == count - 1 else span * (k + 1) / count,
-                1e-5,
-                1e-5,
-                1,
-                time,
-                step,
-                bound.pointer(bound.state),
-                *bound.arguments(),
-                2,
-                bound.pointer(bound.sample_time),
-                bound.pointer(bound.samples),
-                bound.pointer(bound.tensions),
-                bound.n_sampled,
-                0.0,
-                counts,
-                vibration,
-                bound.pointer(bound.work),
-            )
-            assert status == 0
-        assert counts[0] == count, "a step was refused: choose shorter ones"
-        self.state = bound.state
+def take_equal_steps(model: CompiledModel, count: int, span: float) -> np.ndarray:
+    """State after `count` steps of the same length, each tried with the step set from outside."""
+    bound = BoundIntegrator("radau", Motion(model, start_of(model), np.array([0.0, span])))
+    ffi, state = bound.ffi, bound.pointer(bound.state)
+    time, step = ffi.new("double *", 0.0), ffi.new("double *")
+    counts, vibration = ffi.new("long long[]", 6), ffi.new("double[]", 3)
+    samples = [bound.pointer(array) for array in (bound.sample_time, bound.samples, bound.tensions)]
+    tail = (2, *samples, bound.n_sampled, 0.0, counts, vibration, bound.pointer(bound.work))
+    for k in range(count):
+        step[0] = span / count
+        end = span if k == count - 1 else span * (k + 1) / count
+        assert bound.call(end, 1e-5, 1e-5, 1, time, step, state, *bound.arguments(), *tail) == 0
+    assert counts[0] == count, "a step was refused: choose shorter ones"
+    return bound.state
 
 
 def test_the_observed_order_is_five_where_steps_resolve_the_springs(
@@ -147,13 +126,13 @@ def test_the_observed_order_is_five_where_steps_resolve_the_springs(
     exact = simulate(
         model, span, samples=2, method="rk853", rtol=1e-13, stepping=Stepping(atol=1e-14)
     ).coordinate[-1]
-    errors = [np.abs(fixed_steps(model, count, span)[:2] - exact).max() for count in (10, 20)]
+    errors = [np.abs(take_equal_steps(model, count, span)[:2] - exact).max() for count in (10, 20)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(5.0, abs=0.35)
 
 
 def test_what_newtons_method_leaves_is_small_beside_the_tolerance() -> None:
     """Where steps resolve the springs, their own errors are a few hundredths of the tolerance."""
-    model, time = compiled(spring_pendulum()), np.array([0.0, 0.3])
+    model, time = pendulum(), np.array([0.0, 0.3])
     exact = simulate(
         model, 0.3, samples=2, method="rk853", rtol=1e-13, stepping=Stepping(atol=1e-14)
     ).coordinate[-1]
@@ -166,7 +145,7 @@ def test_what_newtons_method_leaves_is_small_beside_the_tolerance() -> None:
 
 def test_the_order_over_tolerances_is_five_down_to_rounding() -> None:
     """What Newton's method leaves shrinks with the steps' own errors, beside the estimate of order 3."""
-    model, time = compiled(spring_pendulum()), np.array([0.0, 3.0])
+    model, time = pendulum(), np.array([0.0, 3.0])
     exact = simulate(
         model, 3.0, samples=2, method="rk853", rtol=1e-13, stepping=Stepping(atol=1e-14)
     ).coordinate[-1]
@@ -176,7 +155,8 @@ def test_the_order_over_tolerances_is_five_down_to_rounding() -> None:
     assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(5.0, abs=0.4)
 
 
-@pytest.mark.parametrize("ratio", [1e1, 1e2, 1e3])
+@pytest.mark.thorough
+@pytest.mark.parametrize("ratio", [1e2, *thorough(1e1, 1e3)])
 def test_it_agrees_with_an_explicit_method_at_low_stiffness(ratio: float) -> None:
     exact = explicit(prism_of_ratio, ratio, 0.5, 11)
     raw = run_at(prism_of_ratio, ratio, 1e-8)
@@ -207,7 +187,7 @@ def test_the_distance_to_rigid_bars_falls_with_the_stiffness(make: Any) -> None:
     assert distance[0] / distance[1] == pytest.approx(10.0, rel=0.1)
 
 
-@pytest.mark.parametrize("make", [prism_of_ratio, class_two, pendulums])
+@pytest.mark.parametrize("make", [pendulums, *thorough(prism_of_ratio, class_two)])
 def test_work_does_not_depend_on_the_stiffness(make: Any) -> None:
     work = [run_at(make, ratio, 1e-5).evidence["iterations"] for ratio in (1e5, 1e7, 1e9, 1e12)]
     assert max(work) <= 1.3 * min(work)
@@ -248,7 +228,7 @@ def hung(damping: float) -> Structure:
 
 
 @pytest.mark.parametrize("changes", [False, True], ids=["constant", "run-time parameter"])
-@pytest.mark.parametrize("damping", [100.0, 1e5])
+@pytest.mark.parametrize("damping", [100.0, *thorough(1e5)])
 def test_much_damping_of_cables_costs_no_steps(
     monkeypatch: pytest.MonkeyPatch, damping: float, changes: bool
 ) -> None:
@@ -310,8 +290,7 @@ def test_tensions_of_rigid_bars_beside_a_soft_spring_are_as_exact_as_the_motion(
     ]
     mass = [1.0, 1.0, 3.4, 0.7]
     structure = make_structure(place, members, anchored={0: "xyz"}, gravity=(0, 0, -9.81), mass=mass)
-    request = ModelRequest(SIMULATION_QUANTITIES, formulation="rigid_bar", integrators=("radau", "rk853"))
-    model = build_library(structure, request).load()
+    model = simulator(structure, "radau", "rk853", formulation="rigid_bar")
     one, other = (
         simulate(model, 0.027, samples=5, method=method, rtol=1e-11, stepping=Stepping(atol=1e-14))
         for method in ("radau", "rk853")
@@ -427,11 +406,8 @@ def test_more_bars_than_coordinates_are_no_trouble() -> None:
 def test_rigid_bars_are_the_end_of_the_scale(make: Any) -> None:
     """Without any stiffness, in the formulation that keeps lengths: no compliance at all."""
     structure = make(1.0)
-    rigid = structure.with_changes(
-        spring_constant=np.where(structure.is_bar, 0.0, structure.spring_constant),
-    )
-    request = ModelRequest(("member_tension",), integrators=("radau",), formulation="rigid_bar")
-    raw = run(build_library(rigid, request).load(), 1e-8)
+    rigid = structure.with_changes(spring_constant=np.where(structure.is_bar, 0.0, structure.spring_constant))
+    raw = run(load(rigid, "member_tension", integrators=("radau",), formulation="rigid_bar"), 1e-8)
     exact, tension = move_rigidly(structure, TIME)
     assert raw.status == "ok"
     assert np.abs(positions(raw) - exact).max() <= 1e-7
@@ -466,8 +442,7 @@ def first_step(model: CompiledModel, distance: float, rtol: float) -> float:
 
 
 def test_the_first_step_is_the_same_wherever_the_origin_lies() -> None:
-    request = ModelRequest(SIMULATION_QUANTITIES, integrators=("radau",))  # no explicit method beside it
-    model = build_library(prism_of_ratio(1e7), request).load()
+    model = simulator(prism_of_ratio(1e7), "radau")  # no explicit method beside it
     for rtol in (1e-4, 1e-8, 1e-11):
         near = first_step(model, 0.0, rtol)
         for distance in (1e2, 1e4, 1e6):

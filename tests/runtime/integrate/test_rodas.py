@@ -10,12 +10,13 @@ from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.system.errors import FormulationError
 from tests.runtime.build import bar, cable, make_structure, prism, spring
-from tests.runtime.integrate.test_integrator_events import equal_steps, net, run
+from tests.runtime.integrate.nets import net
+from tests.runtime.integrate.test_events import equal_steps, run
 
 
 def build(structure: Structure, *others: str, **options: Any) -> CompiledModel:
@@ -72,7 +73,7 @@ def prism_model() -> CompiledModel:
 
 def test_three_methods_agree_to_a_billionth(prism_model: CompiledModel) -> None:
     runs = [
-        simulate(prism_model, 0.5, samples=31, method=name, rtol=1e-10, atol=1e-11)
+        simulate(prism_model, 0.5, samples=31, method=name, rtol=1e-10, stepping=Stepping(atol=1e-11))
         for name in ("rodas", "rk853", "radau")
     ]
     assert [run.status for run in runs] == ["ok"] * 3
@@ -83,15 +84,22 @@ def test_three_methods_agree_to_a_billionth(prism_model: CompiledModel) -> None:
 def test_much_damping_costs_no_steps() -> None:
     """Overdamped: the fast decay, c / m, asks an explicit method for steps of m / c."""
     model = build(pendulum(2e5), "rk853")
-    runs = [simulate(model, 0.5, method=name, rtol=1e-6, atol=1e-6) for name in ("rodas", "rk853")]
+    runs = [
+        simulate(model, 0.5, method=name, rtol=1e-6, stepping=Stepping(atol=1e-6))
+        for name in ("rodas", "rk853")
+    ]
     assert [run.status for run in runs] == ["ok"] * 2
     assert 20 * runs[0].n_steps < runs[1].n_steps
     assert np.abs(runs[0].node_position - runs[1].node_position).max() < 1e-6
 
 
 def test_samples_between_steps_are_those_of_steps_that_end_there(prism_model: CompiledModel) -> None:
-    coarse = simulate(prism_model, 0.2, samples=1000, method="rodas", rtol=1e-6, control="steps")
-    tight = simulate(prism_model, 0.2, samples=1000, method="rk853", rtol=1e-11, atol=1e-12)
+    coarse = simulate(
+        prism_model, 0.2, samples=1000, method="rodas", rtol=1e-6, stepping=Stepping(control="steps")
+    )
+    tight = simulate(
+        prism_model, 0.2, samples=1000, method="rk853", rtol=1e-11, stepping=Stepping(atol=1e-12)
+    )
     assert len(coarse.time) > 1.5 * coarse.n_steps
     assert np.abs(coarse.node_position - tight.node_position).max() < 1e-5
 
@@ -103,7 +111,8 @@ def test_formulations_with_constraints_are_served(formulation: str) -> None:
     options = {"options": {"bars": "all"}} if formulation == "rigid_bar" else {}
     model = build(structure, "rk853", formulation=formulation, **options)
     runs = [
-        simulate(model, 0.2, samples=11, method=name, rtol=1e-9, atol=1e-10) for name in ("rodas", "rk853")
+        simulate(model, 0.2, samples=11, method=name, rtol=1e-9, stepping=Stepping(atol=1e-10))
+        for name in ("rodas", "rk853")
     ]
     assert np.abs(runs[0].node_position - runs[1].node_position).max() < 1e-8
 
@@ -115,9 +124,9 @@ def test_arguments_that_follow_a_profile_keep_the_order() -> None:
     knots = np.linspace(0.0, 1.0, 5)
     profile = Profile(knots, {"push": 6.0 * np.sin(3.0 * knots)}, "cubic")
     options: dict[str, Any] = {"schedule": profile, "samples": [0.0, 1.0], "control": "steps"}
-    best = simulate(model, 1.0, method="rk853", rtol=1e-13, atol=1e-13, **options)
+    best = simulate(model, 1.0, method="rk853", rtol=1e-13, stepping=Stepping(atol=1e-13), **options)
     runs = [
-        simulate(model, 1.0, method="rodas", rtol=tol, atol=tol, **options)
+        simulate(model, 1.0, method="rodas", rtol=tol, stepping=Stepping(atol=tol), **options)
         for tol in (1e-5, 1e-7, 1e-9, 1e-10)
     ]
     errors = [np.abs(run.node_position - best.node_position).max() for run in runs]
@@ -135,7 +144,7 @@ def test_a_motion_that_is_not_finite_is_told() -> None:
 
 
 def test_a_run_with_too_few_steps_is_told() -> None:
-    found = simulate(build(pendulum()), 5.0, method="rodas", rtol=1e-9, max_steps=5)
+    found = simulate(build(pendulum()), 5.0, method="rodas", rtol=1e-9, stepping=Stepping(max_steps=5))
     assert found.status == "not_converged"
 
 

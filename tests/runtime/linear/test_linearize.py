@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, NonFiniteError
+from tests.cases import draws
 from tests.random_structures import structures
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, make_structure, prism, spring
@@ -63,7 +64,7 @@ def test_free_prism_has_twelve_zero_eigenvalues(damping: float) -> None:
     assert found.spectrum.is_complete
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@draws(8)
 @given(structures(most_nodes=10))
 def test_linear_model_is_exact_to_first_order(structure: Structure) -> None:
     model = ReferenceModel(structure)

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities, find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.tables.request import ModelRequest
+from tests.models import load
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure
 from tests.runtime.rigid_reference import stiffened
@@ -18,11 +17,8 @@ DOWN = (0.0, 0.0, -9.81)
 
 def compile_rigid(structure: Structure) -> CompiledModel:
     formulation = "rigid_bar"
-    quantities = (
-        *linearize_quantities(formulation, with_inputs=False),
-        *equilibrium_quantities(formulation),
-    )
-    return build_library(structure, ModelRequest(quantities, formulation=formulation)).load()
+    quantities = (*linearize_quantities(formulation, with_inputs=False), *equilibrium_quantities(formulation))
+    return load(structure, *quantities, formulation=formulation)
 
 
 def test_a_pendulum_swings_alike_at_rest_and_on_its_way_through() -> None:

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -13,7 +12,7 @@ from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.system.errors import InvalidValueError
-from tensegrity_codegen.tables.request import ModelRequest
+from tests.models import load
 from tests.runtime.build import make_structure, spring
 
 PARAMETERS = {"rest_length": (0,), "spring_constant": (0,), "damping": (0,), "node_mass": (1,)}
@@ -23,8 +22,7 @@ PARAMETERS = {"rest_length": (0,), "spring_constant": (0,), "damping": (0,), "no
 def model() -> CompiledModel:
     structure = make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 1.0)], anchored={0: "xyz", 1: "yz"})
     quantities = tuple(dict.fromkeys((*SIMULATION_QUANTITIES, *EQUILIBRIUM_QUANTITIES)))
-    request = ModelRequest(quantities, integrators=("rk853",), parameters=PARAMETERS)
-    return build_library(structure, request).load()
+    return load(structure, *quantities, integrators=("rk853",), parameters=PARAMETERS)
 
 
 @pytest.mark.parametrize(

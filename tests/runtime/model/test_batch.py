@@ -2,7 +2,6 @@
 
 import threading
 import time
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,21 +16,9 @@ from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler, wait_until
 from tests.comparison import dense
+from tests.models import load
 from tests.runtime.build import prism
-
-QUANTITIES = ("member_tension", "node_force", "total_energy", "tangent_stiffness", "acceleration")
-PARAMETERS = {"node_load": (3, 4), "rest_length": (1, 2)}
-
-
-def build(width: int = 8, precision: str = "double") -> CompiledModel:
-    structure = prism(150.0, anchored={0: "xyz"}, load={3: (0.0, 0.0, -1.0), 4: (0.5, 0.0, 0.0)})
-    request = ModelRequest(QUANTITIES, parameters=PARAMETERS, batch_width=width, precision=precision)
-    return build_library(structure, request).load()
-
-
-@pytest.fixture(scope="module")
-def model() -> CompiledModel:
-    return build()
+from tests.runtime.model.libraries import QUANTITIES, loaded_prism
 
 
 def scattered(model: CompiledModel, name: str, n_batch: int, seed: int = 0) -> np.ndarray:
@@ -51,7 +38,7 @@ def one_by_one(model: CompiledModel, quantity: str, n_batch: int, **batched: np.
 # --- results ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("n_batch", [1, 7, 8, 9, 1000])
+@pytest.mark.parametrize("n_batch", [1, 9, 100, *thorough(7, 8, 1000)])
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_a_batch_is_what_single_calls_give(model: CompiledModel, quantity: str, n_batch: int) -> None:
     coordinate = scattered(model, "coordinate", n_batch)
@@ -64,7 +51,7 @@ def test_a_batch_is_what_single_calls_give(model: CompiledModel, quantity: str, 
 @pytest.mark.parametrize("width", [4, *thorough(16)])
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_the_width_does_not_change_the_numbers(width: int, precision: str) -> None:
-    model = build(width, precision)
+    model = loaded_prism(batch_width=width, precision=precision)
     coordinate = scattered(model, "coordinate", 21)
     for quantity in QUANTITIES:
         found = np.asarray(model.compute_batch(quantity, coordinate=coordinate))
@@ -139,7 +126,7 @@ def test_arguments_are_not_changed(model: CompiledModel) -> None:
 # --- threads ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("threads", [2, 3, 16, 200])
+@pytest.mark.parametrize("threads", [2, 200, *thorough(3, 16)])
 def test_the_number_of_threads_does_not_change_a_bit(model: CompiledModel, threads: int) -> None:
     coordinate, load = scattered(model, "coordinate", 1001), scattered(model, "node_load", 1001, 1)
     coordinate[777, 3] = np.nan
@@ -227,6 +214,9 @@ def test_statuses_are_returned_where_asked(model: CompiledModel) -> None:
     np.testing.assert_array_equal(np.delete(found, [3, 12], axis=0), np.delete(expected, [3, 12], axis=0))
 
 
+FITS = np.zeros((3, 15))
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -247,60 +237,40 @@ def test_a_wrong_shape_is_refused_with_both_right_ones(model: CompiledModel, arg
     assert "shared" in caught.value.allowed
 
 
-def test_lengths_that_differ_are_refused(model: CompiledModel) -> None:
-    with pytest.raises(InvalidValueError, match="different batch lengths") as caught:
-        model.compute_batch(
-            "node_force",
-            coordinate=scattered(model, "coordinate", 3),
-            node_load=scattered(model, "node_load", 4),
-        )
-    assert caught.value.given == "coordinate 3, node_load 4"
-
-
-def test_a_batch_without_its_axis_is_refused(model: CompiledModel) -> None:
-    with pytest.raises(InvalidValueError, match="no argument has a batch axis"):
-        model.compute_batch("node_force", coordinate=model.nominal("coordinate"))
-
-
-def test_what_is_no_number_is_refused(model: CompiledModel) -> None:
-    with pytest.raises(InvalidValueError, match="not an array of numbers"):
-        model.compute_batch("node_force", coordinate=[["a"] * 15])
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (
+            {"coordinate": FITS, "node_load": np.zeros((4, 2, 3))},
+            "different batch lengths.*coordinate 3, node_load 4",
+        ),
+        ({"coordinate": FITS[0]}, "no argument has a batch axis"),
+        ({"coordinate": [["a"] * 15]}, "not an array of numbers"),
+        *(({"coordinate": FITS, "threads": n}, "not a number of threads") for n in (0, -1, 1.5, True, "2")),
+        ({"coordinate": FITS, "on_error": "ignore"}, "raise, status"),
+        ({"coordinates": FITS}, "did you mean 'coordinate'"),
+        ({"quantity": "node_forces", "coordinate": FITS}, "did you mean 'node_force'"),
+    ],
+)
+def test_what_makes_no_batch_is_refused(model: CompiledModel, arguments: Any, problem: str) -> None:
+    with pytest.raises((InvalidValueError, UnknownNameError), match=f"(?s){problem}"):
+        model.compute_batch(arguments.pop("quantity", "node_force"), **arguments)
 
 
 def test_a_double_is_not_rounded_for_a_single_library() -> None:
     with pytest.raises(InvalidValueError, match="would round"):
-        build(16, "single").compute_batch("node_force", coordinate=np.zeros((3, 15)))
+        loaded_prism("node_force", precision="single").compute_batch("node_force", coordinate=FITS)
 
 
 def test_a_wrong_number_of_arguments_is_refused(model: CompiledModel) -> None:
     with pytest.raises(InvalidValueError, match="wrong number of arguments"):
-        model.function("node_force").batch(np.zeros((3, 15)))
-
-
-@pytest.mark.parametrize("threads", [0, -1, 1.5, True, "2"])
-def test_a_wrong_number_of_threads_is_refused(model: CompiledModel, threads: Any) -> None:
-    with pytest.raises(InvalidValueError, match="not a number of threads"):
-        model.compute_batch("node_force", coordinate=np.zeros((3, 15)), threads=threads)
-
-
-def test_an_unknown_word_for_errors_is_refused(model: CompiledModel) -> None:
-    with pytest.raises(UnknownNameError) as caught:
-        model.compute_batch("node_force", coordinate=np.zeros((3, 15)), on_error="ignore")
-    assert caught.value.allowed == "raise, status"
-
-
-def test_unknown_arguments_and_quantities_are_refused(model: CompiledModel) -> None:
-    with pytest.raises(UnknownNameError):
-        model.compute_batch("node_force", coordinates=np.zeros((3, 15)))
-    with pytest.raises(UnknownNameError):
-        model.compute_batch("node_forces", coordinate=np.zeros((3, 15)))
+        model.function("node_force").batch(FITS)
 
 
 def test_a_library_without_batch_functions_says_how_to_get_them() -> None:
-    structure = prism(150.0, anchored={0: "xyz"})
-    plain = build_library(structure, replace(ModelRequest(("member_tension",)))).load()
+    plain = load(prism(150.0, anchored={0: "xyz"}), "member_tension")
     with pytest.raises(LibraryError, match="no batch functions") as caught:
-        plain.compute_batch("member_tension", coordinate=np.zeros((3, 15)))
+        plain.compute_batch("member_tension", coordinate=FITS)
     assert "batch_width = 8" in caught.value.hint
     assert 'for_="simulate_batch"' in caught.value.hint
 
@@ -308,19 +278,38 @@ def test_a_library_without_batch_functions_says_how_to_get_them() -> None:
 # --- code for this machine -------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=EACH_FAMILY)
-def native(request: pytest.FixtureRequest) -> CompiledModel:
-    """The same functions and lengths for this machine, where estimates may stand in for square roots."""
+NATIVE = ("member_length", "member_tension", "node_force")
+
+
+def for_this_machine(family: str, *quantities: str) -> CompiledModel:
+    """Functions for this machine, where estimates may stand in for square roots."""
     structure = prism(150.0, load={3: (0.0, 0.0, -1.0)})
-    wanted = ModelRequest((*QUANTITIES, "member_length"), batch_width=8)
-    compiler = require_compiler(request.param)
+    compiler = require_compiler(family)
+    wanted = ModelRequest(quantities, batch_width=8)
     return build_library(structure, wanted, compiler=compiler.name, flags="native").load()
 
 
-@pytest.mark.parametrize("quantity", [*QUANTITIES, "member_length"])
+@pytest.fixture(scope="module", params=EACH_FAMILY)
+def native(request: pytest.FixtureRequest) -> CompiledModel:
+    return for_this_machine(request.param, *NATIVE)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("family", EACH_FAMILY)
+def test_native_batches_of_every_quantity_agree_with_single_calls(family: str) -> None:
+    native = for_this_machine(family, *QUANTITIES, "member_length")
+    for quantity in QUANTITIES:
+        check_agreement(native, quantity)
+
+
+@pytest.mark.parametrize("quantity", NATIVE)
 def test_native_batches_agree_within_four_units_in_the_last_place(
     native: CompiledModel, quantity: str
 ) -> None:
+    check_agreement(native, quantity)
+
+
+def check_agreement(native: CompiledModel, quantity: str) -> None:
     coordinate = scattered(native, "coordinate", 500, 5)
     found = np.asarray(native.compute_batch(quantity, coordinate=coordinate))
     expected = one_by_one(native, quantity, 500, coordinate=coordinate)

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.linear.linearize import LINEARIZE_QUANTITIES, linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -15,7 +14,7 @@ from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTI
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
-from tensegrity_codegen.tables.request import ModelRequest
+from tests.models import load
 from tests.runtime.build import make_structure, spring
 
 INPUTS = (ActuatedInput("motor", "rest_length", (0,)), ActuatedInput("push", "force", (1,), (1.0, 0.0, 0.0)))
@@ -29,8 +28,7 @@ def model() -> CompiledModel:
     structure = make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 1.0)], anchored={0: "xyz", 1: "yz"})
     structure = structure.with_changes(inputs=INPUTS)
     quantities = tuple(dict.fromkeys(QUANTITIES))
-    request = ModelRequest(quantities, integrators=("rk853",), batch_width=8)
-    return build_library(structure, request).load()
+    return load(structure, *quantities, integrators=("rk853",), batch_width=8)
 
 
 def array(**values: float) -> dict[str, Any]:

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import NODE_QUANTITIES, place_nodes, place_velocities
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import UnknownNameError
-from tensegrity_codegen.tables.request import ModelRequest
+from tests.models import load
 from tests.reference import ReferenceModel
 from tests.runtime.build import make_structure, prism, spring
 
@@ -22,8 +21,7 @@ def planar() -> Structure:
 
 
 def build(structure: Structure, *quantities: str, **parameters: tuple[int, ...]) -> CompiledModel:
-    request = ModelRequest(quantities, parameters=parameters, formulation="node_distance")
-    return build_library(structure, request).load()
+    return load(structure, *quantities, parameters=parameters, formulation="node_distance")
 
 
 def test_node_coordinates_are_placed_by_the_manifest() -> None:

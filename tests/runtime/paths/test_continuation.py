@@ -49,8 +49,8 @@ def test_a_path_that_comes_back_ends_where_it_began() -> None:
     np.testing.assert_allclose(path.coordinate[-1], 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-7, 1e-10])
-@pytest.mark.parametrize("step", [0.07, 0.25])
+@pytest.mark.parametrize("beyond", [1e-2, 1e-10, *thorough(1e-4, 1e-7)])
+@pytest.mark.parametrize("step", [0.25, *thorough(0.07)])
 @pytest.mark.parametrize("after", [-0.5, -0.05, None])
 def test_a_path_ends_at_its_load_just_before_one_where_it_turns_back(
     beyond: float, step: float, after: float | None

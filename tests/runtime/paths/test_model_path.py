@@ -72,6 +72,7 @@ def test_slack_loads_equal_those_of_bisection(prism: tuple[Structure, Any]) -> N
         assert event.load_factor == pytest.approx((low + high) / 2, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_symmetrical_load_makes_events_come_in_threes(prism: tuple[Structure, Any]) -> None:
     structure, model = prism
     up = dict.fromkeys(("t1", "t2", "t3"), (0.0, 0.0, 1.0))

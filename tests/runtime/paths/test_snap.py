@@ -8,6 +8,7 @@ import pytest
 from tensegrity_codegen.runtime.paths.snap import Snap, find_load_snap, find_snap
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
+from tests.cases import thorough
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, make_structure, spring
 from tests.runtime.rigid_reference import RigidReference
@@ -144,6 +145,7 @@ def test_without_a_load_nothing_snaps_and_without_a_path_nothing_is_known() -> N
     assert find_snap(free, settled, 0 * pulled, pulled).snapped is not True
 
 
+@pytest.mark.thorough
 def test_prestress_that_drives_a_free_shape_through_is_a_snap() -> None:
     # The truss of the test above on a triangle of stiff bars instead of anchors.
     place = [[-1, 0, 0], [1, 0, 0], [0, 0, 0.2], [0, 0, -2]]
@@ -173,7 +175,7 @@ def free_robot(draw: int) -> Structure:
     return make_structure(place.tolist(), [*rods, *cables])
 
 
-@pytest.mark.parametrize("draw", range(6))
+@pytest.mark.parametrize("draw", [1, *thorough(0, 2, 3, 4, 5)])
 def test_a_free_structure_that_settles_has_not_snapped(draw: int) -> None:
     # Loads that hold the given shape give rotations a stiffness of either sign; at the end they have none.
     found, kept = settle(free_robot(draw))

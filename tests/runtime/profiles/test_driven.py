@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen import CompiledModel, ModelRequest, Profile, simulate, simulate_batch
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen import CompiledModel, Profile, simulate, simulate_batch
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
+from tests.models import load
 from tests.runtime.build import make_structure, spring
 
 INPUTS = (ActuatedInput("motor", "rest_length", (0,)), ActuatedInput("push", "force", (1,), (1.0, 0.0, 0.0)))
@@ -21,8 +21,7 @@ KNOTS = [0.0, 0.5, 1.0]
 def model() -> CompiledModel:
     structure = make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 1.0)], anchored={0: "xyz", 1: "yz"})
     structure = structure.with_changes(inputs=INPUTS)
-    request = ModelRequest(SIMULATION_QUANTITIES, {"rest_length": (0,)}, integrators=("rk853",))
-    return build_library(structure, request).load()
+    return load(structure, *SIMULATION_QUANTITIES, parameters={"rest_length": (0,)}, integrators=("rk853",))
 
 
 def test_what_is_not_named_stays(model: CompiledModel) -> None:

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tensegrity_codegen import Profile, read_profile
 from tensegrity_codegen.system.errors import SceneError
+from tests.cases import draws
 
 INPUTS = ("motor", "push")
 
@@ -91,7 +92,7 @@ def try_to_read(file: Path, kind: str) -> Profile | str:
         return str(error)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@draws(25)
 @given(st.one_of(st.just("time,motor"), LINES), st.one_of(SORTED, st.lists(LINES, max_size=6)))
 def test_hostile_tables_are_profiles_or_named_errors(tmp_path: Path, head: str, lines: list[str]) -> None:
     file = tmp_path / "pull.csv"

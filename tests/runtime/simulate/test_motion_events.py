@@ -7,64 +7,66 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.until import CONTACT_QUANTITIES, Until
-from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
-    SIMULATION_QUANTITIES,
-    simulation_quantities,
-)
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
-from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import example
+from tests.cases import thorough
+from tests.models import simulator
 from tests.runtime.build import bar, make_structure, spring
 
 RADIUS = 0.05
-METHODS = ("auto", "rk54", "rk4", "scipy_dop853", "scipy_radau")
-
-
+METHODS = ("auto", "rk4", "scipy_dop853", *thorough("rk54", "scipy_radau"))
 EVENTS = ("contact", "condition")
+Vector = tuple[float, float, float]
 
 
-def build(structure: Any, *more: str, formulation: str = "node_position") -> CompiledModel:
-    quantities = (*simulation_quantities(formulation), *CONTACT_QUANTITIES, *more)
-    request = ModelRequest(quantities, integrators=("rk4", "rk54"), formulation=formulation, events=EVENTS)
-    return build_library(structure, request).load()
+def build(structure: Any, *more: str, formulation: str = "node_position", **request: Any) -> CompiledModel:
+    more = (*CONTACT_QUANTITIES, *more)
+    return simulator(structure, "rk4", "rk54", more=more, formulation=formulation, events=EVENTS, **request)
 
 
-def two_bars(
-    shift: tuple[float, float, float],
-    speed: tuple[float, float, float],
-    force: float = 0.0,
-    *,
-    crossed: bool = True,
-    **options: Any,
-) -> CompiledModel:
+def place_bars(shift: Vector, speed: Vector, force: float = 0.0, *, crossed: bool = True) -> Structure:
     """A bar at rest along y, and one along x or y at `shift` from it that flies with `speed`, pulled along z.
 
     The nodes have 1 kg, the force acts on both.
     """
     half = np.array([0.5, 0.0, 0.0] if crossed else [0.0, 0.5, 0.0])
     position = [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0], np.subtract(shift, half), np.add(shift, half)]
-    structure = make_structure(
-        position,
-        [bar(0, 1, 1.0), bar(2, 3, 1.0)],
-        load={2: (0.0, 0.0, force), 3: (0.0, 0.0, force)},
-    )
+    load = dict.fromkeys((2, 3), (0.0, 0.0, force))
+    structure = make_structure(position, [bar(0, 1, 1.0), bar(2, 3, 1.0)], load=load)
     velocity = np.array([[0.0] * 3, [0.0] * 3, speed, speed])
-    structure = structure.with_changes(radius=np.full(2, RADIUS), node_velocity=velocity)
-    return build(structure, **options)
+    return structure.with_changes(radius=np.full(2, RADIUS), node_velocity=velocity)
+
+
+@pytest.fixture(scope="module")
+def bars() -> CompiledModel:
+    """Two bars, wherever they start and however the second is pulled."""
+    return build(place_bars((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), parameters={"node_load": (2, 3)})
+
+
+def start_of(*words: Any, **more: Any) -> dict[str, Any]:
+    """Return what `simulate` starts these bars with."""
+    structure = place_bars(*words, **more)
+    return {
+        "coordinate": structure.node_position.flatten(),
+        "velocity": structure.node_velocity.ravel(),
+        "arguments": {"node_load": structure.node_load[2:]},
+    }
 
 
 @pytest.mark.parametrize(
     ("condition", "kind", "time"), [("n2.z < 0.85", "condition", 0.075), ("n2.z < 0.05", "contact", 0.45)]
 )
-def test_what_comes_first_ends_the_motion(condition: str, kind: str, time: float) -> None:
+def test_what_comes_first_ends_the_motion(
+    bars: CompiledModel, condition: str, kind: str, time: float
+) -> None:
     """A bar comes down from z = 1 m at 2 m/s, and touches the other one after 0.9 m."""
-    model = two_bars((0.1, 0.2, 1.0), (0.0, 0.0, -2.0))
-    found = simulate(model, 0.6, until=Until(condition=condition, contact=True))
+    start = start_of((0.1, 0.2, 1.0), (0.0, 0.0, -2.0))
+    found = simulate(bars, 0.6, **start, until=Until(condition=condition, contact=True))
     (event,) = found.events
     assert event.kind == kind
     assert event.time == pytest.approx(time, rel=1e-9)
@@ -72,14 +74,16 @@ def test_what_comes_first_ends_the_motion(condition: str, kind: str, time: float
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("samples", [2, 21])
-def test_bars_that_fly_at_each_other_touch_when_they_must(method: str, samples: int) -> None:
+@pytest.mark.parametrize("samples", [21, *thorough(2)])
+def test_bars_that_fly_at_each_other_touch_when_they_must(
+    bars: CompiledModel, method: str, samples: int
+) -> None:
     gap, speed, acceleration = 1.0 - 2 * RADIUS, 2.0, 3.0
     expected = (np.sqrt(speed**2 + 2 * acceleration * gap) - speed) / acceleration
-    model = two_bars((0.1, 0.2, 1.0), (0.0, 0.0, -speed), -acceleration)
+    start = start_of((0.1, 0.2, 1.0), (0.0, 0.0, -speed), -acceleration)
     step = 1e-3 if method == "rk4" else None
     found = simulate(
-        model, 0.5, samples=samples, method=method, stepping=Stepping(step=step), until="contact"
+        bars, 0.5, samples=samples, method=method, stepping=Stepping(step=step), **start, until="contact"
     )
     assert found.status == "ok"
     (event,) = found.events
@@ -97,59 +101,55 @@ def test_bars_that_fly_at_each_other_touch_when_they_must(method: str, samples: 
 def test_node_distances_find_the_same_contact() -> None:
     words: Any = ((0.1, 0.2, 1.0), (0.0, 0.0, -2.0), -3.0)
     times = [
-        simulate(two_bars(*words, formulation=name), 0.5, until="contact").events[0].time
+        simulate(build(place_bars(*words), formulation=name), 0.5, until="contact").events[0].time
         for name in ("node_position", "node_distance")
     ]
     assert times[0] == pytest.approx(times[1], rel=1e-9)
 
 
-def test_bars_that_fly_through_each_other_between_two_samples_touch() -> None:
-    model = two_bars((0.0, 0.0, 1.0), (0.0, 0.0, -20.0))
-    found = simulate(model, 0.1, samples=2, until="contact")
+def test_bars_that_fly_through_each_other_between_two_samples_touch(bars: CompiledModel) -> None:
+    start = start_of((0.0, 0.0, 1.0), (0.0, 0.0, -20.0))
+    found = simulate(bars, 0.1, samples=2, **start, until="contact")
     assert found.events[0].time == pytest.approx((1.0 - 2 * RADIUS) / 20.0, rel=1e-9)
 
 
 @pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-8])
-def test_a_grazing_contact_between_two_samples_is_found(depth: float) -> None:
+def test_a_grazing_contact_between_two_samples_is_found(bars: CompiledModel, depth: float) -> None:
     height = 2 * RADIUS - depth
-    model = two_bars((1.0, 0.1, height), (-4.0, 0.0, 0.0), crossed=False)
-    found = simulate(model, 0.5, samples=2, until="contact")
+    start = start_of((1.0, 0.1, height), (-4.0, 0.0, 0.0), crossed=False)
+    found = simulate(bars, 0.5, samples=2, **start, until="contact")
     expected = (1.0 - np.sqrt((2 * RADIUS) ** 2 - height**2)) / 4.0
     # A graze makes rounding of the distance large in time: dt = d / speed of approach.
     assert found.events[0].time == pytest.approx(expected, rel=max(1e-9, 1e-14 / depth))
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_bars_that_just_miss_do_not_touch(method: str) -> None:
-    model = two_bars((1.0, 0.1, 2 * RADIUS + 1e-8), (-4.0, 0.0, 0.0), crossed=False)
+def test_bars_that_just_miss_do_not_touch(bars: CompiledModel, method: str) -> None:
+    start = start_of((1.0, 0.1, 2 * RADIUS + 1e-8), (-4.0, 0.0, 0.0), crossed=False)
     step = 1e-2 if method == "rk4" else None
-    found = simulate(model, 0.5, samples=2, method=method, stepping=Stepping(step=step), until="contact")
+    found = simulate(
+        bars, 0.5, samples=2, method=method, stepping=Stepping(step=step), **start, until="contact"
+    )
     assert (found.status, found.events, found.time.tolist()) == ("ok", (), [0.0, 0.5])
     assert "no contact" in found.message
     assert found.summary()["events"] == []
 
 
-def test_bars_that_overlap_from_the_start_say_so_at_zero() -> None:
-    model = two_bars((0.0, 0.0, RADIUS), (0.0, 0.0, 1.0))
-    found = simulate(model, 1.0, until="contact")
+def test_bars_that_overlap_from_the_start_say_so_at_zero(bars: CompiledModel) -> None:
+    start = start_of((0.0, 0.0, RADIUS), (0.0, 0.0, 1.0))
+    found = simulate(bars, 1.0, **start, until="contact")
     (event,) = found.events
     assert (event.time, event.margin) == (0.0, pytest.approx(-RADIUS))
     assert found.time.tolist() == [0.0]
     assert found.status == "ok"
 
 
-def test_what_goes_wrong_after_the_contact_does_not_matter() -> None:
-    model = two_bars((0.0, 0.0, 1.0), (0.0, 0.0, -20.0))
-    stretched = model.nominal("coordinate")
-    stretched[1] += 1e-12  # which a step far too large lets grow tenfold, step by step
-    run: dict[str, Any] = {
-        "samples": 51,
-        "method": "rk4",
-        "stepping": Stepping(step=1e-2),
-        "coordinate": stretched,
-    }
-    alone = simulate(model, 5.0, **run)
-    found = simulate(model, 5.0, until="contact", **run)
+def test_what_goes_wrong_after_the_contact_does_not_matter(bars: CompiledModel) -> None:
+    start = start_of((0.0, 0.0, 1.0), (0.0, 0.0, -20.0))
+    start["coordinate"][1] += 1e-12  # which a step far too large lets grow tenfold, step by step
+    run: dict[str, Any] = {"samples": 51, "method": "rk4", "stepping": Stepping(step=1e-2)}
+    alone = simulate(bars, 5.0, **run, **start)
+    found = simulate(bars, 5.0, **run, **start, until="contact")
     assert (alone.status, found.status) == ("unstable", "ok")
     assert found.events[0].time == pytest.approx(0.045, rel=1e-9)
 
@@ -219,9 +219,9 @@ def test_contacts_of_a_motion_that_goes_on_are_in_its_log() -> None:
     assert times == pytest.approx([0.9, 1.46, 1.9], rel=1e-9)
 
 
-def test_a_contact_with_a_schedule_is_found_by_scipy() -> None:
-    model = two_bars((0.1, 0.2, 1.0), (0.0, 0.0, -2.0))
-    found = simulate(model, 0.6, samples=4, schedule=lambda time: {}, until="contact")
+def test_a_contact_with_a_schedule_is_found_by_scipy(bars: CompiledModel) -> None:
+    start = start_of((0.1, 0.2, 1.0), (0.0, 0.0, -2.0))
+    found = simulate(bars, 0.6, samples=4, schedule=lambda time: {}, **start, until="contact")
     assert found.method.startswith("auto (scipy")
     assert found.events[0].time == pytest.approx(0.45, rel=1e-9)
     assert found.time.tolist() == pytest.approx([0.0, 0.2, 0.4, found.events[0].time])
@@ -242,15 +242,11 @@ def test_a_file_holds_the_events(tmp_path: Any) -> None:
 
 
 def test_a_model_without_the_functions_is_refused() -> None:
-    position = [[0, -0.5, 0], [0, 0.5, 0], [-0.5, 0, 1], [0.5, 0, 1]]
-    structure = make_structure(position, [bar(0, 1, 1.0), bar(2, 3, 1.0)])
-    structure = structure.with_changes(radius=np.full(2, RADIUS))
-    request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk54",))
-    model = build_library(structure, request).load()
+    structure = place_bars((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    model = simulator(structure, "rk54")
     with pytest.raises(FormulationError, match="lacks functions") as caught:
         simulate(model, 1.0, until="contact")
     assert caught.value.given == "bar_distance"
-    request = ModelRequest((*SIMULATION_QUANTITIES, "bar_distance"), integrators=("rk54",))
-    model = build_library(structure, request).load()
+    model = simulator(structure, "rk54", more=("bar_distance",))
     with pytest.raises(FormulationError, match="built without these events"):
         simulate(model, 1.0, until="contact")

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.methods import METHODS
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -13,7 +12,8 @@ from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.until import Until
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
-from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import thorough
+from tests.models import load
 from tests.runtime.build import make_structure, spring
 
 RATE = float(np.sqrt(200.0))  # of two masses of 1 kg on 100 N/m
@@ -24,8 +24,7 @@ SCIPY = [name for name in METHODS if name.startswith("scipy_")]
 @pytest.fixture(scope="module")
 def model() -> CompiledModel:
     structure = make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 1.0)])
-    request = ModelRequest(SIMULATION_QUANTITIES, parameters={"rest_length": (0,)}, integrators=("rk4",))
-    return build_library(structure, request).load()
+    return load(structure, *SIMULATION_QUANTITIES, parameters={"rest_length": (0,)}, integrators=("rk4",))
 
 
 def drive(time: float) -> dict[str, Any]:
@@ -38,7 +37,9 @@ def length(time: np.ndarray) -> np.ndarray:
     return 1.0 + gain * (np.sin(DRIVE * time) - DRIVE / RATE * np.sin(RATE * time))
 
 
-@pytest.mark.parametrize("method", SCIPY)
+@pytest.mark.parametrize(
+    "method", ["scipy_dop853", *thorough(*(name for name in SCIPY if name != "scipy_dop853"))]
+)
 def test_a_driven_rest_length_forces_an_oscillator(model: CompiledModel, method: str) -> None:
     run = simulate(
         model, 2.0, method=method, rtol=1e-9, stepping=Stepping(atol=1e-12, control="steps"), schedule=drive
@@ -77,8 +78,7 @@ def test_auto_follows_a_schedule_and_says_how(model: CompiledModel, rtol: float)
 def test_auto_takes_an_implicit_method_for_fast_damping() -> None:
     structure = make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 1.0)], anchored={0: "xyz"})
     structure = structure.with_changes(damping=np.array([1e5]))
-    request = ModelRequest(SIMULATION_QUANTITIES, parameters={"rest_length": (0,)})
-    model = build_library(structure, request).load()
+    model = load(structure, *SIMULATION_QUANTITIES, parameters={"rest_length": (0,)})
     run = simulate(model, 2.0, samples=5, rtol=1e-9, stepping=Stepping(atol=1e-11), schedule=drive)
     assert run.status == "ok"
     assert "scipy_radau" in run.why_method
@@ -126,7 +126,6 @@ def test_unknown_words_of_a_schedule_are_refused(model: CompiledModel) -> None:
 
 def test_anchors_do_not_move() -> None:
     structure = make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 1.0)], anchored={0: "xyz"})
-    request = ModelRequest(SIMULATION_QUANTITIES, parameters={"anchor_position": (0,)})
-    model = build_library(structure, request).load()
+    model = load(structure, *SIMULATION_QUANTITIES, parameters={"anchor_position": (0,)})
     with pytest.raises(InvalidValueError, match="anchor positions cannot change"):
         simulate(model, 1.0, method="scipy_rk45", schedule=lambda t: {"anchor_position": [[t, 0, 0]]})

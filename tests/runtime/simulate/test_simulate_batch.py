@@ -178,7 +178,8 @@ def test_steps_have_a_limit(model: CompiledModel) -> None:
 
 
 def test_energy_is_kept_motion_by_motion() -> None:
-    model = build(keep=("energy",), integrators=("rk853",))
+    three = make_structure([[0, 0, 0], [1, 0, 0], [1.5, 1, 0]], [bar(0, 1, 0.9), bar(1, 2, 1.0)], axes="xy")
+    model = build(three, keep=("energy",), integrators=("rk853",), parameters={})
     coordinate = starts(model, 2)
     batch = simulate_batch(
         model, T_END, samples=3, method="rk853", stepping=Stepping(keep="energy"), coordinate=coordinate
@@ -373,9 +374,9 @@ def test_what_does_not_fit_is_refused(model: CompiledModel) -> None:
 @pytest.mark.parametrize(
     ("changes", "error", "match"),
     [
-        ({"batch_width": 0}, LibraryError, "no batch functions"),
+        ({"batch_width": 0, "integrators": ("rk853",)}, LibraryError, "no batch functions"),
         ({"integrators": ("rk4",)}, FormulationError, "no integrator 'rk853'"),
-        ({"precision": "single"}, LibraryError, "double precision"),
+        ({"precision": "single", "integrators": ("rk853",)}, LibraryError, "double precision"),
     ],
     ids=["no batches", "no integrator", "single precision"],
 )

@@ -44,9 +44,6 @@ def dynamics(system: BodySystem, *more: str) -> CompiledModel:
     return build_library(system, wanted).load()
 
 
-# --- equilibria ------------------------------------------------------------------------------------
-
-
 def test_the_tower_rests_as_stated_and_comes_back_from_elsewhere() -> None:
     tower = example("svd_tower")
     model = statics(tower)
@@ -126,9 +123,6 @@ def test_coordinates_are_scaled_to_the_way_of_the_points() -> None:
     azimuth = tower.find_coordinate("bar11_azimuth")
     assert inside[azimuth] / tower.coordinate[azimuth] == pytest.approx(np.sin(np.radians(40)))
     np.testing.assert_allclose(problem.leave(inside), tower.coordinate)
-
-
-# --- simulations -----------------------------------------------------------------------------------
 
 
 def test_energy_of_an_undamped_system_is_conserved() -> None:

@@ -25,37 +25,29 @@ from tensegrity_codegen.system.errors import (
     UnstableError,
 )
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.models import load
 from tests.runtime.build import cable, make_structure, prism, spring
 
 SOLVER = ("equilibrium",)
+FEET = {0: "xz", 1: "xz"}
 
 
 def compiled(structure: Structure, **parameters: tuple[int, ...]) -> CompiledModel:
-    request = ModelRequest(EQUILIBRIUM_QUANTITIES, parameters=parameters, solvers=SOLVER)
-    return build_library(structure, request).load()
+    return load(structure, *EQUILIBRIUM_QUANTITIES, parameters=parameters, solvers=SOLVER)
 
 
 def hung_mass(load: float = -3.0) -> Structure:
     """A node on two springs of a truss: -F and geometry are known in closed form."""
     members = [spring(0, 2, 1.0, 50.0), spring(1, 2, 1.0, 50.0)]
-    return make_structure(
-        [[-0.8, 0, 0], [0.8, 0, 0], [0, 0, -0.7]],
-        members,
-        anchored={0: "xz", 1: "xz"},
-        axes="xz",
-        load={2: (0.0, 0.0, load)},
-    )
+    place = [[-0.8, 0, 0], [0.8, 0, 0], [0, 0, -0.7]]
+    return make_structure(place, members, anchored=FEET, axes="xz", load={2: (0.0, 0.0, load)})
 
 
 def arch() -> Structure:
     """Two springs that meet above their anchors: pressed down, they snap through (von Mises truss)."""
     members = [spring(0, 2, 1.0, 100.0), spring(1, 2, 1.0, 100.0)]
-    return make_structure(
-        [[-0.95, 0, 0], [0.95, 0, 0], [0, 0, np.sqrt(1 - 0.95**2)]],
-        members,
-        anchored={0: "xz", 1: "xz"},
-        axes="xz",
-    )
+    place = [[-0.95, 0, 0], [0.95, 0, 0], [0, 0, np.sqrt(1 - 0.95**2)]]
+    return make_structure(place, members, anchored=FEET, axes="xz")
 
 
 @pytest.fixture(scope="module")
@@ -101,8 +93,8 @@ def test_bodies_are_solved_in_three_steps_a_load() -> None:
     assert path.coordinate.shape == (11, 6)
     assert path.iterations.max() <= 4
     assert path.residual.max() <= 1e-9
-    for place, load in zip(path.coordinate, loads, strict=True):
-        force = model.compute("coordinate_force", coordinate=place, node_load=load)
+    for place, pull in zip(path.coordinate, loads, strict=True):
+        force = model.compute("coordinate_force", coordinate=place, node_load=pull)
         assert np.abs(force).max() <= 1e-9
 
 
@@ -111,8 +103,8 @@ def test_a_path_is_its_equilibria_one_after_the_other(truss: CompiledModel) -> N
     solver = EquilibriumSolver(truss)
     path = solver.follow(loads).check()
     place: Any = None
-    for row, load in zip(path.coordinate, loads, strict=True):
-        place = solver.find(place, node_load=load).check().coordinate[0]
+    for row, pull in zip(path.coordinate, loads, strict=True):
+        place = solver.find(place, node_load=pull).check().coordinate[0]
         np.testing.assert_array_equal(row, place)
 
 
@@ -139,9 +131,6 @@ def test_large_steps_of_the_load_lead_where_small_ones_lead() -> None:
         fine = [place_load(top, force * np.array(part)) for part in np.linspace(0, 1, 201)]
         coarse, small = (solver.follow(np.array(row)).check() for row in (loads, fine))
         np.testing.assert_allclose(coarse.coordinate[-1], small.coordinate[-1], atol=1e-6, rtol=0)
-
-
-# --- what is no equilibrium ---------------------------------------------------------------------------
 
 
 def test_a_load_beyond_the_limit_point_loses_the_branch(truss: CompiledModel) -> None:
@@ -212,9 +201,6 @@ def test_coincident_nodes_are_a_status(truss: CompiledModel) -> None:
         found.check()
 
 
-# --- bad arguments -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_values_that_are_not_finite_are_refused(truss: CompiledModel, bad: float) -> None:
     solver = EquilibriumSolver(truss)
@@ -268,11 +254,8 @@ def test_threads_do_not_disturb_each_other() -> None:
             np.testing.assert_array_equal(found, alone)
 
 
-# --- libraries that have none ---------------------------------------------------------------------------
-
-
 def test_a_library_without_the_solver_says_so() -> None:
-    model = build_library(arch(), ModelRequest(("potential_energy",))).load()
+    model = load(arch(), "potential_energy")
     with pytest.raises(FormulationError, match="no solver 'equilibrium'"):
         EquilibriumSolver(model)
 

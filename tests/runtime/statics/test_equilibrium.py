@@ -73,7 +73,7 @@ def test_upright_pendulum_is_unstable_where_the_method_stays_there() -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("bar_stiffness", [1e3, 1e5, 1e7])
+@pytest.mark.parametrize("bar_stiffness", [1e5, *thorough(1e3, 1e7)])
 @pytest.mark.parametrize("sides", [3, *thorough(4, 5)])
 def test_free_prism_turns_to_the_twist_of_its_selfstress(sides: int, bar_stiffness: float) -> None:
     """A prism of n bars is in equilibrium with itself at the twist 90 + 180/n degrees alone."""
@@ -178,7 +178,7 @@ def net(n: int, rest: float = 1.02, weight: float = -1.0):
     return make_structure(place, members, anchored=rim, gravity=(0.0, 0.0, weight))
 
 
-@pytest.mark.parametrize("n", [5, 11, *thorough(33)])
+@pytest.mark.parametrize("n", [5, *thorough(11, 33)])
 def test_slack_net_falls_into_its_ropes(n: int) -> None:
     """Weight in equals reactions out; with n = 33 the net has 2,883 coordinates and is solved sparsely."""
     structure = net(n)
@@ -198,7 +198,7 @@ def test_slack_net_without_weight_stays_and_is_neutral() -> None:
     assert "neutral" in found.message
 
 
-@pytest.mark.parametrize("structure", [net(6), prism(140.0)], ids=["net", "prism"])
+@pytest.mark.parametrize("structure", [net(3), *thorough(net(6), prism(140.0))])
 def test_relaxation_finds_what_newton_finds(structure) -> None:
     newton = settle(structure, method="newton")
     relaxed = settle(structure, method="relaxation")
@@ -310,7 +310,7 @@ def test_start_is_not_modified() -> None:
     assert start.tolist() == [1.0, 0, 0]
 
 
-@pytest.mark.parametrize("bar_stiffness", [1e6, 1e8])
+@pytest.mark.parametrize("bar_stiffness", [1e6, *thorough(1e8)])
 def test_far_from_the_origin_an_equilibrium_is_found_up_to_its_rounding(bar_stiffness: float) -> None:
     """At 1,300 m positions are rounded to 1e-13 m, and forces of bars to that times their stiffness."""
     near = prism(bar_stiffness=bar_stiffness)

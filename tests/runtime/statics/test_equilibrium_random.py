@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
+from tests.cases import draws
 from tests.random_structures import structures
 from tests.reference import ReferenceModel
 
 
 @pytest.mark.thorough
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@draws(8)
 @given(structures())
 def test_a_found_equilibrium_balances_and_lies_no_higher(structure: Structure) -> None:
     model = ReferenceModel(structure)

@@ -45,9 +45,7 @@ def test_free_spin_is_no_change_of_shape() -> None:
         rest_length=structure.rest_length * np.where(np.arange(12) == 0, 1.01, 1.0)
     )
     start = rest.node_position @ Rotation.from_euler("z", 40, degrees=True).as_matrix().T
-    found = find_equilibrium(
-        ReferenceModel(changed.with_changes(node_position=rest.node_position)),
-    )
+    found = find_equilibrium(ReferenceModel(changed.with_changes(node_position=rest.node_position)))
     assert found.motions is not None
     far = np.linalg.norm(found.node_position - start, axis=1).max()
     apart = found.motions.distance(start, found.node_position).max()

@@ -17,10 +17,7 @@ SCENE = {
     "name": "pair",
     "axes": "xz",
     "gravity": [0, -9.81],
-    "nodes": {
-        "top": {"position": [0, 0], "anchored": True},
-        "load": {"position": [0.2, -1], "mass": 0.5},
-    },
+    "nodes": {"top": {"position": [0, 0], "anchored": True}, "load": {"position": [0.2, -1], "mass": 0.5}},
     "members": {
         "cord": {"kind": "cable", "nodes": ["top", "load"], "spring_constant": 80, "rest_length": 0.9}
     },

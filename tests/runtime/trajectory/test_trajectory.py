@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tensegrity_codegen.pipeline.build_library import build_library
@@ -20,6 +20,7 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import OutputError, SceneError, SceneSyntaxError, StructureError
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import draws
 from tests.runtime.build import make_structure, spring
 
 # A trajectory and the bytes of its file.
@@ -94,9 +95,6 @@ def test_a_result_of_another_structure_is_refused(written: Written, tmp_path: Pa
     assert caught.value.where == str(path)
 
 
-# --- damaged files ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("content", [b"", b"rubbish", b"PK\x03\x04", b"time,x\n0,1\n"])
 def test_another_kind_of_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "run.npz"
@@ -163,7 +161,7 @@ def test_a_file_cut_short_is_refused(written: Written, tmp_path: Path, part: flo
 
 
 @given(st.data())
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@draws(60)
 def test_a_changed_byte_is_never_a_crash(written: Written, tmp_path: Path, data: st.DataObject) -> None:
     content = bytearray(written[1])
     for _ in range(data.draw(st.integers(1, 3))):
@@ -183,9 +181,6 @@ def test_numbers_of_another_precision_are_read_as_double(written: Written, tmp_p
     np.savez(tmp_path / "run.npz", **arrays)
     found = read_trajectory(tmp_path / "run.npz", swinging())
     assert found.node_position.dtype == found.time.dtype == np.dtype(float)
-
-
-# --- writing ---------------------------------------------------------------------------------------
 
 
 def test_a_folder_that_is_missing_is_named(written: Written, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from tensegrity_codegen.tables import quantities
 from tensegrity_codegen.tables.quantities.nodes import BARS_IN, NODE_QUANTITIES, NodeQuantity
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import thorough
 from tests.runtime.build import cable, make_structure, spring
 
 NEW = (
@@ -72,7 +73,7 @@ def with_new_records(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     "changeable", [{}, {"node_mass": (1,), "node_load": (1, 2), "anchor_position": (0,)}]
 )
-@pytest.mark.parametrize("emitter", ["unrolled", "table"])
+@pytest.mark.parametrize("emitter", ["table", *thorough("unrolled")])
 def test_a_new_record_is_a_new_quantity(
     emitter: str, changeable: dict[str, tuple[int, ...]], tmp_path: Path
 ) -> None:

@@ -1,6 +1,7 @@
 """Stress and buckling margin: closed forms in every formulation and emitter; members without section."""
 
 import json
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from tensegrity_codegen.structure.outline import outline_tendons
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import thorough
 from tests.runtime.build import prism
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "tensegrity_codegen/scene/examples"
@@ -47,11 +49,9 @@ def check_results(structure: Structure, results: dict[str, np.ndarray], stiffnes
 @pytest.mark.parametrize(
     ("formulation", "emitter"),
     [
-        ("node_position", "unrolled"),
-        ("node_position", "lanes"),
-        ("node_position", "table"),
-        ("node_distance", "unrolled"),
+        *product(("node_position",), ("unrolled", "table")),
         ("rigid_bar", "unrolled"),
+        *thorough(("node_position", "lanes"), ("node_distance", "unrolled")),
     ],
 )
 def test_stress_and_margin_follow_from_the_tension(formulation: str, emitter: str) -> None:

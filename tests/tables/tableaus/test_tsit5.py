@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.verbs.simulate import MethodOption
-from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
 from tensegrity_codegen.runtime.integrate.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.integrate.event_log import Watch
@@ -18,8 +17,8 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.scene.schema.model_schema import INTEGRATORS
-from tensegrity_codegen.tables.request import ModelRequest
 from tensegrity_codegen.tables.tableaus import TABLEAUS
+from tests.models import load
 from tests.runtime.build import bar, cable, make_structure
 from tests.tables.tableaus.test_tableaus import dense, matrix
 
@@ -118,8 +117,7 @@ def pendulum() -> CompiledModel:
         gravity=(0.0, 0.0, -9.81),
     )
     quantities = simulation_quantities("node_position")
-    request = ModelRequest(quantities, integrators=("tsit5", "rk853"), batch_width=8)
-    return build_library(structure, request).load()
+    return load(structure, *quantities, integrators=("tsit5", "rk853"), batch_width=8)
 
 
 def test_simulate_meets_the_tolerance_and_finds_the_events(pendulum: CompiledModel) -> None:

@@ -15,6 +15,7 @@ from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.subjects import all_parameters, offered
 from tests.codegen.test_generated_c import arguments_near, assert_same_bits, raw_call
 from tests.comparison import dense, run_in_casadi
+from tests.models import load
 from tests.random_structures import make_structure
 
 FORCES = ("node_residual", "acceleration", "node_force")
@@ -58,7 +59,7 @@ def test_every_compiler_and_both_flag_sets_give_the_virtual_machine_s_bits(
 
 def test_coincident_nodes_and_bad_numbers_are_reported() -> None:
     structure = in_space(2, 20)
-    model = build_library(structure, ModelRequest(("node_residual",), emitter="table")).load()
+    model = load(structure, "node_residual", emitter="table")
     i, j = structure.connectivity[0]
     position = model.nominal("coordinate").reshape(-1, 3)
     position[j] = position[i]
@@ -103,7 +104,7 @@ def test_blocks_off_the_diagonal_are_set_once_unless_members_share_both_nodes() 
             )
 
 
-@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("precision", ["double", *thorough("single")])
 def test_a_stiffness_too_large_to_add_up_is_looked_at_entry_by_entry(precision: str) -> None:
     structure, largest = in_space(7, 20), {"double": 1.7e308, "single": 3.3e38}[precision]
     request = ModelRequest(("material_stiffness",), emitter="table", precision=precision)

@@ -64,19 +64,28 @@ def test_prisms_that_slide_and_turn_on_a_table() -> None:
     check_rows(model, found, given)
 
 
-def test_a_node_between_cables_that_go_slack() -> None:
-    model = compile_scene(TRIANGLE, for_="equilibria")
+@pytest.fixture(scope="module")
+def triangle() -> CompiledModel:
+    return compile_scene(TRIANGLE, for_="equilibria")
+
+
+def vary_triangle(count: int) -> dict[str, Any]:
     random = np.random.default_rng(4)
-    start = model.nominal("coordinate") + random.normal(scale=0.3, size=(COUNT, 2))
-    given = {
-        "rest_length": random.uniform(0.8, 1.3, (COUNT, 2)),
-        "node_load": random.normal(scale=30, size=(COUNT, 1, 2)),
-        "pull": random.uniform(-0.1, 0.1, COUNT),
+    return {
+        "rest_length": random.uniform(0.8, 1.3, (count, 2)),
+        "node_load": random.normal(scale=30, size=(count, 1, 2)),
+        "pull": random.uniform(-0.1, 0.1, count),
     }
-    found = find_equilibria(model, coordinate=start, arguments=given)
+
+
+def test_a_node_between_cables_that_go_slack(triangle: CompiledModel) -> None:
+    random = np.random.default_rng(5)
+    start = triangle.nominal("coordinate") + random.normal(scale=0.3, size=(COUNT, 2))
+    given = vary_triangle(COUNT)
+    found = find_equilibria(triangle, coordinate=start, arguments=given)
     assert found.is_found.any()
     assert (found.member_tension[found.is_found] == 0).any()
-    check_rows(model, found, given, start)
+    check_rows(triangle, found, given, start)
 
 
 def test_bodies() -> None:
@@ -86,9 +95,9 @@ def test_bodies() -> None:
     check_rows(model, find_equilibria(model, arguments=given), given)
 
 
-def test_threads_and_progress_change_nothing() -> None:
-    model = compile_scene(PRISM, for_="equilibria")
-    given, seen = vary_prism(model, COUNT), []
+def test_threads_and_progress_change_nothing(triangle: CompiledModel) -> None:
+    model = triangle
+    given, seen = vary_triangle(COUNT), []
     one = find_equilibria(model, arguments=given)
     two = find_equilibria(model, arguments=given, threads=2, progress=seen.append)
     np.testing.assert_array_equal(one.coordinate, two.coordinate)
@@ -96,19 +105,17 @@ def test_threads_and_progress_change_nothing() -> None:
     assert seen == sorted(seen)
 
 
-def test_a_case_that_is_not_finite_fails_alone() -> None:
-    model = compile_scene(PRISM, for_="equilibria")
-    given = vary_prism(model, 3)
+def test_a_case_that_is_not_finite_fails_alone(triangle: CompiledModel) -> None:
+    given = vary_triangle(3)
     given["rest_length"][1, 0] = np.nan
-    found = find_equilibria(model, arguments=given)
+    found = find_equilibria(triangle, arguments=given)
     assert found.status == ("converged", "non_finite_input", "converged")
     assert np.isnan(found.node_position[1]).all()
     assert "rest_length" in found.message[1]
 
 
-def test_what_a_result_says() -> None:
-    model = compile_scene(TRIANGLE, for_="equilibria")
-    found = find_equilibria(model, arguments={"pull": np.array([0.0, 0.01])})
+def test_what_a_result_says(triangle: CompiledModel) -> None:
+    found = find_equilibria(triangle, arguments={"pull": np.array([0.0, 0.01])})
     assert len(found) == 2
     assert "2 cases: 2 converged" in repr(found)
     assert found.position("m").shape == (2, 3)
@@ -132,9 +139,11 @@ def test_what_a_result_says() -> None:
         ({"arguments": {"coordinate": np.zeros((2, 2))}}, UnknownNameError, "coordinate"),
     ],
 )
-def test_wrong_arguments_are_refused(options: dict[str, Any], error: type[Exception], word: str) -> None:
+def test_wrong_arguments_are_refused(
+    triangle: CompiledModel, options: dict[str, Any], error: type[Exception], word: str
+) -> None:
     with pytest.raises(error, match=word):
-        find_equilibria(compile_scene(TRIANGLE, for_="equilibria"), **options)
+        find_equilibria(triangle, **options)
 
 
 def test_single_precision_is_refused() -> None:

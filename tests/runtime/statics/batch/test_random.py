@@ -8,15 +8,14 @@ from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import thorough
 from tests.random_structures import AXES, make_structure
 
 CASES = 6
 FEATURES = ("gravity", "damping", "loads", "velocity", "anchors", "bar_mass", "inputs", "slack")
 
 
-@pytest.mark.parametrize(
-    "seed", [pytest.param(seed, marks=[] if seed in (1, 5) else [pytest.mark.thorough]) for seed in range(30)]
-)
+@pytest.mark.parametrize("seed", [1, *thorough(0, *range(2, 30))])
 def test_random_cases_end_as_they_do_alone(seed: int) -> None:
     random = np.random.default_rng(seed)
     axes = AXES[random.integers(len(AXES))]
