@@ -151,6 +151,42 @@ def test_comments_of_generated_headers_have_no_words_of_dialect(name: str) -> No
     assert [text for text in comments if find_dialect(text)] == []
 
 
+C_FILES = sorted(
+    path for path in (ROOT / "templates").rglob("*") if path.name.endswith((".h", ".c", ".c.j2", ".h.j2"))
+)
+# Fields that version 1 of the C interface has; their comments say what they hold.
+KEPT_FIELDS = {"leash", "loudness", "crowd", "succession", "mark", "ahead", "pace", "cut"}
+C_WORDS = re.compile(r"(?<!->)\b(?:\w+_)?(glide|glides|glided|leash|loudness|crowd|stand|lands)\b(?!;)")
+
+
+def find_c_words(text: str) -> list[str]:
+    """Return the words that are not used in comments and names of C, but for fields of structs."""
+    comments = re.findall(r"/\*.*?\*/", text, re.DOTALL)
+    names = re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL)
+    in_comments = re.findall(r"\b(glides?|glided|leash|loudness|crowd)\b", " ".join(comments))
+    return [*in_comments, *(match[1] for match in C_WORDS.finditer(names))]
+
+
+@pytest.mark.parametrize("path", C_FILES, ids=lambda path: path.relative_to(ROOT / "templates").as_posix())
+def test_c_has_plain_names_and_comments(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert find_c_words(text) == []
+    assert [line for line in text.splitlines() if line.startswith(",")] == []
+
+
+def test_every_field_of_a_run_says_what_it_holds() -> None:
+    text = (ROOT / "templates/c/run.h").read_text(encoding="utf-8")
+    fields = dict(re.findall(r"^  (?:int|double) (\w+);(.*)$", text, re.MULTILINE))
+    assert fields.keys() >= KEPT_FIELDS
+    assert [name for name in KEPT_FIELDS if not fields[name].lstrip().startswith("/*")] == []
+
+
+def test_a_word_of_c_is_found() -> None:
+    assert find_c_words("/* a glide */ int radau_stand(double loudness); run->leash = 1; double crowd;") == [
+        *("glide", "stand", "loudness")
+    ]
+
+
 def test_a_word_of_dialect_is_found() -> None:
     assert find_dialect("what watches no condition") == [r"(?<!->)\bwatch(es|ed)?\b"]
     assert list(find_texts(ast.parse('"""Nobody."""\nx = "nobody wants them"\n'))) == [

@@ -262,18 +262,18 @@ typedef struct {
   long long n_events; /* number of events, also beyond most_events */
   int is_stopped;     /* 1 where an event of `stop` has ended the last call */
   int is_started; /* internal, from here on: kept between calls */
-  int may_grow;
-  int succession;
-  int crowd;
-  int n_stalled;
-  double mark;
-  double ahead;
-  double pace;
-  double leash;
-  double cut;
-  double remaining;
-  double loudness;
-  double last_event;
+  int may_grow;   /* whether the next step may be longer: no, right after a rejection */
+  int succession;    /* events one after the other, each within a thousandth of a step of the last one */
+  int crowd;         /* events one after the other, each within a step of the last one */
+  int n_stalled;     /* trials since `mark` */
+  double mark;       /* the last time that was a thousandth of a step behind the one before [s] */
+  double ahead;      /* time to the event that the last step ended just before [s]; 0: to none */
+  double pace;       /* length of the last step that no event cut [s] */
+  double leash;      /* longest step after many events [s]; 0: any */
+  double cut;        /* length at which the next step ends just before an event [s]; 0: at none */
+  double remaining;  /* time from that end to the event [s] */
+  double loudness;   /* factor of the rounding by which a margin must pass zero to count */
+  double last_event; /* [s] */
 } icosahedron_run;
 
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite

@@ -379,8 +379,9 @@ typedef struct {
 } event_memory;
 
 /* How far beyond zero each margin must be to count: lengths to their rounding, the condition to that of its values,
- * which near zero may be differences of larger ones: where noise shows, to that of what it changes by within `pace`. */
-static void event_noise(const double *coordinate, double loudness, double pace, event_memory *m)
+ * which near zero may be differences of larger ones: where noise shows, to that of what it changes by within
+ * `usual_step`. */
+static void event_noise(const double *coordinate, double noise_factor, double usual_step, event_memory *m)
 {
   const int last = N_MARGINS - 1;
   double size = EVENT_SIZE;
@@ -389,9 +390,10 @@ static void event_noise(const double *coordinate, double loudness, double pace, 
     size = fmax(size, fabs(coordinate[k]));
   }
   for (k = 0; k < last; ++k) {
-    m->noise[k] = 4e-15 * loudness * size;
+    m->noise[k] = 4e-15 * noise_factor * size;
   }
-  m->noise[last] = 4e-15 * loudness * fmax(fabs(m->first[last]), loudness > 1.0 ? pace * fabs(m->rise[last]) : 0.0);
+  m->noise[last] =
+      4e-15 * noise_factor * fmax(fabs(m->first[last]), noise_factor > 1.0 ? usual_step * fabs(m->rise[last]) : 0.0);
 }
 
 /* Positive while margin k is on its old side. */
@@ -451,8 +453,8 @@ static double event_root(
 /* Margin k falls at `low` and rises at `high`, on its side at both. Where it leaves it in between; negative: not so,
  * but the turn at minus this comes too near to tell; 2: neither. */
 static double event_dip(
-    const event_path *path, int k, double low, double f_low, double d_low, double high, double f_high, double d_high
-, const motion_arguments *with, const two_nodes_run *run, event_memory *m)
+    const event_path *path, int k, double low, double f_low, double d_low, double high, double f_high, double d_high,
+    const motion_arguments *with, const two_nodes_run *run, event_memory *m)
 {
   const double start = low, f_start = f_low;
   int i;
@@ -552,19 +554,19 @@ static double event_on_path(
   return event_in_part(path, 0.5, m->middle, m->turn, 1.0, m->last, m->slope, with, run, m);
 }
 
-static const double LONGEST_PASSING = 1e-8; /* of a step: beyond, a glide costs accuracy */
+static const double LONGEST_PASSING = 1e-8; /* of a step: beyond, an extrapolation costs accuracy */
 
 /* Time in which margin k passes its noise, at most LONGEST_PASSING. */
-static double event_passing(double pace, const event_memory *m, int k)
+static double event_passing(double usual_step, const event_memory *m, int k)
 {
   const double passing = 8.0 * m->noise[k] / fabs(m->rise[k]);
-  return passing < LONGEST_PASSING * pace ? passing : LONGEST_PASSING * pace;
+  return passing < LONGEST_PASSING * usual_step ? passing : LONGEST_PASSING * usual_step;
 }
 
 /* What counts as at the event that was found: `base`, or the time in which its margin passes its noise. */
-static double event_near(double base, double pace, const event_memory *m)
+static double event_near(double base, double usual_step, const event_memory *m)
 {
-  return base + event_passing(pace, m, m->which);
+  return base + event_passing(usual_step, m, m->which);
 }
 
 /* Note an event of margin k. */
@@ -600,11 +602,11 @@ static int event_turn(double time, event_memory *m, const double *margin, two_no
 }
 
 /* Whether all margins that have left their sides have done so by little more than their noise. Where forces jump this
- * is left to glides, which know them on both sides, but for the condition and margins too slow for that. */
-static int event_lands(double pace, const event_memory *m)
+ * is left to extrapolations, which know them on both sides, but for the condition and margins too slow for that. */
+static int event_is_reached(double usual_step, const event_memory *m)
 {
   int k, count = 0;
-  (void)pace;
+  (void)usual_step;
   for (k = 0; k < N_MARGINS; ++k) {
     const double left = event_left(m, m->last, k);
     if (left < -4.0 * m->noise[k]) {
@@ -669,9 +671,9 @@ static int event_is_off(const event_memory *m, double h, const two_nodes_run *ru
   return run->leash == 0.0;
 }
 
-/* Whether the event that the motion is at, `root` ahead on a glide of length h, is near enough to be passed. Else the
- * next step is cut at just before it; where the glide meets none, noise was taken for one, or `planned` steps are too
- * long to tell where events are; of overdamped cables shorter ones tell no better. */
+/* Whether the event that the motion is at, `root` ahead on an extrapolation of length h, is near enough to be passed.
+ * Else the next step is cut at just before it; where the extrapolation meets none, noise was taken for one, or
+ * `planned` steps are too long to tell where events are; of overdamped cables shorter ones tell no better. */
 static int event_is_near(
     double root, double near, double h, double *planned, two_nodes_run *run, const event_memory *m)
 {
@@ -724,7 +726,7 @@ static void event_follows(double time, double step, two_nodes_run *run)
 
 
 /* Margins and their slopes a second at the start of a path; non-zero if they are finite. */
-static int event_stand(
+static int event_evaluate_margins(
     const event_path *path, const motion_arguments *with, const two_nodes_run *run, event_memory *m)
 {
   int k;
@@ -777,7 +779,7 @@ static void motion_sample(
 }
 
 /* The state a short time later, by its Taylor series of second order: fills trial. */
-static void motion_glide(
+static void motion_extrapolate(
     double h, const double *state, const double *lost, const double *rate, double *change, double *trial)
 {
   int k;
@@ -790,8 +792,9 @@ static void motion_glide(
   }
 }
 
-/* Margins and their slopes a second where the motion stands, over a glide of length h; non-zero if they are finite. */
-static int motion_stand(
+/* Margins and their slopes a second where the motion is, over an extrapolation of length h; non-zero if they are
+ * finite. */
+static int motion_evaluate_margins(
     double time, double h, const double *state, const double *lost, const double *rate, double *change,
     double *trial, double *old, const motion_arguments *with, const two_nodes_run *run, event_memory *m)
 {
@@ -803,14 +806,14 @@ static int motion_stand(
   for (k = 0; k < N; ++k) {
     old[2 * N + k] = rate[N + k];
   }
-  motion_glide(h, state, lost, rate, change, trial);
+  motion_extrapolate(h, state, lost, rate, change, trial);
   path.old = old;
   path.q1 = trial;
   path.v1 = trial + N;
   path.a1 = rate + N;
   path.time = time;
   path.h = h;
-  return event_stand(&path, with, run, m);
+  return event_evaluate_margins(&path, with, run, m);
 }
 
 /* Memory of one integration. */
@@ -964,6 +967,7 @@ static double rk4_run_try(
 }
 
 
+
 /* Memory of one integration; from call to call it keeps rates[0], what rounding took, and the sides of events. */
 typedef struct {
   double rates[2 * N * RK4_RUN_RATES], trial[2 * N], old[3 * N], lost[2 * N], change[2 * N], spare[2 * N];
@@ -994,20 +998,21 @@ static void rk4_run_keep_old(const double *state, const double *rates, double *o
 }
 
 /* What is watched where the motion stands: margins and slopes to events.first and .rise. Zero if not finite. */
-static int rk4_run_stand(double h, const rk4_run_motion *m, double *change)
+static int rk4_run_evaluate_margins(double h, const rk4_run_motion *m, double *change)
 {
   rk4_run_work *w = m->work;
-  return motion_stand(
+  return motion_evaluate_margins(
       *m->time, h, m->state, w->lost, w->rates, change, w->trial, w->old, m->with, m->run, &w->events);
 }
 
-/* Pass the event that lies `root` ahead, no farther than `near`: a glide to just beyond it. Zero if nothing turned. */
+/* Pass the event that lies `root` ahead, no farther than `near`, by extrapolation to just beyond it. Zero if nothing
+ * turned. */
 static int rk4_run_pass(double root, double near, double left, const rk4_run_motion *m)
 {
   const double h = fmin(root + near, left), t1 = h < left ? *m->time + h : *m->time + left;
   rk4_run_work *w = m->work;
   int k;
-  motion_glide(h, m->state, w->lost, w->rates, w->change, w->trial);
+  motion_extrapolate(h, m->state, w->lost, w->rates, w->change, w->trial);
   event_margins(t1, w->trial, w->trial + N, m->with, m->run, w->events.last);
   if (!event_turn(*m->time + root, &w->events, w->events.last, m->run)) {
     return 0;
@@ -1026,7 +1031,7 @@ static int rk4_run_pass(double root, double near, double left, const rk4_run_mot
   return 1;
 }
 
-/* The glide over an event must cost no accuracy, nor end a run late. */
+/* The extrapolation over an event must cost no accuracy, nor end a run late. */
 static double rk4_run_event_base(const rk4_run_motion *m)
 {
   return (m->run->stop ? 1e-12 : 1e-8) * m->run->pace + 1e-15 * fabs(*m->time);
@@ -1054,7 +1059,7 @@ static int rk4_run_meet_crossing(double left, const rk4_run_motion *m, int *is_o
   path.a1 = w->rates + N;
   path.time = *m->time;
   path.h = fmin(fmax(4.0 * run->ahead, 4.0 * base), left);
-  motion_glide(path.h, m->state, w->lost, w->rates, w->change, w->trial);
+  motion_extrapolate(path.h, m->state, w->lost, w->rates, w->change, w->trial);
   root = event_on_path(&path, 1, 0, m->with, run, &w->events) * path.h;
   near = event_near(base, run->pace, &w->events);
   if (!event_is_near(root, near, path.h, planned, run, &w->events)) {
@@ -1065,7 +1070,7 @@ static int rk4_run_meet_crossing(double left, const rk4_run_motion *m, int *is_o
     return TWO_NODES_OK;
   }
   run->loudness = 1.0;
-  if (!all_finite(w->rates, 2 * N) || !rk4_run_stand(run->pace, m, w->change)) {
+  if (!all_finite(w->rates, 2 * N) || !rk4_run_evaluate_margins(run->pace, m, w->change)) {
     return TWO_NODES_NON_FINITE_RESULT;
   }
   return rk4_run_after_crossing(run, is_over);
@@ -1091,7 +1096,7 @@ static int rk4_run_is_cut_short(
   found = event_on_path(&path, parts, *error <= 1.0, m->with, m->run, events);
   if (!all_finite(events->last, N_MARGINS)) {
     *error = INFINITY;
-  } else if (found >= 0.0 && *error <= 1.0 && event_lands(m->run->pace, events)) {
+  } else if (found >= 0.0 && *error <= 1.0 && event_is_reached(m->run->pace, events)) {
     *is_landing = 1;
   } else if (found <= 1.0) {
     /* A step that was cut at the condition and meets it again meets noise, but where events are many. */
@@ -1115,7 +1120,7 @@ static int rk4_run_watch_on(
       events->rise[k] = events->slope[k] / h;
     }
     m->run->pace = h;
-  } else if (m->run->watch && !rk4_run_stand(m->run->pace, m, m->work->spare)) {
+  } else if (m->run->watch && !rk4_run_evaluate_margins(m->run->pace, m, m->work->spare)) {
     return TWO_NODES_NON_FINITE_RESULT; /* the slopes over a short step would be rounding */
   }
   event_taken(*m->step, is_cut, is_landing, m->run);
@@ -1141,7 +1146,7 @@ static int rk4_run_begin(double time_end, const rk4_run_motion *m)
   if (!all_finite(w->rates, 2 * N)) {
     return TWO_NODES_NON_FINITE_RESULT;
   }
-  if (run->watch && !rk4_run_stand(*m->step, m, w->change)) {
+  if (run->watch && !rk4_run_evaluate_margins(*m->step, m, w->change)) {
     return TWO_NODES_NON_FINITE_RESULT;
   }
   event_begin(*m->time, *m->step, run, &w->events);

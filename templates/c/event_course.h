@@ -4,22 +4,22 @@
 #if WITH_EVENTS
 
 #if WITH_SMOOTH_EVENTS
-static const double LONGEST_PASSING = 1e-8; /* of a step: beyond, a glide costs accuracy */
+static const double LONGEST_PASSING = 1e-8; /* of a step: beyond, an extrapolation costs accuracy */
 #else
 static const double LONGEST_PASSING = 1e-6;
 #endif
 
 /* Time in which margin k passes its noise, at most LONGEST_PASSING. */
-static inline double event_passing(double pace, const event_memory *m, int k)
+static inline double event_passing(double usual_step, const event_memory *m, int k)
 {
   const double passing = 8.0 * m->noise[k] / fabs(m->rise[k]);
-  return passing < LONGEST_PASSING * pace ? passing : LONGEST_PASSING * pace;
+  return passing < LONGEST_PASSING * usual_step ? passing : LONGEST_PASSING * usual_step;
 }
 
 /* What counts as at the event that was found: `base`, or the time in which its margin passes its noise. */
-static inline double event_near(double base, double pace, const event_memory *m)
+static inline double event_near(double base, double usual_step, const event_memory *m)
 {
-  return base + event_passing(pace, m, m->which);
+  return base + event_passing(usual_step, m, m->which);
 }
 
 /* Note an event of margin k. */
@@ -55,12 +55,12 @@ static inline int event_turn(double time, event_memory *m, const double *margin,
 }
 
 /* Whether all margins that have left their sides have done so by little more than their noise. Where forces jump this
- * is left to glides, which know them on both sides, but for the condition and margins too slow for that. */
-static inline int event_lands(double pace, const event_memory *m)
+ * is left to extrapolations, which know them on both sides, but for the condition and margins too slow for that. */
+static inline int event_is_reached(double usual_step, const event_memory *m)
 {
   int k, count = 0;
 #if WITH_SMOOTH_EVENTS
-  (void)pace;
+  (void)usual_step;
 #endif
   for (k = 0; k < N_MARGINS; ++k) {
     const double left = event_left(m, m->last, k);
@@ -68,7 +68,7 @@ static inline int event_lands(double pace, const event_memory *m)
       return 0;
     }
 #if !WITH_SMOOTH_EVENTS
-    if (left < 0.0 && k != N_MARGINS - 1 && event_passing(pace, m, k) < LONGEST_PASSING * pace) {
+    if (left < 0.0 && k != N_MARGINS - 1 && event_passing(usual_step, m, k) < LONGEST_PASSING * usual_step) {
       return 0;
     }
 #endif
@@ -133,9 +133,9 @@ static inline int event_is_off(const event_memory *m, double h, const scene_run 
 }
 #endif
 
-/* Whether the event that the motion is at, `root` ahead on a glide of length h, is near enough to be passed. Else the
- * next step is cut at just before it; where the glide meets none, noise was taken for one, or `planned` steps are too
- * long to tell where events are; of overdamped cables shorter ones tell no better. */
+/* Whether the event that the motion is at, `root` ahead on an extrapolation of length h, is near enough to be passed.
+ * Else the next step is cut at just before it; where the extrapolation meets none, noise was taken for one, or
+ * `planned` steps are too long to tell where events are; of overdamped cables shorter ones tell no better. */
 static inline int event_is_near(
     double root, double near, double h, double *planned, scene_run *run, const event_memory *m)
 {
@@ -225,7 +225,7 @@ static inline void event_catch_up(
 #endif
 
 /* Margins and their slopes a second at the start of a path; non-zero if they are finite. */
-static inline int event_stand(
+static inline int event_evaluate_margins(
     const event_path *path, const motion_arguments *with, const scene_run *run, event_memory *m)
 {
   int k;

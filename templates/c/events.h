@@ -29,8 +29,9 @@ typedef struct {
 } event_memory;
 
 /* How far beyond zero each margin must be to count: lengths to their rounding, the condition to that of its values,
- * which near zero may be differences of larger ones: where noise shows, to that of what it changes by within `pace`. */
-static inline void event_noise(const double *coordinate, double loudness, double pace, event_memory *m)
+ * which near zero may be differences of larger ones: where noise shows, to that of what it changes by within
+ * `usual_step`. */
+static inline void event_noise(const double *coordinate, double noise_factor, double usual_step, event_memory *m)
 {
   const int last = N_MARGINS - 1;
   double size = EVENT_SIZE;
@@ -39,9 +40,10 @@ static inline void event_noise(const double *coordinate, double loudness, double
     size = fmax(size, fabs(coordinate[k]));
   }
   for (k = 0; k < last; ++k) {
-    m->noise[k] = 4e-15 * loudness * size;
+    m->noise[k] = 4e-15 * noise_factor * size;
   }
-  m->noise[last] = 4e-15 * loudness * fmax(fabs(m->first[last]), loudness > 1.0 ? pace * fabs(m->rise[last]) : 0.0);
+  m->noise[last] =
+      4e-15 * noise_factor * fmax(fabs(m->first[last]), noise_factor > 1.0 ? usual_step * fabs(m->rise[last]) : 0.0);
 }
 
 /* Positive while margin k is on its old side. */
@@ -101,8 +103,8 @@ static inline double event_root(
 /* Margin k falls at `low` and rises at `high`, on its side at both. Where it leaves it in between; negative: not so,
  * but the turn at minus this comes too near to tell; 2: neither. */
 static inline double event_dip(
-    const event_path *path, int k, double low, double f_low, double d_low, double high, double f_high, double d_high
-, const motion_arguments *with, const scene_run *run, event_memory *m)
+    const event_path *path, int k, double low, double f_low, double d_low, double high, double f_high, double d_high,
+    const motion_arguments *with, const scene_run *run, event_memory *m)
 {
   const double start = low, f_start = f_low;
   int i;

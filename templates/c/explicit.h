@@ -3,7 +3,7 @@
 #include "energy.h"
 #include "finite.h"
 #include "first_step.h"
-#include "glide.h"
+#include "extrapolate.h"
 #include "sample.h"
 #include "step_control.h"
 #include "tableau.h"
@@ -113,14 +113,15 @@ static inline void method_choose_step(double time_end, const method_motion *m)
 #endif
 #if WITH_EVENTS
 /* What is watched where the motion stands: margins and slopes to events.first and .rise. Zero if not finite. */
-static inline int method_stand(double h, const method_motion *m, real *change)
+static inline int method_evaluate_margins(double h, const method_motion *m, real *change)
 {
   method_work *w = m->work;
-  return motion_stand(
+  return motion_evaluate_margins(
       *m->time, h, m->state, w->lost, w->rates, change, w->trial, w->old, m->with, m->run, &w->events);
 }
 
-/* Pass the event that lies `root` ahead, no farther than `near`: a glide to just beyond it. Zero if nothing turned. */
+/* Pass the event that lies `root` ahead, no farther than `near`, by extrapolation to just beyond it. Zero if nothing
+ * turned. */
 static inline int method_pass(double root, double near, double left, const method_motion *m)
 {
   const double h = fmin(root + near, left), t1 = h < left ? *m->time + h : *m->time + left;
@@ -129,7 +130,7 @@ static inline int method_pass(double root, double near, double left, const metho
 #if !WITH_SMOOTH_EVENTS
   double delay;
 #endif
-  motion_glide(h, m->state, w->lost, w->rates, w->change, w->trial);
+  motion_extrapolate(h, m->state, w->lost, w->rates, w->change, w->trial);
 #if WITH_PROFILE
   profile_set_time(t1, m->with->profile);
 #endif
@@ -165,7 +166,7 @@ static inline int method_pass(double root, double near, double left, const metho
   return 1;
 }
 
-/* The glide over an event must cost no accuracy, nor end a run late. */
+/* The extrapolation over an event must cost no accuracy, nor end a run late. */
 static inline double method_event_base(const method_motion *m)
 {
 #if WITH_SMOOTH_EVENTS
@@ -201,7 +202,7 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
   path.a1 = w->rates + N;
   path.time = *m->time;
   path.h = fmin(fmax(4.0 * run->ahead, 4.0 * base), left);
-  motion_glide(path.h, m->state, w->lost, w->rates, w->change, w->trial);
+  motion_extrapolate(path.h, m->state, w->lost, w->rates, w->change, w->trial);
   root = event_on_path(&path, 1, 0, m->with, run, &w->events) * path.h;
   near = event_near(base, run->pace, &w->events);
   if (!event_is_near(root, near, path.h, planned, run, &w->events)) {
@@ -212,7 +213,7 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
     return SCENE_OK;
   }
   run->loudness = 1.0;
-  if (!all_finite(w->rates, 2 * N) || !method_stand(run->pace, m, w->change)) {
+  if (!all_finite(w->rates, 2 * N) || !method_evaluate_margins(run->pace, m, w->change)) {
     return SCENE_NON_FINITE_RESULT;
   }
   return method_after_crossing(run, is_over);
@@ -242,7 +243,7 @@ static inline int method_is_cut_short(
   found = event_on_path(&path, parts, *error <= 1.0, m->with, m->run, events);
   if (!all_finite(events->last, N_MARGINS)) {
     *error = INFINITY;
-  } else if (found >= 0.0 && *error <= 1.0 && event_lands(m->run->pace, events)) {
+  } else if (found >= 0.0 && *error <= 1.0 && event_is_reached(m->run->pace, events)) {
     *is_landing = 1;
   } else if (found <= 1.0) {
     /* A step that was cut at the condition and meets it again meets noise, but where events are many. */
@@ -266,7 +267,7 @@ static inline int method_watch_on(
       events->rise[k] = events->slope[k] / h;
     }
     m->run->pace = h;
-  } else if (m->run->watch && !method_stand(m->run->pace, m, m->work->spare)) {
+  } else if (m->run->watch && !method_evaluate_margins(m->run->pace, m, m->work->spare)) {
     return SCENE_NON_FINITE_RESULT; /* the slopes over a short step would be rounding */
   }
   event_taken(*m->step, is_cut, is_landing, m->run);
@@ -306,7 +307,7 @@ static inline int method_begin(double time_end, const method_motion *m)
   run->energy = motion_energy(m->state, m->state + N, m->with);
 #endif
 #if WITH_EVENTS
-  if (run->watch && !method_stand(*m->step, m, w->change)) {
+  if (run->watch && !method_evaluate_margins(*m->step, m, w->change)) {
     return SCENE_NON_FINITE_RESULT;
   }
   event_begin(*m->time, *m->step, run, &w->events);
@@ -551,7 +552,7 @@ static inline int method_pass_kink(const method_motion *m)
   m->run->ahead = 0.0;
   m->run->cut = 0.0;
   if (m->run->watch) {
-    if (!method_stand(m->run->pace, m, w->spare)) {
+    if (!method_evaluate_margins(m->run->pace, m, w->spare)) {
       return SCENE_NON_FINITE_RESULT;
     }
     event_noise(m->state, m->run->loudness, m->run->pace, &w->events);

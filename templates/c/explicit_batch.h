@@ -105,7 +105,8 @@ static inline void method_choose_steps(
     if (m->source[k] == k && choose[k] > (real)0.0) {
       b->count[3 * k + 2] += rounds;
       b->step[k] = motion_first_step(
-          WIDTH, b->time_end - b->time[k], b->rtol, b->atol, METHOD_ERROR_ORDER, fastest[k], l->state + k, l->rates + k);
+          WIDTH, b->time_end - b->time[k], b->rtol, b->atol, METHOD_ERROR_ORDER, fastest[k], l->state + k,
+          l->rates + k);
     }
   }
 }

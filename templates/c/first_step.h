@@ -54,15 +54,15 @@ static inline double motion_first_step(
     int stride, double span, double rtol, double atol, double order, double fastest, const real *state,
     const real *rate)
 {
-  const double pace = fmax(fastest, 1.0 / span);
+  const double frequency = fmax(fastest, 1.0 / span);
   double level = fmin(1.0, fmax(rtol, 1e-16));
   int k;
   for (k = N; k < 2 * N; ++k) {
-    const double change = fabs((double)rate[k * stride]) / pace;
+    const double change = fabs((double)rate[k * stride]) / frequency;
     const double scale = atol + rtol * fabs((double)state[k * stride]);
     level = scale < level * change ? scale / change : level;
   }
-  return fmin(span, 2.0 * pow(level, 1.0 / order) / pace);
+  return fmin(span, 2.0 * pow(level, 1.0 / order) / frequency);
 }
 
 #endif

@@ -48,7 +48,7 @@ static inline int radau_advance(
 #if WITH_EVENTS
     if (watches) {
       events->pace = *step;
-      if (!radau_stand(run, *time, state, events, m)) {
+      if (!radau_evaluate_margins(run, *time, state, events, m)) {
         return SCENE_NON_FINITE_RESULT;
       }
       event_begin(*time, *step, events, m);
@@ -62,7 +62,7 @@ static inline int radau_advance(
     }
   }
   for (i = 0; i < most_steps && *time < time_end; ++i) {
-    const double left = time_end - *time, pace = fmin(run->kept[7] > 0.0 ? run->kept[7] : *step, *step);
+    const double left = time_end - *time, usual_step = fmin(run->kept[7] > 0.0 ? run->kept[7] : *step, *step);
     double h = *step, t1, error = -1.0, factor;
 #if WITH_EVENTS
     int is_cut = 0, is_short = 0, is_landing = 0, is_known = 1;
@@ -115,7 +115,7 @@ static inline int radau_advance(
       error = radau_error(run, h, state, run->trial);
     }
     factor = error > 0.0 ? 0.9 * pow(error, -0.25) : error < 0.0 ? 0.5 : 8.0;
-    if (error >= 0.0 && error <= 1.0 && !radau_finish(run, h, is_whole ? h : pace, state)) {
+    if (error >= 0.0 && error <= 1.0 && !radau_finish(run, h, is_whole ? h : usual_step, state)) {
       error = INFINITY;
     }
 #if WITH_EVENTS
@@ -129,7 +129,7 @@ static inline int radau_advance(
       is_known = all_finite(m->last, N_MARGINS);
       if (!is_known) {
         error = INFINITY;
-      } else if (found >= 0.0 && is_good && event_lands(events->pace, m)) {
+      } else if (found >= 0.0 && is_good && event_is_reached(events->pace, m)) {
         is_landing = 1;
       }
       if (is_good && !is_landing && (found <= 1.0 || !(error <= 1.0))) {
@@ -169,12 +169,12 @@ static inline int radau_advance(
     *time = t1;
     ++count[0];
 #if WITH_EVENTS
-    if (watches && h >= 0.5 * pace) {
+    if (watches && h >= 0.5 * usual_step) {
       radau_find_jerk(run, h);
     }
 #endif
     /* The polynomials of a step that was cut short say nothing of a long one. */
-    run->kept[0] = h >= 0.1 * pace ? h : 0.0;
+    run->kept[0] = h >= 0.1 * usual_step ? h : 0.0;
     run->kept[1] = fmax(error, 1e-2);
     if (is_whole) {
       *step = h * fmin(run->kept[3] > 0.0 ? 8.0 : 1.0, fmax(0.2, factor));

@@ -6,13 +6,13 @@
 
 /* Far ahead of the motion: the third derivatives at the end of the last whole step carry it on over this part of
  * such a step, to 1e-12 and less of what it goes; without them over less. */
-static inline double radau_reach(const radau_work *run, double pace)
+static inline double radau_reach(const radau_work *run, double usual_step)
 {
-  return run->kept[8] > 0.0 ? 1e-3 * pace : 1e-6 * pace;
+  return run->kept[8] > 0.0 ? 1e-3 * usual_step : 1e-6 * usual_step;
 }
 
 /* The smooth motion a time h later by its Taylor series: fills trial and the path from here to there. */
-static inline void radau_glide(radau_work *run, double time, double h, const double *state, event_path *path)
+static inline void radau_extrapolate(radau_work *run, double time, double h, const double *state, event_path *path)
 {
   int k;
   for (k = 0; k < N; ++k) {
@@ -44,12 +44,12 @@ static inline void radau_find_jerk(radau_work *run, double h)
 }
 
 /* Margins and their slopes where the motion stands. */
-static inline int radau_stand(
+static inline int radau_evaluate_margins(
     radau_work *run, double time, const double *state, const scene_run *events, event_memory *m)
 {
   event_path path;
-  radau_glide(run, time, events->pace, state, &path);
-  return event_stand(&path, run->with, events, m);
+  radau_extrapolate(run, time, events->pace, state, &path);
+  return event_evaluate_margins(&path, run->with, events, m);
 }
 
 /* The first event on a trial step from run->old to run->trial with these velocities and accelerations at its end. */
@@ -67,8 +67,8 @@ static inline double radau_event_search(
   return event_on_path(&path, 2, closely, run->with, events, m);
 }
 
-/* Samples on a glide that `path` describes, from the tensions at its start. */
-static inline void radau_sample_glide(
+/* Samples on an extrapolation that `path` describes, from the tensions at its start. */
+static inline void radau_sample_extrapolated(
     const radau_work *run, const event_path *path, double t1, long long n_samples, const double *sample_time,
     double *sample_state, double *sample_tension, long long *n_sampled)
 {
@@ -83,7 +83,7 @@ static inline void radau_sample_glide(
   }
 }
 
-/* Pass the event that lies run->ahead of here: glide to just beyond it and go on behind it, or say where the next
+/* Pass the event that lies run->ahead of here: extrapolate to just beyond it and go on behind it, or say where the next
  * step is to be cut. Returns 0 where something is not finite. */
 static inline int radau_event_pass(
     radau_work *run, double left, double *step, double *time, double *state, long long n_samples,
@@ -97,7 +97,7 @@ static inline int radau_event_pass(
 #if !WITH_SMOOTH_EVENTS
   double delay;
 #endif
-  radau_glide(run, *time, fmin(fmax(4.0 * events->ahead, 4.0 * base), left), state, &path);
+  radau_extrapolate(run, *time, fmin(fmax(4.0 * events->ahead, 4.0 * base), left), state, &path);
   root = event_on_path(&path, 1, 0, run->with, events, m) * path.h;
   if (!event_is_near(root, reach, path.h, step, events, m)) {
     return 1;
@@ -105,7 +105,7 @@ static inline int radau_event_pass(
   near = event_near(base, events->pace, m);
   h = fmin(root + near, left);
   t1 = h < left ? *time + h : *time + left;
-  radau_glide(run, *time, h, state, &path);
+  radau_extrapolate(run, *time, h, state, &path);
   event_margins(t1, path.q1, path.v1, run->with, events, m->last);
 #if !WITH_SMOOTH_EVENTS
   delay = event_delay(2.0 * near, m);
@@ -114,7 +114,7 @@ static inline int radau_event_pass(
     events->loudness *= 8.0;
     return 1;
   }
-  radau_sample_glide(run, &path, t1, n_samples, sample_time, sample_state, sample_tension, n_sampled);
+  radau_sample_extrapolated(run, &path, t1, n_samples, sample_time, sample_state, sample_tension, n_sampled);
   for (k = 0; k < N; ++k) {
     state[k] = path.q1[k];
     state[N + k] += path.v1[k] - run->velocity[k];
@@ -133,7 +133,7 @@ static inline int radau_event_pass(
   event_catch_up(delay, run->ahead, run->acceleration, state + N, NULL);
   h = 0.0;
 #endif
-  return radau_restart(run, h, *step, state) && radau_stand(run, t1, state, events, m);
+  return radau_restart(run, h, *step, state) && radau_evaluate_margins(run, t1, state, events, m);
 }
 
 /* After a step of length h to `time` that was taken: what is watched from here on, and an event that it ended at. */
@@ -155,9 +155,9 @@ static inline int radau_watch_on(
 #if WITH_PROFILE
     profile_set_start(time, run->with->profile);
 #endif
-    return radau_restart(run, 0.0, step, state) && radau_stand(run, time, state, events, m);
+    return radau_restart(run, 0.0, step, state) && radau_evaluate_margins(run, time, state, events, m);
   }
-  return is_whole || radau_stand(run, time, state, events, m);
+  return is_whole || radau_evaluate_margins(run, time, state, events, m);
 }
 
 /* Where an event ends a call: the tensions there, in place of the next sample. */

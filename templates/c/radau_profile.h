@@ -58,7 +58,7 @@ static inline int radau_pass_kink(
     event_memory *m = &run->margins;
     events->ahead = 0.0;
     events->cut = 0.0;
-    if (!radau_stand(run, time, state, events, m)) {
+    if (!radau_evaluate_margins(run, time, state, events, m)) {
       return SCENE_NON_FINITE_RESULT;
     }
     event_noise(state, events->loudness, 0.0, m);

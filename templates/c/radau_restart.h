@@ -4,7 +4,7 @@
 #if !WITH_FLOAT
 
 /* Go on behind an event, whose forces may have a kink or jump: smooth values anew, from nothing that was before. */
-static inline int radau_restart(radau_work *run, double glided, double step, const double *state)
+static inline int radau_restart(radau_work *run, double extrapolated, double step, const double *state)
 {
   const double *q = state, *v = state + N;
   int b;
@@ -13,7 +13,7 @@ static inline int radau_restart(radau_work *run, double glided, double step, con
     const double kappa = run->compliance[b];
     const int resolved = radau_resolved * kappa > run->mobility[b] * step * step;
     run->stage_tension[b] = resolved ? (run->gap[b] + run->lag[b] * run->rate[b]) / kappa
-                                     : run->tension[b] + glided * run->slope[b];
+                                     : run->tension[b] + extrapolated * run->slope[b];
     run->slope[b] = 0.0;
     run->bend[b] = 0.0;
   }

@@ -161,9 +161,9 @@ static inline void radau_revert(radau_work *run, double h, const double *state)
   radau_factor_smooth(run, h, state, run->velocity);
 }
 
-/* Smooth values at the end of the step of length h to run->trial, with those at its start in run->old; `pace` is how
- * long steps are. Returns 0, with everything as before, where there are none. */
-static inline int radau_finish(radau_work *run, double h, double pace, const double *state)
+/* Smooth values at the end of the step of length h to run->trial, with those at its start in run->old; `usual_step` is
+ * how long steps are. Returns 0, with everything as before, where there are none. */
+static inline int radau_finish(radau_work *run, double h, double usual_step, const double *state)
 {
   int k, b;
   for (k = 0; k < N; ++k) {
@@ -174,7 +174,7 @@ static inline int radau_finish(radau_work *run, double h, double pace, const dou
   for (b = 0; b < N_TENSIONS; ++b) {
     const double *t = run->stage_tension + b;
     run->old_smooth[b] = run->tension[b];
-    if (h >= 0.5 * pace) { /* over less, differences say nothing */
+    if (h >= 0.5 * usual_step) { /* over less, differences say nothing */
       run->slope[b] = (radau_slope[0] * t[0] + radau_slope[1] * t[N_TENSIONS] + radau_slope[2] * t[2 * N_TENSIONS]) / h;
       run->bend[b] = (radau_curvature[0] * t[0] + radau_curvature[1] * t[N_TENSIONS]
           + radau_curvature[2] * t[2 * N_TENSIONS]) / (h * h);
@@ -184,7 +184,8 @@ static inline int radau_finish(radau_work *run, double h, double pace, const dou
   profile_set_stage(h, run->with->profile);
 #endif
   if (!radau_smooth(
-          run, fmax(h, pace), run->trial, run->trial + N, run->stage_tension + 2 * N_TENSIONS, run->slope, run->bend)) {
+          run, fmax(h, usual_step), run->trial, run->trial + N, run->stage_tension + 2 * N_TENSIONS, run->slope,
+          run->bend)) {
     radau_revert(run, h, state);
     return 0;
   }

@@ -1,10 +1,10 @@
-#ifndef GLIDE_H
-#define GLIDE_H
+#ifndef EXTRAPOLATE_H
+#define EXTRAPOLATE_H
 #include "event_course.h"
 #if WITH_EVENTS
 
 /* The state a short time later, by its Taylor series of second order: fills trial. */
-static inline void motion_glide(
+static inline void motion_extrapolate(
     double h, const double *state, const double *lost, const double *rate, double *change, double *trial)
 {
   int k;
@@ -17,8 +17,9 @@ static inline void motion_glide(
   }
 }
 
-/* Margins and their slopes a second where the motion stands, over a glide of length h; non-zero if they are finite. */
-static inline int motion_stand(
+/* Margins and their slopes a second where the motion is, over an extrapolation of length h; non-zero if they are
+ * finite. */
+static inline int motion_evaluate_margins(
     double time, double h, const double *state, const double *lost, const double *rate, double *change,
     double *trial, double *old, const motion_arguments *with, const scene_run *run, event_memory *m)
 {
@@ -30,14 +31,14 @@ static inline int motion_stand(
   for (k = 0; k < N; ++k) {
     old[2 * N + k] = rate[N + k];
   }
-  motion_glide(h, state, lost, rate, change, trial);
+  motion_extrapolate(h, state, lost, rate, change, trial);
   path.old = old;
   path.q1 = trial;
   path.v1 = trial + N;
   path.a1 = rate + N;
   path.time = time;
   path.h = h;
-  return event_stand(&path, with, run, m);
+  return event_evaluate_margins(&path, with, run, m);
 }
 
 #endif
