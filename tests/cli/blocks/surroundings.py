@@ -89,7 +89,7 @@ FILES = {
 BEFORE = (
     (
         "docs/control.md",
-        "from tensegrity_codegen import Gust",
+        "from tensegrity_codegen import Disturbance, Gust",
         "import shutil\nimport numpy as np\n"
         "from tensegrity_codegen import choose_weights, design_distribution, design_kalman\n"
         'shutil.copy("pinned_prism.toml", "pinned.toml")\n'
