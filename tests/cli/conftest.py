@@ -1,7 +1,6 @@
 """The command line called in this process, in a folder of its own."""
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,22 +40,39 @@ class Ended:
         return {key: value for key, value in self.data.items() if key != "seconds"}
 
 
-Run = Callable[..., Ended]
+class Run:
+    """The command line, called with words in this process."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self.capsys = capsys
+
+    def __call__(self, *words: object) -> Ended:
+        """Return how a call ended; no error is shown as a traceback."""
+        self.capsys.readouterr()
+        with pytest.raises(SystemExit) as caught:
+            main([str(word) for word in words])
+        out, err = self.capsys.readouterr()
+        assert "Traceback" not in err
+        return Ended(int(caught.value.code or 0), out, err)
+
+    def good(self, *words: object) -> Ended:
+        """Return how a call ended that has to end with code 0."""
+        ended = self(*words)
+        assert ended.code == 0, ended.err
+        return ended
+
+    def refused(self, *words: object) -> Ended:
+        """Return how a call with wrong input ended, which has to end with code 2."""
+        ended = self(*words)
+        assert ended.code == 2, ended.out
+        return ended
 
 
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Call the command line with words; return how it ended. Lines of progress are off."""
+    """Return what calls the command line. Lines of progress are off."""
     monkeypatch.setattr(ProgressBar, "INTERVAL", 3600.0)
-
-    def call(*words: object) -> Ended:
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as caught:
-            main([str(word) for word in words])
-        out, err = capsys.readouterr()
-        return Ended(int(caught.value.code or 0), out, err)
-
-    return call
+    return Run(capsys)
 
 
 @pytest.fixture(autouse=True)

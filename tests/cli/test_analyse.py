@@ -34,8 +34,7 @@ TWISTED = PRISM + "twist = 160\n"
 def test_a_prism_with_a_prestress(run: Run, folder: Path) -> None:
     """Without masses: everything but natural frequencies."""
     path = write(folder / "prism9.toml", PRISM + "prestress = 20\n")
-    ended = run("analyse", path, "--json", "--out", "a.npz")
-    assert ended.code == 0
+    ended = run.good("analyse", path, "--json", "--out", "a.npz")
     data = ended.data
     assert data["status"] == "stable"
     assert (data["rank"]["rank"], data["rank"]["largest_rank"]) == (11, 12)
@@ -127,17 +126,9 @@ def test_a_hanging_mass_at_its_equilibrium(run: Run, folder: Path) -> None:
 )
 def test_bad_options(run: Run, folder: Path, options, where) -> None:
     path = write(folder / "small.toml", GOOD)
-    ended = run("analyse", path, "--json", *options)
-    assert ended.code == 2
+    ended = run.refused("analyse", path, "--json", *options)
     assert where in ended.data["where"]
     assert sorted(item.name for item in folder.iterdir()) == ["small.toml"]
-
-
-def test_coincident_nodes_are_named(run: Run, folder: Path) -> None:
-    path = write(folder / "small.toml", GOOD.replace("[0, 0, -1]", "[0, 0, 0]"))
-    ended = run("analyse", path, "--json")
-    assert ended.code == 2
-    assert "s1" in ended.data["where"]
 
 
 @pytest.mark.thorough
@@ -148,8 +139,7 @@ def test_a_scene_in_node_distances_far_away(run: Run, folder: Path) -> None:
         "position = [0.6,", "position = [1000.6,"
     )
     path = write(folder / "planar.toml", text)
-    ended = run("analyse", path, "--json", "--out", "a.npz")
-    assert ended.code == 0
+    ended = run.good("analyse", path, "--json", "--out", "a.npz")
     assert (ended.data["rank"]["rank"], ended.data["n_selfstress"]) == (5, 1)
     with np.load("a.npz", allow_pickle=False) as file:
         assert file["node_position"][:, 0].min() == pytest.approx(1000.0)

@@ -48,7 +48,7 @@ def test_only_the_wanted_quantities_are_built(run: Run, two_nodes: Path) -> None
 
 def test_an_integrator_stays_with_the_acceleration_alone(run: Run, two_nodes: Path) -> None:
     for quantity, kept in (("acceleration", True), ("member_length", False)):
-        assert run("build", two_nodes, "-q", quantity, "--out", quantity).code == 0
+        run.good("build", two_nodes, "-q", quantity, "--out", quantity)
         assert ("rk4" in (Path(quantity) / "two_nodes.h").read_text(encoding="utf-8")) == kept
 
 
@@ -76,8 +76,7 @@ def test_the_exported_makefile_builds_an_example_that_runs(run: Run, folder: Pat
 def test_an_unknown_choice_is_refused_with_the_known_ones(
     words: list[str], run: Run, two_nodes: Path
 ) -> None:
-    ended = run("build", two_nodes, *words, "--out", "library", "--json")
-    assert ended.code == 2
+    ended = run.refused("build", two_nodes, *words, "--out", "library", "--json")
     assert words[1] in ended.data["given"]
     assert ended.data["allowed"] or "known" in ended.data["hint"]
     assert not Path("library").exists()
@@ -86,8 +85,7 @@ def test_an_unknown_choice_is_refused_with_the_known_ones(
 @pytest.mark.parametrize("out", ["file", "file/library"])
 def test_a_file_is_no_output_folder(out: str, run: Run, folder: Path, two_nodes: Path) -> None:
     (folder / "file").write_text("precious", encoding="utf-8")
-    ended = run("build", two_nodes, "--out", out, "--json")
-    assert ended.code == 2
+    ended = run.refused("build", two_nodes, "--out", out, "--json")
     assert ended.data["error"] == "OutputError"
     assert ended.data["where"] == out
     assert (folder / "file").read_text(encoding="utf-8") == "precious"
@@ -98,8 +96,7 @@ def test_a_cache_that_cannot_be_written_is_refused(
 ) -> None:
     (folder / "file").write_text("", encoding="utf-8")
     monkeypatch.setenv(CACHE_VARIABLE, str(folder / "file"))
-    ended = run("build", two_nodes, "--out", "library", "--json")
-    assert ended.code == 2
+    ended = run.refused("build", two_nodes, "--out", "library", "--json")
     assert ended.data["error"] == "OutputError"
     assert CACHE_VARIABLE in ended.data["hint"]
     assert not Path("library").exists()
@@ -112,8 +109,7 @@ def test_a_failing_compiler_is_an_error_with_its_log(
     body = 'case "$1" in --version) echo "bad cc 1.0";; *) echo "it hurts here" >&2; exit 7;; esac'
     monkeypatch.setenv("CC", str(write_script(folder / "bad_cc", body)))
     monkeypatch.setenv(CACHE_VARIABLE, str(folder / "cache"))
-    ended = run("build", two_nodes, "--out", "library", "--json")
-    assert ended.code == 2
+    ended = run.refused("build", two_nodes, "--out", "library", "--json")
     assert ended.data["error"] == "CompileError"
     assert "exit code 7" in ended.data["problem"]
     assert "it hurts here" in ended.data["log"]
@@ -127,8 +123,7 @@ def test_a_program_that_is_no_compiler_is_refused(
     run: Run, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CC", "/bin/false")
-    ended = run("build", two_nodes, "--json")
-    assert ended.code == 2
+    ended = run.refused("build", two_nodes, "--json")
     assert ended.data["error"] == "CompilerMissingError"
     assert ended.data["where"] == "CC"
 
@@ -146,8 +141,7 @@ def test_a_cache_entry_cut_short_is_rebuilt_silently(
     whole = library.read_bytes()
     library.unlink()  # never written in place: this process has it loaded
     library.write_bytes(spoil(whole))  # type: ignore[operator]
-    ended = run(*words)
-    assert ended.code == 0
+    ended = run.good(*words)
     assert ended.err == ""
     assert ended.data["from_cache"] is False
     assert library.read_bytes() == whole
@@ -162,8 +156,7 @@ def test_the_emitter_of_the_scene_can_be_overruled(run: Run, two_nodes: Path) ->
 
 
 def test_an_unknown_emitter_is_refused_with_the_known_ones(run: Run, two_nodes: Path) -> None:
-    ended = run("build", two_nodes, "--emitter", "tabel")
-    assert ended.code == 2
+    ended = run.refused("build", two_nodes, "--emitter", "tabel")
     assert "'table'" in ended.err
 
 
@@ -226,6 +219,5 @@ def test_a_tuned_build_lists_its_candidates_and_remembers_the_fastest(run: Run, 
 
 @pytest.mark.parametrize("words", [["--tune-for", "speed"], ["--any-flags"]])
 def test_a_tuning_that_makes_no_sense_is_refused(words: list[str], run: Run, two_nodes: Path) -> None:
-    ended = run("build", two_nodes, *words, "--json")
-    assert ended.code == 2
+    ended = run.refused("build", two_nodes, *words, "--json")
     assert ended.data["where"] == words[0]

@@ -20,8 +20,7 @@ from tests.cli.conftest import Run
 def test_what_no_other_machine_can_do_is_refused(
     words: tuple[str, ...], error: str, where: str, run: Run, two_nodes: Path
 ) -> None:
-    ended = run("build", two_nodes, *words, "--out", "library", "--json")
-    assert ended.code == 2
+    ended = run.refused("build", two_nodes, *words, "--out", "library", "--json")
     assert ended.data["error"] == error
     assert where in ended.data["where"]
     assert words[1] in ended.data["given"]
@@ -50,8 +49,7 @@ def test_a_library_for_this_machine_names_no_target(run: Run, two_nodes: Path) -
 def test_a_wheel_needs_a_place_and_a_library_that_python_loads(
     words: tuple[str, ...], error: str, where: str, run: Run, two_nodes: Path
 ) -> None:
-    ended = run("build", two_nodes, *words, "--json")
-    assert ended.code == 2
+    ended = run.refused("build", two_nodes, *words, "--json")
     assert ended.data["error"] == error
     assert where in ended.data["where"]
     assert not Path("library").exists()
@@ -63,4 +61,4 @@ def test_a_wheel_lies_beside_the_library(run: Run, two_nodes: Path) -> None:
     assert wheel.parent == Path("library")
     assert wheel.name.startswith("tensegrity_two_nodes-")
     assert wheel.name in (wheel.parent / "SHA256SUMS").read_text(encoding="utf-8")
-    assert run("build", two_nodes, "--wheel", "--out", "library").code == 0
+    run.good("build", two_nodes, "--wheel", "--out", "library")

@@ -58,13 +58,11 @@ def test_a_cache_that_others_may_write_is_refused_by_every_verb(
     run("build", two_nodes)
     place.chmod(0o777)
     for words in (("cache",), ("cache", "--clear"), ("build", two_nodes), ("equilibrium", two_nodes)):
-        ended = run(*words, "--json")
-        assert ended.code == 2
+        ended = run.refused(*words, "--json")
         assert ended.data["error"] == "UnsafeCacheError"
         assert ended.data["where"] == str(place)
         assert CACHE_VARIABLE in ended.data["hint"]
-    ended = run("doctor", "--json")
-    assert ended.code == 2
+    ended = run.refused("doctor", "--json")
     assert "another user" in " ".join(ended.data["problems"])
 
 

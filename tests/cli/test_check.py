@@ -47,25 +47,10 @@ def test_a_sound_scene_is_described(run: Run, prism: Path) -> None:
 def test_a_scene_without_prestress_is_told_how_to_find_one(run: Run, prism: Path) -> None:
     text = "\n".join(line for line in prism.read_text().splitlines() if "prestress" not in line)
     slack = write(prism.with_name("slack.toml"), text)
-    ended = run("check", slack)
-    assert ended.code == 0
+    ended = run.good("check", slack)
     assert ended.out.startswith("prism: 1 probable mistake; 6 nodes")
     assert "none of the 9 cables starts in tension" in ended.err
     assert "--prestress FORCE" in ended.err
-
-
-def test_a_doubt_is_a_warning_and_no_error(run: Run, folder: Path) -> None:
-    path = write(folder / "small.toml", GOOD.replace("rest_length = 0.9", "rest_length = 0.1"))
-    ended = run("check", path, "--json")
-    assert ended.code == 0
-    assert len(ended.data["warnings"]) == 1
-    assert ended.data["warnings"][0] in ended.err
-
-
-def test_windows_line_ends_and_a_byte_order_mark_are_read(run: Run, folder: Path) -> None:
-    path = folder / "small.toml"
-    path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
-    assert run("check", path).code == 0
 
 
 CONTROL = """
@@ -97,12 +82,6 @@ def test_actuators_sensors_and_limits_are_reported(run: Run, folder: Path) -> No
         "at the start s1 has a tension of 10 N, allowed is at least 12 N",
     ]
     assert "actuators: winch\nsensors: member_length (1)\nlimits: least_tension\n" in run("check", path).out
-
-
-def test_a_wrong_limit_is_bad_input(run: Run, folder: Path) -> None:
-    ended = run("check", write(folder / "small.toml", GOOD + CONTROL.replace("12", "-12")), "--json")
-    assert ended.code == 2
-    assert ended.data["where"].endswith("limits.least_tension")
 
 
 def test_bodies_have_actuators_and_limits_too(run: Run, folder: Path) -> None:

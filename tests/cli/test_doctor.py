@@ -15,8 +15,7 @@ def use_compilers(monkeypatch: pytest.MonkeyPatch, *found: Compiler) -> None:
 
 
 def test_it_says_what_is_here(run: Run) -> None:
-    ended = run("doctor", "--json")
-    assert ended.code == 0
+    ended = run.good("doctor", "--json")
     assert ended.data["version"] == VERSION
     assert ended.data["problems"] == []
     assert ended.data["three"]["where"]
@@ -34,16 +33,14 @@ def test_every_compiler_that_is_here_works(run: Run, monkeypatch: pytest.MonkeyP
 
 def test_people_see_each_compiler_by_name(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     use_compilers(monkeypatch, Compiler("none", ("/nowhere/cc",), "cc 1.0"))
-    ended = run("doctor")
-    assert ended.code == 2
+    ended = run.refused("doctor")
     assert "BAD none" in ended.out
     assert "problem: no working C compiler" in ended.out
 
 
 def test_a_broken_compiler_is_a_problem(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     use_compilers(monkeypatch, Compiler("none", ("/nowhere/cc",), "cc 1.0"))
-    ended = run("doctor", "--json")
-    assert ended.code == 2
+    ended = run.refused("doctor", "--json")
     assert ended.data["status"] == "error"
     assert [row["works"] for row in ended.data["compilers"]] == [False]
     assert ".[cc]" in ended.data["problems"][0]
@@ -51,8 +48,7 @@ def test_a_broken_compiler_is_a_problem(run: Run, monkeypatch: pytest.MonkeyPatc
 
 def test_a_package_that_is_missing_is_a_problem(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "NEEDED", (*installation.NEEDED, "no_such_package"))
-    ended = run("doctor", "--json")
-    assert ended.code == 2
+    ended = run.refused("doctor", "--json")
     assert ended.data["problems"] == ["no_such_package is not installed"]
 
 
@@ -64,8 +60,7 @@ def test_a_chosen_compiler_that_writes_garbage_is_a_problem_though_others_work(
     script = 'if [ "$1" = --version ]; then echo "liar 1.0"; exit 0; fi\n'
     script += f'while [ $# -gt 0 ]; do if [ "$1" = -o ]; then out="$2"; fi; shift; done\n{body}'
     monkeypatch.setenv("CC", str(write_script(folder / "liar", script)))
-    ended = run("doctor", "--json")
-    assert ended.code == 2
+    ended = run.refused("doctor", "--json")
     assert ended.data["status"] == "error"
     assert [row["works"] for row in ended.data["compilers"]][:2] == [False, True]
     assert len(ended.data["problems"]) == 1
@@ -78,6 +73,5 @@ def test_a_chosen_compiler_that_does_not_answer_is_a_problem(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CC", "/nowhere/cc")
-    ended = run("doctor", "--json")
-    assert ended.code == 2
+    ended = run.refused("doctor", "--json")
     assert "/nowhere/cc" in ended.data["problems"][0]

@@ -7,7 +7,7 @@ import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tests.cli.conftest import Run, write_example
-from tests.cli.scenes import HANGING, write
+from tests.cli.scenes import HANGING, TRUSS_REST, write, write_truss
 from tests.reference import ReferenceModel
 
 # A bar of 2 kg hangs on a spring: half of its weight acts on each end.
@@ -83,8 +83,7 @@ def test_the_weight_of_a_bar_rests_on_both_ends(run: Run, folder: Path) -> None:
 
 def test_a_free_floating_prism_settles(run: Run, folder: Path) -> None:
     path = write(folder / "free.toml", FREE)
-    ended = run("equilibrium", path, "--json")
-    assert ended.code == 0
+    ended = run.good("equilibrium", path, "--json")
     assert ended.data["neutral_motions"] == 6
     assert ended.data["smallest_eigenvalue"] > 0
     assert max(ended.data["member_tension"].values()) == pytest.approx(10.0, rel=1e-6)
@@ -148,8 +147,7 @@ def test_both_methods_find_it(method: str, run: Run, folder: Path) -> None:
 )
 def test_a_load_that_is_none_is_refused(load: str, error: str, run: Run, folder: Path) -> None:
     path = write(folder / "small.toml", HANGING)
-    ended = run("equilibrium", path, "--load", load, "--json")
-    assert ended.code == 2
+    ended = run.refused("equilibrium", path, "--load", load, "--json")
     assert ended.data["error"] == error
     assert ended.data["where"].startswith("--load")
     assert ended.data["allowed"]
@@ -169,78 +167,47 @@ def test_a_load_off_the_plane_is_refused(run: Run, folder: Path) -> None:
     structure, _ = load_scene(path)
     force = ["0", "0", "0"]
     force[next(axis for axis in range(3) if axis not in structure.axes)] = "1"
-    ended = run("equilibrium", path, "--load", f"{structure.node_name[-1]}={','.join(force)}", "--json")
-    assert ended.code == 2
+    ended = run.refused(
+        "equilibrium", path, "--load", f"{structure.node_name[-1]}={','.join(force)}", "--json"
+    )
     assert "axis" in ended.data["problem"]
 
 
 @pytest.mark.parametrize("tolerance", ["0", "-1", "nan", "inf", "1"])
 def test_a_tolerance_out_of_range_is_refused(tolerance: str, run: Run, folder: Path) -> None:
     path = write(folder / "small.toml", HANGING)
-    ended = run("equilibrium", path, f"--tolerance={tolerance}", "--json")
-    assert ended.code == 2
+    ended = run.refused("equilibrium", path, f"--tolerance={tolerance}", "--json")
     assert "tolerance" in ended.data["where"]
 
 
 def test_a_file_is_kept_unless_told_otherwise(run: Run, folder: Path) -> None:
     path = write(folder / "small.toml", HANGING)
-    ended = run("equilibrium", path, "--out", path, "--json")
-    assert ended.code == 2
+    run.refused("equilibrium", path, "--out", path, "--json")
     assert path.read_text(encoding="utf-8") == HANGING
-    assert run("equilibrium", path, "--out", path, "--overwrite").code == 0
+    run.good("equilibrium", path, "--out", path, "--overwrite")
     assert path.read_text(encoding="utf-8") != HANGING
 
 
-SHALLOW = """\
-name = "shallow"
-axes = "xz"
-[classes.rod]
-kind = "bar"
-spring_constant = 1000
-[nodes]
-a = { position = [-1, 0, 0], anchored = true }
-b = { position = [1, 0, 0], anchored = true }
-c = { position = [0, 0, 0.2] }
-[members]
-r1 = { class = "rod", nodes = ["a", "c"] }
-r2 = { class = "rod", nodes = ["b", "c"] }
-"""
-
-
 def test_a_snap_is_told(run: Run, folder: Path) -> None:
-    path = write(folder / "shallow.toml", SHALLOW)
-    held = run("equilibrium", path, "--load", "c=0,0,-2", "--json")
+    path = write_truss(folder, 0)
+    held = run("equilibrium", path, "--load", "c=0,-2", "--json")
     assert (held.code, held.data["snapped"], held.err) == (0, False, "")
-    through = run("equilibrium", path, "--load", "c=0,0,-20", "--json")
+    through = run("equilibrium", path, "--load", "c=0,-20", "--json")
     assert (through.code, through.data["status"], through.data["snapped"]) == (0, "converged", True)
     assert through.data["limit_load_factor"] == pytest.approx(0.15095737, rel=1e-6)
     assert "snapped" in through.err
 
 
-TRUSS = """\
-name = "truss"
-axes = "xz"
-gravity = [0, {gravity}]
-[nodes]
-a = {{ position = [-1, 0], anchored = true }}
-b = {{ position = [1, 0], anchored = true }}
-c = {{ position = [0, 0.2], mass = 0.5 }}
-[members]
-ac = {{ kind = "bar", spring_constant = 1000, rest_length = 1.0198039027185569, nodes = ["a", "c"] }}
-bc = {{ kind = "bar", spring_constant = 1000, rest_length = 1.0198039027185569, nodes = ["b", "c"] }}
-"""
-
-
 def test_own_weight_snaps_a_truss_as_the_same_force_does(run: Run, folder: Path) -> None:
-    heavy = write(folder / "heavy.toml", TRUSS.format(gravity=-10))
-    light = write(folder / "light.toml", TRUSS.format(gravity=0))
+    heavy = write_truss(folder, -10, name="heavy")
+    light = write_truss(folder, 0, name="light")
     ends = [
         run("equilibrium", heavy, "--json"),
         run("equilibrium", light, "--load", "c=0,-5", "--json"),
         run("equilibrium", heavy, "--load", "c=0,-5", "--json"),
     ]
-    rise = math.sqrt(math.hypot(1, 0.2) ** (2 / 3) - 1)
-    most = 2000 * rise * (math.hypot(1, 0.2) / math.sqrt(1 + rise * rise) - 1)
+    rise = math.sqrt(TRUSS_REST ** (2 / 3) - 1)
+    most = 2000 * rise * (TRUSS_REST / math.sqrt(1 + rise * rise) - 1)
     for ended, total in zip(ends, (5.0, 5.0, 10.0), strict=True):
         assert (ended.code, ended.data["snapped"]) == (0, True)
         assert ended.data["limit_load_factor"] == pytest.approx(most / total, rel=1e-8)
@@ -248,7 +215,7 @@ def test_own_weight_snaps_a_truss_as_the_same_force_does(run: Run, folder: Path)
         assert any("of the structure's size" in text for text in ended.data["warnings"])
     # The weight alone is too much already: what the added load does then is another matter.
     assert ends[2].data["limit_added_load_factor"] is None
-    slight = write(folder / "slight.toml", TRUSS.format(gravity=-2))
+    slight = write_truss(folder, -2, name="slight")
     both = run("equilibrium", slight, "--load", "c=0,-5", "--json").data
     assert both["limit_load_factor"] == pytest.approx(most / 6, rel=1e-8)
     assert both["limit_added_load_factor"] == pytest.approx((most - 1) / 5, rel=1e-8)
@@ -271,11 +238,10 @@ def test_free_motions_are_named_and_taken_out(run: Run, prism: Path) -> None:
 def test_verbs_that_settle_first_warn_of_a_far_equilibrium(
     run: Run, folder: Path, words: tuple[str, ...]
 ) -> None:
-    scene = write(folder / "heavy.toml", TRUSS.format(gravity=-10))
-    ended = run(words[0], scene, *words[1:])
-    assert ended.code == 0
+    scene = write_truss(folder, -10, name="heavy")
+    ended = run.good(words[0], scene, *words[1:])
     assert "of the structure's size" in ended.err
-    calm = write(folder / "light.toml", TRUSS.format(gravity=-1))
+    calm = write_truss(folder, -1, name="light")
     assert "of the structure's size" not in run(words[0], calm, *words[1:]).err
 
 

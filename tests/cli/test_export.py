@@ -25,8 +25,7 @@ def test_the_help_lists_the_formats(run: Run) -> None:
 
 
 def test_the_result_names_file_facts_and_notes(run: Run, two_nodes: Path, folder: Path) -> None:
-    ended = run("export", "names", two_nodes, "-o", "names.txt", "--json")
-    assert ended.code == 0
+    ended = run.good("export", "names", two_nodes, "-o", "names.txt", "--json")
     assert ended.facts == {
         "status": "ok",
         "format": "names",
@@ -58,5 +57,5 @@ def test_wrong_input_is_refused(words: tuple[str, ...], where: str, run: Run, fo
 
 def test_an_existing_file_is_replaced_on_request(run: Run, two_nodes: Path, folder: Path) -> None:
     (folder / "taken.txt").write_text("mine", encoding="utf-8")
-    assert run("export", "names", two_nodes, "-o", "taken.txt", "--overwrite").code == 0
+    run.good("export", "names", two_nodes, "-o", "taken.txt", "--overwrite")
     assert (folder / "taken.txt").read_text(encoding="utf-8") != "mine"

@@ -51,8 +51,7 @@ def test_a_large_scene_needs_no_name_of_an_emitter(
 ) -> None:
     (folder / "tall.toml").write_text(TALL.replace("STAGES", str(stages)), encoding="utf-8")
     verb, *options = words
-    ended = run(verb, "tall.toml", *options, "--json")
-    assert ended.code == 0, ended.err
+    ended = run.good(verb, "tall.toml", *options, "--json")
     if verb == "build":
         assert ended.data["emitter"] == "table"
         assert f"{18 * stages - 6} members" in ended.data["why_emitter"]

@@ -8,15 +8,14 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Run, write_example
-from tests.cli.scenes import GOOD, write
+from tests.cli.scenes import GOOD, TRUSS_REST, write, write_truss
 
 DOWN = ("--load", "t1=0,0,-1")
 
 
 @pytest.mark.thorough
 def test_the_path_ends_at_the_first_contact(run: Run, prism: Path) -> None:
-    ended = run("load-path", prism, *DOWN, "--most", 20, "--json")
-    assert ended.code == 0
+    ended = run.good("load-path", prism, *DOWN, "--most", 20, "--json")
     data = ended.data
     assert data["status"] == "stopped"
     (event,) = data["events"]
@@ -107,27 +106,7 @@ def test_a_load_beyond_the_limit_point_ends_with_evidence(run: Run, folder: Path
     assert "turned back at load factor 35.09" in ended.data["message"]
 
 
-TRUSS = """\
-name = "truss"
-axes = "xz"
-gravity = [0, {gravity}]
-[nodes]
-a = {{ position = [-1, 0], anchored = true }}
-b = {{ position = [1, 0], anchored = true }}
-c = {{ position = [0, {rise}], mass = 0.5 }}
-[members]
-ac = {{ kind = "bar", spring_constant = 1000, rest_length = {rest}, nodes = ["a", "c"] }}
-bc = {{ kind = "bar", spring_constant = 1000, rest_length = {rest}, nodes = ["b", "c"] }}
-"""
-REST = math.hypot(1, 0.2)
-LIMIT = 2000 * math.sqrt(REST ** (2 / 3) - 1) * (REST ** (2 / 3) - 1)
-
-
-def write_truss(folder: Path, gravity: float, rise: float = 0.2, load: str = "") -> Path:
-    text = TRUSS.format(gravity=gravity, rise=rise, rest=repr(math.hypot(1, rise)))
-    return write(folder / "truss.toml", text + load)
-
-
+LIMIT = 2000 * math.sqrt(TRUSS_REST ** (2 / 3) - 1) * (TRUSS_REST ** (2 / 3) - 1)
 OWN = '[[loads]]\nnode = "c"\nforce = [0, -2]\n'
 
 
@@ -177,8 +156,7 @@ def test_a_path_may_begin_without_any_stiffness(run: Run, folder: Path) -> None:
     ],
 )
 def test_what_cannot_grow(run: Run, folder: Path, words: tuple[str, ...], said: str) -> None:
-    ended = run("load-path", write_truss(folder, 0), *words, "--most", 1)
-    assert ended.code == 2
+    ended = run.refused("load-path", write_truss(folder, 0), *words, "--most", 1)
     assert said in ended.err
 
 
@@ -202,8 +180,6 @@ def test_a_scene_of_one_cable(run: Run, folder: Path) -> None:
     [
         (("--load", "t9=0,0,1", "--most", "5"), "unknown node"),
         (("--load", "t1=0,0,0", "--most", "5"), "the load is zero"),
-        (("--load", "t1=0,0,1", "--most", "0"), "the path has no length"),
-        (("--load", "t1=0,0,1", "--most", "nan"), "finite"),
         (("--load", "t1=0,0,1", "--most", "5", "--events", "slack,touch"), "unknown event"),
         (("--load", "t1=0,0,1", "--most", "5", "--step", "0"), "the step is out of range"),
         (("--load", "t1=0,0,1", "--most", "5", "--out", "path.txt"), "unknown file ending"),
@@ -212,16 +188,14 @@ def test_a_scene_of_one_cable(run: Run, folder: Path) -> None:
     ],
 )
 def test_wrong_usage_is_refused(run: Run, prism: Path, words: tuple[str, ...], said: str) -> None:
-    ended = run("load-path", prism, *words, "--json")
-    assert ended.code == 2
+    ended = run.refused("load-path", prism, *words, "--json")
     assert said in ended.err
     assert ended.data["status"] == "error"
 
 
 def test_a_load_on_what_is_held_is_refused(run: Run, folder: Path) -> None:
     path = write(folder / "small.toml", GOOD)
-    ended = run("load-path", path, "--load", "b=0,0,-1", "--load", "a=0,0,-1", "--most", 1, "--json")
-    assert ended.code == 2
+    ended = run.refused("load-path", path, "--load", "b=0,0,-1", "--load", "a=0,0,-1", "--most", 1, "--json")
     assert (ended.data["error"], ended.data["given"]) == ("InvalidValueError", "'a'")
 
 
@@ -229,8 +203,7 @@ def test_a_load_on_what_is_held_is_refused(run: Run, folder: Path) -> None:
 def test_a_load_factor_that_cannot_be_reached_is_refused_by_its_option(
     run: Run, prism: Path, most: str
 ) -> None:
-    ended = run("load-path", prism, *DOWN, "--most", most, "--json")
-    assert ended.code == 2
+    ended = run.refused("load-path", prism, *DOWN, "--most", most, "--json")
     assert ended.data["where"] == "--most"
     assert ended.data["given"] == str(float(most))
 

@@ -57,7 +57,7 @@ def test_linearize_gives_the_frequencies_of_node_positions(run: Run, prism: Path
 
 
 def test_build_names_the_differences(run: Run, in_distances: Path) -> None:
-    assert run("build", in_distances, "--out", "library", "--json").code == 0
+    run.good("build", in_distances, "--out", "library", "--json")
     assert "b1_t1_x" in (Path("library") / "prism.h").read_text(encoding="utf-8")
 
 
@@ -65,8 +65,7 @@ def test_wrong_options_end_with_2(run: Run, in_distances: Path) -> None:
     in_distances.write_text(
         in_distances.read_text(encoding="utf-8").replace('"full"', '"every"'), encoding="utf-8"
     )
-    ended = run("check", in_distances, "--json")
-    assert ended.code == 2
+    ended = run.refused("check", in_distances, "--json")
     assert "connected, full" in ended.out + ended.err
 
 

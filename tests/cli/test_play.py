@@ -13,8 +13,7 @@ from tests.cli.conftest import Run
      (("--out", "a.html", "--rtol", "0.5"), "--rtol"), (("--out", "a.html", "--rtol", "nan"), "--rtol")],
 )  # fmt: skip
 def test_bad_input_is_refused(words: tuple[str, ...], where: str, run: Run, two_nodes: Path) -> None:
-    ended = run("play", two_nodes, *words, "--json")
-    assert ended.code == 2
+    ended = run.refused("play", two_nodes, *words, "--json")
     assert ended.data["where"] == where
     assert list(two_nodes.parent.iterdir()) == [two_nodes]
 
@@ -23,8 +22,7 @@ def test_a_scene_without_masses_is_refused(run: Run, folder: Path, two_nodes: Pa
     text = two_nodes.read_text(encoding="utf-8")
     light = folder / "light.toml"
     light.write_text("\n".join(line for line in text.splitlines() if not line.startswith("node_mass")) + "\n")
-    ended = run("play", light, "--out", "a.html", "--json")
-    assert ended.code == 2
+    ended = run.refused("play", light, "--out", "a.html", "--json")
     assert "mass" in ended.data["problem"]
     assert not Path("a.html").exists()
 
@@ -32,5 +30,5 @@ def test_a_scene_without_masses_is_refused(run: Run, folder: Path, two_nodes: Pa
 def test_an_input_is_not_replaced(run: Run, two_nodes: Path) -> None:
     page = two_nodes.with_suffix(".html")
     page.write_bytes(two_nodes.read_bytes())
-    assert run("play", page, "--out", page, "--json").code == 2
+    run.refused("play", page, "--out", page, "--json")
     assert page.read_bytes() == two_nodes.read_bytes()

@@ -114,7 +114,7 @@ def test_a_closed_stdout_is_no_error(two_nodes: Path) -> None:
 
 
 def test_an_ascii_terminal_gets_tables_too(two_nodes: Path) -> None:
-    ended = call("build", two_nodes, PYTHONIOENCODING="ascii", LC_ALL="C")
+    ended = call("check", two_nodes, PYTHONIOENCODING="ascii", LC_ALL="C")
     assert ended.returncode == 0
     assert ended.stdout.isascii()
 

@@ -13,7 +13,7 @@ FREE = ["--from", "70,30,1.60504", "--to", "65", "--tau", "5", "--force", "50", 
 
 @pytest.fixture
 def tower(run: Run) -> str:
-    assert run("examples", "svd_tower", "--out", "tower.toml").code == 0
+    run.good("examples", "svd_tower", "--out", "tower.toml")
     return "tower.toml"
 
 
@@ -33,7 +33,7 @@ def test_the_papers_motion_without_torque(run: Run, tower: str) -> None:
 
 
 def test_the_result_file_holds_what_the_motors_need(run: Run, tower: str, folder: Path) -> None:
-    assert run("reconfigure", tower, *WAY, "--samples", "21", "--out", "way.npz").code == 0
+    run.good("reconfigure", tower, *WAY, "--samples", "21", "--out", "way.npz")
     with np.load(folder / "way.npz") as data:
         assert data["tendon_class"].tolist() == ["saddle", "vertical", "diagonal"]
         assert data["time"][[0, -1]] == pytest.approx([0.0, 5.0])
@@ -44,8 +44,7 @@ def test_the_result_file_holds_what_the_motors_need(run: Run, tower: str, folder
 
 @pytest.mark.thorough
 def test_track_drives_the_full_model(run: Run, tower: str) -> None:
-    ended = run("reconfigure", tower, *WAY, "--track")
-    assert ended.code == 0
+    ended = run.good("reconfigure", tower, *WAY, "--track")
     assert "the full model follows within" in ended.out
 
 
@@ -72,14 +71,12 @@ def test_a_motion_that_is_too_fast_ends_with_code_3(run: Run, tower: str) -> Non
     ],
 )
 def test_wrong_words_are_named(run: Run, tower: str, words: list[str], where: str) -> None:
-    ended = run("reconfigure", tower, *words, "--json")
-    assert ended.code == 2
+    ended = run.refused("reconfigure", tower, *words, "--json")
     assert ended.data["where"] == where
 
 
 @pytest.mark.parametrize("example", ["prism", "lin_prism"])
 def test_other_scenes_are_refused(run: Run, example: str) -> None:
     run("examples", example, "--out", "other.toml")
-    ended = run("reconfigure", "other.toml", *WAY, "--json")
-    assert ended.code == 2
+    ended = run.refused("reconfigure", "other.toml", *WAY, "--json")
     assert ended.data["error"] == "StructureError"

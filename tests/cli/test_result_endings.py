@@ -30,10 +30,9 @@ def read_csv(path: Path) -> dict[str, list[str]]:
 
 def test_motions_have_the_same_numbers_in_every_kind_of_file(run: Run, scene: Path) -> None:
     for kind in ("npz", "csv", "mat"):
-        ended = run("simulate", scene, *SIMULATE, "--out", f"run.{kind}")
-        assert ended.code == 0, ended.err
+        run.good("simulate", scene, *SIMULATE, "--out", f"run.{kind}")
         assert run("simulate", scene, *SIMULATE, "--out", f"run.{kind}").code == 2  # it exists
-        assert run("simulate", scene, *SIMULATE, "--out", f"run.{kind}", "--overwrite").code == 0
+        run.good("simulate", scene, *SIMULATE, "--out", f"run.{kind}", "--overwrite")
     arrays = read_arrays(Path("run.npz"))
     table = read_csv(Path("run.csv"))
     nodes = [f"{node}.{axis} [m]" for node in ("n1", "n2") for axis in "xyz"]
@@ -63,20 +62,20 @@ def test_motions_have_the_same_numbers_in_every_kind_of_file(run: Run, scene: Pa
 def test_parquet_has_the_columns_of_the_table(run: Run, scene: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="needs pyarrow, of the extra tables")
     for kind in ("parquet", "csv"):
-        assert run("simulate", scene, *SIMULATE, "--out", f"run.{kind}").code == 0
+        run.good("simulate", scene, *SIMULATE, "--out", f"run.{kind}")
     table, text = parquet.read_table("run.parquet"), read_csv(Path("run.csv"))
     assert table.column_names == list(text)
     for name in text:
         assert table[name].to_pylist() == [float(value) for value in text[name]]
     assert table.schema.metadata[b"status"] == b"ok"
-    assert run("simulate", scene, *SIMULATE, "--out", "run.parquet", "--overwrite").code == 0
+    run.good("simulate", scene, *SIMULATE, "--out", "run.parquet", "--overwrite")
 
 
 def test_a_batch_is_a_table_with_the_number_of_each_motion(run: Run, scene: Path) -> None:
     np.savez("starts.npz", coordinate=[[0.0, 0.0, -1.0], [0.0, 0.1, -1.1]])
     options = ("--batch", "starts.npz", "--method", "rk54", *SIMULATE)
     for kind in ("npz", "csv", "mat"):
-        assert run("simulate", scene, *options, "--out", f"many.{kind}").code == 0
+        run.good("simulate", scene, *options, "--out", f"many.{kind}")
     arrays, table = read_arrays(Path("many.npz")), read_csv(Path("many.csv"))
     assert list(table)[:2] == ["motion", "time [s]"]
     assert table["motion"] == ["0"] * 6 + ["1"] * 6
@@ -88,7 +87,7 @@ def test_a_batch_is_a_table_with_the_number_of_each_motion(run: Run, scene: Path
 
 def test_linear_models_have_the_same_numbers_in_every_kind_of_file(run: Run, scene: Path) -> None:
     for kind in ("npz", "csv", "mat"):
-        assert run("linearize", scene, "--settle", "--json", "--out", f"model.{kind}").code == 0
+        run.good("linearize", scene, "--settle", "--json", "--out", f"model.{kind}")
     arrays, mat = read_arrays(Path("model.npz")), loadmat("model.mat")
     states = arrays["state_name"].tolist()
     matrix = np.zeros(arrays["A_shape"])
@@ -118,13 +117,12 @@ def test_linear_models_have_the_same_numbers_in_every_kind_of_file(run: Run, sce
         ("linearize", ("--json",), ".npz or .mat or .csv"),
     ],
 )
-@pytest.mark.parametrize("ending", [".xlsx", ".h5", ".txt", ".npy", ".gz"])
+@pytest.mark.parametrize("ending", [".xlsx", ".gz"])
 def test_another_ending_is_refused_before_the_run(
     run: Run, scene: Path, verb: str, options: tuple[str, ...], allowed: str, ending: str
 ) -> None:
     scene.write_text("not a scene", encoding="utf-8")  # which a run would notice
-    ended = run(verb, scene, *options, "--out", f"result{ending}")
-    assert ended.code == 2
+    ended = run.refused(verb, scene, *options, "--out", f"result{ending}")
     assert ended.data["error"] == "OutputError"
     assert allowed in ended.data["allowed"]
     assert not Path(f"result{ending}").exists()
@@ -149,7 +147,7 @@ def test_a_file_of_someone_else_stays(run: Run, scene: Path, kind: str) -> None:
         "choose another name, or pass --overwrite to replace it",
     )
     assert Path(f"own.{kind}").read_text(encoding="utf-8") == "time [s],force [N]\n0,1\n"
-    assert run("simulate", scene, *SIMULATE, "--out", f"own.{kind}", "--overwrite").code == 0
+    run.good("simulate", scene, *SIMULATE, "--out", f"own.{kind}", "--overwrite")
 
 
 def test_an_array_too_large_for_matlab_is_refused(tmp_path: Path) -> None:

@@ -26,16 +26,14 @@ def test_check_warns_of_nothing(run: Run, pendulum: str) -> None:
 
 
 def test_build_makes_a_library_with_multipliers(run: Run, pendulum: str) -> None:
-    ended = run("build", pendulum, "--quantity", "multiplier", "--json")
-    assert ended.code == 0
+    ended = run.good("build", pendulum, "--quantity", "multiplier", "--json")
     assert list(ended.data["functions"]) == ["multiplier"]
 
 
 def test_simulate_keeps_the_length_of_the_bar(run: Run, folder: Path) -> None:
     moving = PENDULUM.replace("mass = 1.0", "mass = 1.0, velocity = [1, 0, 0]")
     path = write(folder / "pendulum.toml", moving)
-    ended = run("simulate", path.name, "--t-end", 1, "--out", "a.npz", "--json")
-    assert ended.code == 0
+    ended = run.good("simulate", path.name, "--t-end", 1, "--out", "a.npz", "--json")
     assert ended.data["why_method"].startswith("1 rigid bar (class 1, one multiplier each); ")
     with np.load(folder / "a.npz") as motion:
         length = np.linalg.norm(motion["node_position"][:, 1] - motion["node_position"][:, 0], axis=1)
@@ -44,8 +42,7 @@ def test_simulate_keeps_the_length_of_the_bar(run: Run, folder: Path) -> None:
 
 def test_equilibrium_finds_tensions_of_rigid_bars(run: Run, pendulum: str) -> None:
     """A mass of 1 kg, drawn aside by its own weight, hangs at 45 degrees."""
-    ended = run("equilibrium", pendulum, "--load", "b=9.81,0,0", "--out", "settled.toml", "--json")
-    assert ended.code == 0
+    ended = run.good("equilibrium", pendulum, "--load", "b=9.81,0,0", "--out", "settled.toml", "--json")
     found = ended.data
     assert found["status"] == "converged"
     half = np.sqrt(0.5)
@@ -53,13 +50,14 @@ def test_equilibrium_finds_tensions_of_rigid_bars(run: Run, pendulum: str) -> No
     assert found["member_length"]["r1"] == pytest.approx(1.0, abs=1e-15)
     assert found["member_tension"]["r1"] == pytest.approx(9.81 / half, rel=1e-12)
     assert found["smallest_eigenvalue"] == pytest.approx(9.81 / half, rel=1e-12)
-    assert run("check", "settled.toml", "--json").code == 0
+    run.good("check", "settled.toml", "--json")
 
 
 def test_load_path_follows_the_bar_as_it_turns(run: Run, pendulum: str, folder: Path) -> None:
     """A mass drawn aside by 2 m g hangs at arctan 2; t = m g / cos."""
-    ended = run("load-path", pendulum, "--load", "b=9.81,0,0", "--most", 2, "--out", "path.json", "--json")
-    assert ended.code == 0
+    ended = run.good(
+        "load-path", pendulum, "--load", "b=9.81,0,0", "--most", 2, "--out", "path.json", "--json"
+    )
     assert ended.data["status"] == "completed"
     assert ended.data["smallest_eigenvalue_end"] == pytest.approx(9.81 * np.sqrt(5), rel=1e-9)
     points = json.loads((folder / "path.json").read_text())["points"]
@@ -70,8 +68,7 @@ def test_load_path_follows_the_bar_as_it_turns(run: Run, pendulum: str, folder: 
 def test_linearize_tells_the_frequencies_of_what_the_bars_allow(
     run: Run, pendulum: str, folder: Path
 ) -> None:
-    ended = run("linearize", pendulum, "--settle", "--out", "linear.npz", "--json")
-    assert ended.code == 0
+    ended = run.good("linearize", pendulum, "--settle", "--out", "linear.npz", "--json")
     assert (ended.data["n_states"], ended.data["n_variations"]) == (6, 4)
     swing = np.sqrt(9.81) / (2 * np.pi)
     assert ended.data["natural_frequency"] == pytest.approx([swing, swing], rel=1e-12)
@@ -97,8 +94,7 @@ def test_bars_that_repeat_each_other_are_refused_by_check_too(run: Run, folder: 
     bar = 'r2 = { kind = "bar", nodes = ["a", "c"] }'
     path = write(folder / "pendulum.toml", PENDULUM.replace("\n[members]", f"{anchor}\n\n[members]\n{bar}"))
     for verb in ("check", "equilibrium"):
-        ended = run(verb, path.name, "--json")
-        assert ended.code == 2
+        ended = run.refused(verb, path.name, "--json")
         assert ended.data["error"] == "FormulationError"
         assert "r2" in ended.data["given"]
 

@@ -68,8 +68,7 @@ def find_faults(value: Any, schema: dict[str, Any], root: dict[str, Any], where:
 
 @pytest.fixture
 def schema(run: Run) -> dict[str, Any]:
-    ended = run("schema")
-    assert ended.code == 0
+    ended = run.good("schema")
     assert ended.err.startswith("took ")
     return dict(ended.data)
 
@@ -115,11 +114,10 @@ def test_json_and_file_hold_the_same(run: Run, folder: Path, schema: dict[str, A
     ended = run("schema", "--out", "scene.schema.json", "--json")
     assert ended.facts == {"status": "ok", "out": "scene.schema.json"}
     assert json.loads((folder / "scene.schema.json").read_text(encoding="utf-8")) == schema
-    assert run("schema", "--out", "scene.schema.json").code == 2
+    run.refused("schema", "--out", "scene.schema.json")
 
 
 def test_an_unwritable_place_is_refused(run: Run, folder: Path) -> None:
-    ended = run("schema", "--out", "missing/scene.json", "--json")
-    assert ended.code == 2
+    ended = run.refused("schema", "--out", "missing/scene.json", "--json")
     assert ended.data["where"] == "missing/scene.json"
     assert list(folder.iterdir()) == []

@@ -61,10 +61,8 @@ def test_text_names_the_gauge_and_what_is_slack(run: Run, prism: Path) -> None:
 )
 def test_bad_input_is_named(run: Run, folder: Path, words: list[str], problem: str) -> None:
     path = write(folder / "small.toml", HANGING)
-    ended = run("sensitivity", path, *words)
-    assert ended.code == 2
+    ended = run.refused("sensitivity", path, *words)
     assert problem in ended.err
-    assert "Traceback" not in ended.err
     assert sorted(item.name for item in folder.iterdir()) == ["small.toml"]
 
 

@@ -23,37 +23,33 @@ def motion(run: Run, two_nodes: Path) -> Path:
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_a_structure_becomes_a_picture(suffix: str, run: Run, two_nodes: Path) -> None:
-    ended = run("show", two_nodes, "--out", f"a{suffix}", "--labels", "--json")
-    assert ended.code == 0
+    ended = run.good("show", two_nodes, "--out", f"a{suffix}", "--labels", "--json")
     assert ended.facts == {"status": "ok", "out": f"a{suffix}"}
     assert Path(f"a{suffix}").read_bytes().startswith(SIGNATURES[suffix])
 
 
 @pytest.mark.parametrize("suffix", [".png", ".gif"])
 def test_a_motion_becomes_a_picture_or_a_film(suffix: str, run: Run, two_nodes: Path, motion: Path) -> None:
-    ended = run("show", two_nodes, "--trajectory", motion, "--out", f"a{suffix}", "--json")
-    assert ended.code == 0
+    run.good("show", two_nodes, "--trajectory", motion, "--out", f"a{suffix}", "--json")
     assert Path(f"a{suffix}").read_bytes().startswith(SIGNATURES[suffix])
 
 
 @pytest.mark.parametrize("modes", [0, 2])
 def test_a_motion_becomes_a_live_page(modes: int, run: Run, two_nodes: Path, motion: Path) -> None:
     require_three()
-    ended = run("show", two_nodes, "--trajectory", motion, "--out", "a.html", "--modes", modes, "--json")
-    assert ended.code == 0
+    ended = run.good("show", two_nodes, "--trajectory", motion, "--out", "a.html", "--modes", modes, "--json")
     assert ended.facts["n_frames"] == 4
     assert ended.facts["n_modes"] == min(modes, 1)
     assert ended.facts["bytes"] == Path("a.html").stat().st_size
-    assert run("show", two_nodes, "--out", "a.html", "--modes", 0, "--overwrite").code == 0
+    run.good("show", two_nodes, "--out", "a.html", "--modes", 0, "--overwrite")
     Path("a.html").write_text("<html>mine</html>", encoding="utf-8")
-    assert run("show", two_nodes, "--out", "a.html", "--modes", 0, "--json").code == 2
+    run.refused("show", two_nodes, "--out", "a.html", "--modes", 0, "--json")
 
 
 def test_another_file_than_three_js_is_refused(run: Run, folder: Path, two_nodes: Path) -> None:
     Path("three.whl").write_bytes(b"something else")
     for path in ("three.whl", "missing.whl"):
-        ended = run("show", two_nodes, "--out", "a.html", "--three", path, "--json")
-        assert ended.code == 2
+        ended = run.refused("show", two_nodes, "--out", "a.html", "--three", path, "--json")
         assert ended.data["error"] == "MissingSourceError"
         assert "--three" in ended.data["hint"]
     assert not Path("a.html").exists()
@@ -62,10 +58,10 @@ def test_another_file_than_three_js_is_refused(run: Run, folder: Path, two_nodes
 def test_choices_reach_pictures_and_films(run: Run, two_nodes: Path, motion: Path) -> None:
     options = ("--view", "front", "--size", "400x300", "--color", "force_density", "--no-forces", "--json")
     for more in (("--settle", "--labels", "nodes"), ("--trajectory", motion, "--follow")):
-        assert run("show", two_nodes, *more, *options, "--out", "a.png", "--overwrite").code == 0
+        run.good("show", two_nodes, *more, *options, "--out", "a.png", "--overwrite")
         assert png_size(Path("a.png")) == (400, 300)
     film = ("--trajectory", motion, "--fps", 10, "--size", "301x200", "--out", "a.gif")
-    assert run("show", two_nodes, *film, "--json").code == 0
+    run.good("show", two_nodes, *film, "--json")
     with Image.open("a.gif") as images:
         assert getattr(images, "n_frames", 1) == 3
         assert images.size == (301, 200)
@@ -97,8 +93,7 @@ def test_options_that_a_kind_of_file_cannot_have_are_refused(
     options: tuple[object, ...], where: str, run: Run, two_nodes: Path, motion: Path
 ) -> None:
     before = set(Path().iterdir())
-    ended = run("show", two_nodes, *options, "--json")
-    assert ended.code == 2
+    ended = run.refused("show", two_nodes, *options, "--json")
     assert ended.data["where"] == where
     assert ended.data["allowed"]
     assert set(Path().iterdir()) == before
@@ -123,8 +118,7 @@ def test_labels_without_a_value_are_all_names(words: tuple[str, ...], two_nodes:
 
 def test_names_that_are_left_out_are_stated(run: Run, folder: Path) -> None:
     Path("mast.toml").write_text(read_example("tower"), encoding="utf-8")
-    ended = run("show", "mast.toml", "--labels", "members", "--out", "a.png", "--json")
-    assert ended.code == 0
+    ended = run.good("show", "mast.toml", "--labels", "members", "--out", "a.png", "--json")
     assert ended.data["labels_left_out"] == [{"kind": "members", "count": 48, "limit": 30}]
     assert "48" in ended.err
     assert any("members" in text for text in ended.data["warnings"])
@@ -140,8 +134,7 @@ def test_a_structure_without_equilibrium_is_not_drawn_settled(run: Run, folder: 
 
 
 def test_a_film_needs_a_motion(run: Run, two_nodes: Path) -> None:
-    ended = run("show", two_nodes, "--out", "a.gif", "--json")
-    assert ended.code == 2
+    ended = run.refused("show", two_nodes, "--out", "a.gif", "--json")
     assert ended.data["where"] == "--trajectory"
     assert "simulate" in ended.data["hint"]
 
@@ -150,8 +143,7 @@ def test_a_film_needs_a_motion(run: Run, two_nodes: Path) -> None:
 def test_a_picture_without_format_or_place_is_refused(
     out: str, run: Run, folder: Path, two_nodes: Path
 ) -> None:
-    ended = run("show", two_nodes, "--out", out, "--json")
-    assert ended.code == 2
+    ended = run.refused("show", two_nodes, "--out", out, "--json")
     assert out in str(ended.data["where"]) + str(ended.data["given"])
     assert ended.data["allowed"]
     if "/" not in out:
@@ -164,16 +156,14 @@ def test_a_picture_without_format_or_place_is_refused(
 def test_a_file_that_is_no_result_is_refused(content: bytes | None, run: Run, two_nodes: Path) -> None:
     if content is not None:
         Path("a.npz").write_bytes(content)
-    ended = run("show", two_nodes, "--trajectory", "a.npz", "--out", "a.png", "--json")
-    assert ended.code == 2
+    ended = run.refused("show", two_nodes, "--trajectory", "a.npz", "--out", "a.png", "--json")
     assert ended.data["where"] == "a.npz"
     assert "pickle" not in ended.data["given"]
     assert not Path("a.png").exists()
 
 
 def test_a_result_of_another_structure_is_refused(run: Run, prism: Path, motion: Path) -> None:
-    ended = run("show", prism, "--trajectory", motion, "--out", "a.png", "--json")
-    assert ended.code == 2
+    ended = run.refused("show", prism, "--trajectory", motion, "--out", "a.png", "--json")
     assert ended.data["error"] == "StructureError"
 
 
@@ -187,6 +177,5 @@ def test_a_result_with_a_part_missing_or_misshapen_is_refused(
     cut = data | {"node_position": data["node_position"][:, :1]}
     np.savez("cut.npz", allow_pickle=False, **cut)
     for name in ("less.npz", "cut.npz"):
-        ended = run("show", two_nodes, "--trajectory", name, "--out", "a.png", "--json")
-        assert ended.code == 2
+        ended = run.refused("show", two_nodes, "--trajectory", name, "--out", "a.png", "--json")
         assert ended.data["where"] == name

@@ -14,8 +14,7 @@ SCIPY_METHODS = ("scipy_dop853", "scipy_rk45", "scipy_lsoda", "scipy_radau")
 
 def test_the_result_file_holds_what_it_must(run: Run, prism: Path) -> None:
     words = ["--t-end", 0.02, "--samples", 5, "--rtol", 1e-5, "--atol", 1e-8, "--out", "prism.npz"]
-    ended = run("simulate", prism, *words, "--json")
-    assert ended.code == 0
+    ended = run.good("simulate", prism, *words, "--json")
     structure, _ = load_scene(prism)
     with np.load("prism.npz", allow_pickle=False) as file:
         data = {name: file[name] for name in file.files}
@@ -42,8 +41,7 @@ def test_a_file_is_not_needed(run: Run, folder: Path, two_nodes: Path) -> None:
 
 def test_everything_may_differ_from_the_default(run: Run, two_nodes: Path) -> None:
     words = ["--t-end", 0.5, "--samples", 3, "--method", "rk4", "--step", 1e-3, "--flags", "native"]
-    ended = run("simulate", two_nodes, *words, "-o", "a.npz", "--json")
-    assert ended.code == 0
+    ended = run.good("simulate", two_nodes, *words, "-o", "a.npz", "--json")
     assert ended.data["method"] == "rk4"
     assert ended.data["n_steps"] == 500
     assert ended.data["step"] == pytest.approx(1e-3)
@@ -68,8 +66,7 @@ def test_a_mass_on_a_spring_swings_as_it_must(run: Run, folder: Path) -> None:
 def test_scipy_finds_the_same(method: str, run: Run, two_nodes: Path) -> None:
     same = ["--t-end", 0.3, "--samples", 4, "--rtol", 1e-8, "--atol", 1e-10]
     run("simulate", two_nodes, *same, "--out", "a.npz")
-    ended = run("simulate", two_nodes, *same, "--method", method, "--out", "b.npz", "--json")
-    assert ended.code == 0
+    ended = run.good("simulate", two_nodes, *same, "--method", method, "--out", "b.npz", "--json")
     assert ended.err == ""
     with np.load("a.npz") as ours, np.load("b.npz") as theirs:
         np.testing.assert_allclose(ours["node_position"], theirs["node_position"], atol=1e-5)
@@ -135,8 +132,7 @@ def test_a_time_out_of_reach_ends_with_3_at_once(run: Run, prism: Path) -> None:
     ],
 )
 def test_an_option_out_of_range_is_refused(words: list[str], where: str, run: Run, two_nodes: Path) -> None:
-    ended = run("simulate", two_nodes, *words, "--out", "a.npz", "--json")
-    assert ended.code == 2
+    ended = run.refused("simulate", two_nodes, *words, "--out", "a.npz", "--json")
     assert ended.data["where"] == where
     assert ended.data["allowed"] or ended.data["hint"]
     assert not Path("a.npz").exists()
@@ -152,8 +148,7 @@ def test_a_result_without_a_place_is_refused_before_the_run(
         "tensegrity_codegen.pipeline.compile_scene.build_library", lambda *_, **__: pytest.fail("was built")
     )
     before = sorted(folder.rglob("*"))
-    ended = run("simulate", two_nodes, "--t-end", 1, "--out", out, "--json")
-    assert ended.code == 2
+    ended = run.refused("simulate", two_nodes, "--t-end", 1, "--out", out, "--json")
     assert ended.data["error"] == "OutputError"
     assert sorted(folder.rglob("*")) == before
 
@@ -163,8 +158,7 @@ def test_a_library_of_another_interface_is_refused(
 ) -> None:
     built = run("simulate", two_nodes, "--t-end", 0.1, "--json").data["library"]
     monkeypatch.setattr(library, "ABI_VERSION", 999)
-    ended = run("simulate", two_nodes, "--t-end", 0.1, "--out", "a.npz", "--json")
-    assert ended.code == 2
+    ended = run.refused("simulate", two_nodes, "--t-end", 0.1, "--out", "a.npz", "--json")
     assert ended.data["error"] == "AbiMismatchError"
     assert ended.data["where"] == built
     assert ended.data["allowed"] == "999"
@@ -189,8 +183,7 @@ def test_a_start_without_equilibrium_ends_with_3(run: Run, folder: Path) -> None
 
 def test_a_node_without_mass_cannot_move_and_is_named(run: Run, folder: Path) -> None:
     path = write(folder / "small.toml", GOOD.replace(", mass = 1.0", ""))
-    ended = run("simulate", path, "--t-end", 0.5, "--json")
-    assert ended.code == 2
+    ended = run.refused("simulate", path, "--t-end", 0.5, "--json")
     assert ended.data["error"] == "FormulationError"
     assert ended.data["where"] == f"{path}: nodes.b.mass"
 
@@ -198,6 +191,5 @@ def test_a_node_without_mass_cannot_move_and_is_named(run: Run, folder: Path) ->
 def test_the_first_events_are_listed_with_their_members(run: Run, folder: Path) -> None:
     """A mass that is thrown up on a string: the string goes slack."""
     text = HANGING.replace("mass = 1.0", "mass = 1.0, velocity = [0, 0, 3]")
-    ended = run("simulate", write(folder / "small.toml", text), "--t-end", 0.3, "--method", "rk54")
-    assert ended.code == 0
+    ended = run.good("simulate", write(folder / "small.toml", text), "--t-end", 0.3, "--method", "rk54")
     assert re.search(r"^events: 0\.0\d+ s s1 slack", ended.out, re.MULTILINE)

@@ -21,8 +21,7 @@ def write_starts(path: Path, scene: Path, count: int = 3) -> np.ndarray:
 def test_every_row_is_a_motion_of_its_own(run: Run, folder: Path, two_nodes: Path) -> None:
     place = write_starts(folder / "starts.npz", two_nodes, 10)
     words = ["--t-end", 0.2, "--samples", 5, "--method", "rk853", "--threads", 2, "--out", "all.npz"]
-    ended = run("simulate", two_nodes, "--batch", "starts.npz", *words, "--json")
-    assert ended.code == 0
+    ended = run.good("simulate", two_nodes, "--batch", "starts.npz", *words, "--json")
     assert ended.data["statuses"] == {"ok": 10}
     assert ended.data["n_motions"] == ended.data["n_ok"] == 10
     with np.load("all.npz", allow_pickle=False) as file:
@@ -64,8 +63,7 @@ def test_files_that_do_not_fit_are_refused(
     run: Run, folder: Path, two_nodes: Path, arrays: dict[str, np.ndarray], message: str
 ) -> None:
     np.savez(folder / "starts.npz", **arrays)
-    ended = run("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.1)
-    assert ended.code == 2
+    ended = run.refused("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.1)
     assert message in ended.err
 
 
@@ -73,13 +71,11 @@ def test_what_is_no_archive_or_does_not_go_together_is_refused(
     run: Run, folder: Path, two_nodes: Path
 ) -> None:
     (folder / "starts.npz").write_text("no archive", encoding="utf-8")
-    ended = run("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.1)
-    assert ended.code == 2
+    ended = run.refused("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.1)
     assert "not a file of initial states" in ended.err
     write_starts(folder / "starts.npz", two_nodes)
     for more in (["--settle"], ["--until", "contact"]):
-        ended = run("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.1, *more)
-        assert ended.code == 2
+        ended = run.refused("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.1, *more)
         assert str(more[0]) in ended.err
     assert "--batch" in ended.err
 
@@ -89,8 +85,7 @@ def test_a_state_that_two_arrays_give_is_refused_with_both_names(
 ) -> None:
     place = write_starts(folder / "starts.npz", two_nodes)
     np.savez(folder / "starts.npz", node_position=place, coordinate=np.zeros((3, 3)))
-    ended = run("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.1, "--json")
-    assert ended.code == 2
+    ended = run.refused("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.1, "--json")
     assert ended.data["problem"] == "two arrays give the same state"
     assert "one of" in ended.data["allowed"]
     assert {"node_position", "coordinate"} <= set(ended.data["given"].strip("'").split(" and "))

@@ -62,8 +62,7 @@ def test_a_batch_takes_the_same_profile(run: Run, scene: Path, folder: Path) -> 
 )
 def test_a_bad_profile_ends_with_2(run: Run, scene: Path, folder: Path, text: str, parts: list[str]) -> None:
     table = write(folder / "pull.csv", text)
-    ended = run("simulate", scene, *WORDS, "--profile", table, "--out", "a.npz")
-    assert ended.code == 2
+    ended = run.refused("simulate", scene, *WORDS, "--profile", table, "--out", "a.npz")
     for part in parts:
         assert part in ended.err
     assert not (folder / "a.npz").exists()
@@ -71,26 +70,24 @@ def test_a_bad_profile_ends_with_2(run: Run, scene: Path, folder: Path, text: st
 
 def test_a_scene_without_inputs_and_an_unknown_kind(run: Run, two_nodes: Path, folder: Path) -> None:
     table = write(folder / "pull.csv", "time,motor\n0,0\n1,0\n")
-    ended = run("simulate", two_nodes, *WORDS, "--profile", table)
-    assert ended.code == 2
+    ended = run.refused("simulate", two_nodes, *WORDS, "--profile", table)
     assert "has no inputs" in ended.err
-    ended = run("simulate", two_nodes, *WORDS, "--profile-kind", "cubik")
-    assert ended.code == 2
+    ended = run.refused("simulate", two_nodes, *WORDS, "--profile-kind", "cubik")
     assert "linear, cubic" in ended.err
 
 
 def test_an_input_with_a_constant_value_too_is_refused(run: Run, scene: Path, folder: Path) -> None:
     table = write(folder / "pull.csv", "time,motor\n0,0\n1,0\n")
-    ended = run("simulate", scene, *WORDS, "--profile", table, "--input", "motor=0.1", "--out", "a.npz")
-    assert ended.code == 2
+    ended = run.refused(
+        "simulate", scene, *WORDS, "--profile", table, "--input", "motor=0.1", "--out", "a.npz"
+    )
     assert "pull.csv: an input has a profile and a constant value" in ended.err
     assert not (folder / "a.npz").exists()
 
 
 def test_a_settled_start_has_the_first_values_of_the_profile(run: Run, scene: Path, folder: Path) -> None:
     table = write(folder / "pull.csv", "time,motor\n0,-0.3\n1,-0.3\n")
-    ended = run("simulate", scene, *WORDS, "--settle", "--profile", table, "--out", "a.npz")
-    assert ended.code == 0
+    run.good("simulate", scene, *WORDS, "--settle", "--profile", table, "--out", "a.npz")
     with np.load("a.npz") as file:
         np.testing.assert_allclose(file["node_position"][:, 1, 2], -(0.9 - 0.3 + 0.0981), atol=1e-7)
 
@@ -98,8 +95,7 @@ def test_a_settled_start_has_the_first_values_of_the_profile(run: Run, scene: Pa
 def test_until_sees_the_inputs_of_the_profile(run: Run, scene: Path, folder: Path) -> None:
     table = write(folder / "pull.csv", "time,motor\n0,0\n1,-0.5\n")
     words = ["--profile", table, "--until", 'member_tension["s1"] > 14', "--rtol", 1e-9, "--json"]
-    ended = run("simulate", scene, *WORDS, *words, "--out", "a.npz")
-    assert ended.code == 0
+    ended = run.good("simulate", scene, *WORDS, *words, "--out", "a.npz")
     assert ended.data["events"][0]["kind"] == "condition"
     with np.load("a.npz") as file:
         assert file["member_tension"][-1, 0] == pytest.approx(14.0, abs=1e-5)
@@ -125,8 +121,7 @@ def test_a_profile_beyond_an_actuator_is_a_warning(
 ) -> None:
     path = write(folder / "small.toml", SCENE.split("\n[[inputs]]")[0] + ACTUATOR)
     profile = write(folder / "pull.csv", "time,motor\n" + table)
-    ended = run("simulate", path, *WORDS, "--profile", profile, "--json")
-    assert ended.code == 0
+    ended = run.good("simulate", path, *WORDS, "--profile", profile, "--json")
     found = [text for text in ended.data.get("warnings", ()) if "profile of motor" in text]
     assert len(found) == bool(words)
     assert all(word in found[0] for word in words)

@@ -54,8 +54,7 @@ def test_the_run_ends_at_the_contact(run: Run, bars: Path, method: tuple[object,
 
 
 def test_a_run_without_contact_goes_to_its_end(run: Run, bars: Path) -> None:
-    ended = run("simulate", bars, "--t-end", 0.4, "--until", "contact", "--json")
-    assert ended.code == 0
+    ended = run.good("simulate", bars, "--t-end", 0.4, "--until", "contact", "--json")
     assert ended.data["events"] == []
     assert ended.data["t_end"] == 0.4
     assert "no contact" in ended.data["message"]
@@ -63,8 +62,7 @@ def test_a_run_without_contact_goes_to_its_end(run: Run, bars: Path) -> None:
 
 def test_bars_in_contact_at_the_start_say_so(run: Run, folder: Path) -> None:
     scene = write(folder / "bars.toml", BARS.replace(", 1], mass", ", 0.08], mass"))
-    ended = run("simulate", scene, "--t-end", 1, "--until", "contact", "--json")
-    assert ended.code == 0
+    ended = run.good("simulate", scene, "--t-end", 1, "--until", "contact", "--json")
     assert (ended.data["t_end"], ended.data["n_samples"]) == (0.0, 1)
     assert ended.data["events"][0]["time"] == 0.0
     assert ended.data["events"][0]["margin"] == pytest.approx(-0.02)
@@ -80,13 +78,11 @@ def test_distances_are_in_the_library_only_where_they_are_asked_for(run: Run, ba
 
 
 def test_wrong_usage_is_refused(run: Run, bars: Path, folder: Path) -> None:
-    ended = run("simulate", bars, "--t-end", 1, "--until", "touch", "--json")
-    assert ended.code == 2
+    ended = run.refused("simulate", bars, "--t-end", 1, "--until", "touch", "--json")
     assert ended.data["error"] == "UnknownNameError"
     assert "contact" in ended.err
     scene = write(folder / "small.toml", GOOD)
-    ended = run("simulate", scene, "--t-end", 1, "--until", "contact", "--json")
-    assert ended.code == 2
+    ended = run.refused("simulate", scene, "--t-end", 1, "--until", "contact", "--json")
     assert "no two bars that could touch" in ended.err
 
 
@@ -112,6 +108,5 @@ def test_the_run_ends_where_a_condition_holds(run: Run, bars: Path) -> None:
     ],
 )
 def test_what_is_no_condition_is_refused(run: Run, bars: Path, words: tuple[str, ...]) -> None:
-    ended = run("simulate", bars, "--t-end", 1, *words, "--json")
-    assert ended.code == 2
+    ended = run.refused("simulate", bars, "--t-end", 1, *words, "--json")
     assert ended.data["status"] == "error"

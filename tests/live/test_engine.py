@@ -1,5 +1,7 @@
 """Models that run in pages: what the library is asked for, and the sliders of the page."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -9,10 +11,12 @@ from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.live.engine import add_engine, choose_method
 from tensegrity_codegen.live.live_scene import build_live_scene
 from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tests.cases import thorough
 from tests.live.pages import EXAMPLES
 from tests.live.test_channels import unpack
 
 
+@functools.cache
 def describe(name: str):
     subject, request = load_scene(EXAMPLES / f"{name}.toml")
     manifest = emit(subject, request_play(subject, request)).manifest
@@ -20,7 +24,7 @@ def describe(name: str):
     return subject, manifest, scene
 
 
-@pytest.mark.parametrize("name", ["prism12", "tower", "svd_tower", "planar", "two_nodes"])
+@pytest.mark.parametrize("name", ["svd_tower", "planar", *thorough("prism12", "tower", "two_nodes")])
 def test_everything_that_the_page_calls_is_there(name: str) -> None:
     subject, manifest, scene = describe(name)
     engine = scene.data["engine"]
@@ -80,11 +84,11 @@ def test_pages_offer_the_methods_of_the_library(name: str, methods: list[str]) -
     assert scene.data["engine"]["method"] in methods
 
 
-@pytest.mark.parametrize(("most", "integrators"), [(2000, ("rk54", "radau")), (3, ("rk54",))])
+@pytest.mark.parametrize(("most", "integrators"), [(2000, ("rk54", "radau")), (0, ("rk54",))])
 def test_many_members_have_the_implicit_method_on_request_only(
     most: int, integrators: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(picture, "MOST_OFFERED", most)
-    subject, request = load_scene(EXAMPLES / "prism.toml")
+    subject, request = load_scene(EXAMPLES / "two_nodes.toml")
     assert request_play(subject, request).integrators == integrators
     assert request_play(subject, request, "radau").integrators == ("rk54", "radau")

@@ -105,6 +105,7 @@ INSIDE = """[...tensegrity.names.nodes.keys()].every(k => {
 LOST = "!document.getElementById('left').hidden"
 
 
+@pytest.mark.thorough
 def test_a_page_starts_with_the_whole_motion_in_view_or_says_how_to_find_it(
     browser: Browser, tmp_path: Path
 ) -> None:
@@ -199,7 +200,7 @@ def test_nothing_covers_the_legend_and_all_is_reached_without_scrolling_the_pict
     opened.send("Page.close")
 
 
-@pytest.mark.parametrize("name", ["stated", "chosen"])
+@pytest.mark.parametrize("name", ["stated", *thorough("chosen")])
 def test_views_along_an_axis_are_parallel_projections(browser: Browser, tmp_path: Path, name: str) -> None:
     start = LiveStart(view=Direction("top", -90.0, 90.0)) if name == "stated" else LiveStart()
     opened = Tab(browser, 1000, 700, "light")
@@ -226,6 +227,7 @@ KEEP_FILES = """(() => { window.files = []; const make = URL.createObjectURL;
   HTMLAnchorElement.prototype.click = function () { files.at(-1).push(this.download); }; })()"""
 
 
+@pytest.mark.thorough
 def test_a_picture_and_a_film_are_saved(tab: Tab) -> None:
     tab.ask(KEEP_FILES)
     tab.ask("document.getElementById('picture').click()")
@@ -276,6 +278,7 @@ def test_looks_can_be_changed_and_what_is_unknown_is_refused(tab: Tab) -> None:
     assert tab.complaints() == []
 
 
+@pytest.mark.thorough
 def test_cables_and_arrows_are_thinner_than_bars(browser: Browser, tmp_path: Path) -> None:
     thin = replace(PRISM, radius=np.where(PRISM.is_bar, 1e-3, 0.0))
     opened = Tab(browser, 1400, 860, "light")
@@ -288,6 +291,7 @@ def test_cables_and_arrows_are_thinner_than_bars(browser: Browser, tmp_path: Pat
     opened.send("Page.close")
 
 
+@pytest.mark.thorough
 def test_axes_a_scale_bar_and_shadows_are_drawn(browser: Browser, page: Path, tmp_path: Path) -> None:
     image = pytest.importorskip("PIL.Image")
     opened = Tab(browser, 1000, 700, "light")
@@ -318,6 +322,7 @@ def test_axes_a_scale_bar_and_shadows_are_drawn(browser: Browser, page: Path, tm
     opened.send("Page.close")
 
 
+@pytest.mark.thorough
 def test_labels_of_large_numbers_are_not_cut(browser: Browser, tmp_path: Path) -> None:
     large = replace(
         MOTION, kinetic_energy=MOTION.kinetic_energy * 1e25, total_energy=MOTION.total_energy * 1e25

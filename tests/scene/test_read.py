@@ -151,7 +151,7 @@ RUBBISH = {
 }
 
 
-QUICK = ("letters", "nested lists", "dotted key", "bytes")
+QUICK = ("nested lists", "bytes")
 
 
 @pytest.mark.parametrize("kind", [*QUICK, *thorough(*(kind for kind in RUBBISH if kind not in QUICK))])
@@ -215,14 +215,14 @@ VALUES = st.recursive(
 KEYS = st.sampled_from(sorted(ARCH)) | st.text(max_size=5)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(st.dictionaries(KEYS, VALUES, max_size=4))
 def test_any_document_is_a_scene_or_one_of_our_errors(document):
     error = outcome(parse_scene, {**ARCH, **document}, WHERE)
     assert not isinstance(error, SceneError) or error.where.startswith(WHERE)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(st.text(max_size=60))
 def test_any_text_is_a_document_or_one_of_our_errors(tmp_path_factory, text):
     path = tmp_path_factory.getbasetemp() / "any.toml"

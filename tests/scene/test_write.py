@@ -48,7 +48,7 @@ def without_empty(document):
     return {key: value for key, value in document.items() if value or not isinstance(value, dict | list)}
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     st.fixed_dictionaries(
         {

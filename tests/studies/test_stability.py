@@ -251,7 +251,7 @@ def test_a_peer_that_hangs_crashes_or_raises_is_an_ending(monkeypatch: pytest.Mo
         raise ZeroDivisionError("a peer's own way")
 
     for function, patience, status in (
-        (hang, 0.5, "over time"),
+        (hang, 0.1, "over time"),
         (crash, 60.0, "crashed"),
         (fail, 60.0, "error"),
     ):

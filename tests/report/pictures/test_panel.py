@@ -25,7 +25,7 @@ def travel(structure, distance):
     return make_trajectory(structure, 5, node_position=position)
 
 
-@pytest.mark.parametrize("view", ["iso", "30,-20", *thorough(None, "front", "side", "top", "0,90", "-90,0")])
+@pytest.mark.parametrize("view", ["30,-20", *thorough("iso", None, "front", "side", "top", "0,90", "-90,0")])
 def test_every_view_shows_all_nodes_with_the_size_asked_for(view, tmp_path):
     choices = PictureChoices(view=read_view(view), size=(640, 480), labels=("nodes",))
     path = plot_structure(
@@ -96,14 +96,14 @@ def test_axes_that_follow_keep_their_size_and_tell_where_they_are(structure):
 def test_a_film_that_follows_moves_the_numbers_of_its_axes(structure, tmp_path):
     motion = travel(structure, 5.0)
     path = write_animation(
-        structure, motion, tmp_path / "a.gif", fps=4, choices=PictureChoices(follow=True, size=(300, 260))
+        structure, motion, tmp_path / "a.gif", fps=2, choices=PictureChoices(follow=True, size=(300, 260))
     )
     frames, _ = read_gif(path)
-    assert len(frames) == 5
+    assert len(frames) == 3
     assert frames[0].shape == (260, 300, 3)
     # Below the structure, where numbers stand, the pictures differ; of axes that stand still they do not.
     rows = slice(int(0.55 * 260), int(0.85 * 260))
-    assert np.abs(frames[4][rows] - frames[0][rows]).max() > 60
+    assert np.abs(frames[2][rows] - frames[0][rows]).max() > 60
 
 
 @pytest.mark.thorough

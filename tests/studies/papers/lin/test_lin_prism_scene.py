@@ -11,47 +11,14 @@ from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.studies.papers.lin.tables import read_tables
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import BodyEvaluator, example
 
-# Tables 1 and 2 of LIN: spring extensions [mm] by load F_3z [N].
-#
-# Columns: the springs B1B2, B3B1, B2B3, A1B2, A3B1, A2B3.
-
-
-# The scene's tendons in the order of the columns.
+# Tables 1 and 2 of LIN: spring extensions [mm] by load F_3z [N]. The tendons in the order of their columns:
 COLUMNS = ("top1", "top3", "top2", "side1", "side3", "side2")
-LOADS = -np.arange(11.0)
-
-MEASURED = np.array([
-    [32.5988, 32.1836, 31.4954, 50.9270, 52.9330, 48.5386],
-    [33.084, 34.0658, 31.8073, 51.0543, 54.8730, 44.2030],
-    [34.2044, 35.8326, 32.0441, 51.2912, 56.9919, 40.5982],
-    [36.0226, 38.3626, 32.2730, 51.5185, 59.1224, 37.0855],
-    [37.0640, 40.7714, 32.4363, 52.0554, 61.4896, 33.2460],
-    [38.0762, 43.7000, 32.6557, 53.0155, 63.8568, 28.9545],
-    [39.5940, 46.2817, 32.9000, 53.6815, 67.2633, 24.9076],
-    [41.0598, 47.4249, 33.0083, 54.0226, 69.5150, 22.4607],
-    [42.0945, 48.8453, 33.2185, 54.2254, 72.5750, 17.2679],
-    [43.0469, 52.7333, 33.4594, 54.4337, 75.3464, 13.6363],
-    [44.0208, 54.8176, 33.8072, 54.6998, 78.4065, 10.3799],
-])  # fmt: skip
-
-COMPUTED = np.array([
-    [31.3242, 31.3212, 31.3173, 50.5953, 50.5881, 50.590840],
-    [32.3180, 33.1572, 31.4903, 50.9329, 52.5784, 46.494939],
-    [33.3551, 35.1283, 31.6627, 51.2700, 54.6671, 42.388409],
-    [34.4389, 37.2472, 31.8372, 51.6082, 56.8603, 38.277880],
-    [35.5729, 39.5262, 32.0175, 51.9496, 59.1638, 34.170881],
-    [36.7614, 41.9789, 32.2083, 52.2970, 61.5835, 30.075916],
-    [38.0090, 44.6188, 32.4163, 52.6535, 64.1249, 26.002510],
-    [39.3212, 47.4593, 32.6494, 53.0230, 66.7930, 21.961228],
-    [40.7040, 50.5131, 32.9180, 53.4100, 69.5916, 17.963650],
-    [42.1642, 53.7913, 33.2343, 53.8184, 72.5232, 14.022284],
-    [43.7094, 57.3025, 33.6127, 54.2537, 75.5889, 10.150407],
-])  # fmt: skip
-
-
+PRINTED = read_tables()
+LOADS, MEASURED, COMPUTED = (PRINTED[name] for name in ("load", "measured", "computed"))
 PRISM = example("lin_prism")
 A, L, K, MASS, G = 0.41, 0.578, 173.2, 0.022880, 9.81
 GAMMA = np.radians([90.0, 210.0, 330.0])

@@ -14,6 +14,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.studies.papers.scs.printed import compile_tower, drive, drive_as_printed, track
+from tests.cases import thorough
 from tests.codegen.quickly import without_optimisation
 from tests.studies.papers.scs.subjects import paper_motion, tower
 
@@ -63,7 +64,7 @@ def driven_model() -> CompiledModel:
         return build_library(tower().system, request).load()
 
 
-@pytest.mark.parametrize("kind", ["linear", "cubic"])
+@pytest.mark.parametrize("kind", ["linear", *thorough("cubic")])
 def test_a_table_of_all_tendons_is_followed_to_1e_11(driven_model: CompiledModel, kind: Any) -> None:
     plan = paper_motion("with_torque")
     knots = np.linspace(0.0, END, KNOTS)
