@@ -123,10 +123,14 @@ def test_arguments_that_follow_a_profile_keep_the_order() -> None:
     model = build(structure, "rk853")
     knots = np.linspace(0.0, 1.0, 5)
     profile = Profile(knots, {"push": 6.0 * np.sin(3.0 * knots)}, "cubic")
-    options: dict[str, Any] = {"schedule": profile, "samples": [0.0, 1.0], "control": "steps"}
-    best = simulate(model, 1.0, method="rk853", rtol=1e-13, stepping=Stepping(atol=1e-13), **options)
+    options: dict[str, Any] = {"schedule": profile, "samples": [0.0, 1.0]}
+    best = simulate(
+        model, 1.0, method="rk853", rtol=1e-13, stepping=Stepping(atol=1e-13, control="steps"), **options
+    )
     runs = [
-        simulate(model, 1.0, method="rodas", rtol=tol, stepping=Stepping(atol=tol), **options)
+        simulate(
+            model, 1.0, method="rodas", rtol=tol, stepping=Stepping(atol=tol, control="steps"), **options
+        )
         for tol in (1e-5, 1e-7, 1e-9, 1e-10)
     ]
     errors = [np.abs(run.node_position - best.node_position).max() for run in runs]
