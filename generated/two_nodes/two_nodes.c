@@ -15,7 +15,7 @@
 const two_nodes_description two_nodes_descriptor = {
     2, "two_nodes", "b5f745359dca7467a53c9f6f8e3409634548b4a16395e83998431c088206337c", "node_position", "unrolled",
         "double",
-    "tensegrity_codegen 0.2.0, casadi 3.8.2"};
+    "tensegrity_codegen 0.3.0, casadi 3.8.2"};
 
 /* This file runs on every machine of an architecture: there are no instruction sets to check for. */
 #if defined(TENSEGRITY_NATIVE)
