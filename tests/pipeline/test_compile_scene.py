@@ -34,11 +34,12 @@ import json, sys
 sys.stdin.readline()
 from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
+from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 structure, request = load_scene(sys.argv[1])
 wanted = request.wanting(*SIMULATION_QUANTITIES, integrators=("rk4",))
 built = build_library(structure, wanted)
-run = simulate(built.load(), 0.1, samples=3, method="rk4", step=0.001)
+run = simulate(built.load(), 0.1, samples=3, method="rk4", stepping=Stepping(step=0.001))
 print(json.dumps({"casadi": "casadi" in sys.modules, "from_cache": built.from_cache, "status": run.status,
                   "key": built.entry.key, "end": run.node_position[-1].tolist()}))
 """

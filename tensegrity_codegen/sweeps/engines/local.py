@@ -20,6 +20,7 @@ from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.system.forked import DEFERRED, can_fork, deferred_signals, end_process
 
 AHEAD = 2  # tasks that a worker has at a time: the next is there when it has sent a result
+END_TIME = 1.0  # [s] for which the end of processes is awaited, once one of them has ended
 _served: list[tuple[SweepWork, Libraries]] = []  # of this process, which is a worker
 
 
@@ -87,6 +88,8 @@ class _Pool:
         """Return why a task has no result: its error, or how its process ended."""
         if not isinstance(error, BrokenExecutor):
             return str(error)[:500]
+        for process in self.processes.values():  # all end where one has ended, but not at once
+            process.join(END_TIME)
         codes = [process.exitcode for process in self.processes.values()]
         ended = [code for code in codes if code not in (None, 0, -signal.SIGTERM)]  # SIGTERM: of the others
         for code in ended:

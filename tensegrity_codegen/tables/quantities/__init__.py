@@ -11,7 +11,7 @@ number of nodes or members that the scene keeps changeable.
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from tensegrity_codegen.system.errors import UnknownNameError, suggest
+from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.quantities.arguments import ARGUMENT_ROWS
 from tensegrity_codegen.tables.quantities.bodies import BODIES
 from tensegrity_codegen.tables.quantities.distances import DISTANCES
@@ -35,8 +35,5 @@ QUANTITIES = _table(*MEMBERS, *NODES, *STRUCTURES, *BODIES, *INTERFERENCE, *DIST
 
 def find_quantity(name: str) -> Quantity:
     """Return the table's row of `name`; an unknown name raises UnknownNameError with the known ones."""
-    if name not in QUANTITIES:
-        raise UnknownNameError(
-            "unknown quantity", where="quantities", given=name, hint=suggest(name, QUANTITIES)
-        )
+    check_choice(name, QUANTITIES, "quantity", "quantities")
     return QUANTITIES[name]

@@ -50,7 +50,9 @@ def test_the_task_of_a_killed_process_runs_again(tmp_path: Path) -> None:
     values, words, _ = collect(found)
     assert np.array_equal(values, np.arange(40.0) ** 2)
     assert set(words) == {"ok"}
-    assert [number for number in found if found[number].facts["attempts"] == 2] == [2]
+    attempts = {number: item.facts["attempts"] for number, item in found.items()}
+    assert attempts[2] == 2
+    assert set(attempts.values()) <= {1, 2}  # others that were under way are computed again, too
 
 
 @pytest.mark.parametrize(("way", "said"), [("kill", "SIGKILL"), ("bug", "ZeroDivisionError: by zero")])
