@@ -62,7 +62,8 @@ static inline int radau_advance(
     }
   }
   for (i = 0; i < most_steps && *time < time_end; ++i) {
-    const double left = time_end - *time, usual_step = fmin(run->kept[7] > 0.0 ? run->kept[7] : *step, *step);
+    const double left = time_end - *time, kept_step = run->kept[RADAU_KEPT_USUAL_STEP];
+    const double usual_step = fmin(kept_step > 0.0 ? kept_step : *step, *step);
     double h = *step, t1, error = -1.0, factor;
 #if WITH_EVENTS
     int is_cut = 0, is_short = 0, is_landing = 0, is_known = 1;
@@ -145,7 +146,7 @@ static inline int radau_advance(
     if (!(error >= 0.0 && error <= 1.0)) {
       ++count[error < 0.0 ? 2 : 1];
       *step = h * (error < INFINITY ? fmax(0.1, factor) : 0.1);
-      run->kept[3] = 0.0;
+      run->kept[RADAU_KEPT_MAY_GROW] = 0.0;
 #if WITH_EVENTS
       if (events != NULL) {
         events->cut = 0.0;
@@ -160,10 +161,12 @@ static inline int radau_advance(
       }
       continue;
     }
-    factor *= (2 * RADAU_MOST_ITERATIONS + 1) / ((double)(2 * RADAU_MOST_ITERATIONS) + run->kept[2]);
-    if (run->kept[0] > 0.0 && run->kept[3] > 0.0 && error > 0.0) {
+    factor *= (2 * RADAU_MOST_ITERATIONS + 1)
+        / ((double)(2 * RADAU_MOST_ITERATIONS) + run->kept[RADAU_KEPT_ITERATIONS]);
+    if (run->kept[RADAU_KEPT_STEP] > 0.0 && run->kept[RADAU_KEPT_MAY_GROW] > 0.0 && error > 0.0) {
       /* Gustafsson 1994: errors that grow from step to step go on growing. */
-      factor = fmin(factor, 0.9 * h / run->kept[0] * pow(run->kept[1] / (error * error), 0.25));
+      const double ratio = run->kept[RADAU_KEPT_ERROR] / (error * error);
+      factor = fmin(factor, 0.9 * h / run->kept[RADAU_KEPT_STEP] * pow(ratio, 0.25));
     }
     radau_take(run, h, *time, t1, state, n_samples, sample_time, sample_state, sample_tension, n_sampled);
     *time = t1;
@@ -174,13 +177,13 @@ static inline int radau_advance(
     }
 #endif
     /* The polynomials of a step that was cut short say nothing of a long one. */
-    run->kept[0] = h >= 0.1 * usual_step ? h : 0.0;
-    run->kept[1] = fmax(error, 1e-2);
+    run->kept[RADAU_KEPT_STEP] = h >= 0.1 * usual_step ? h : 0.0;
+    run->kept[RADAU_KEPT_ERROR] = fmax(error, 1e-2);
     if (is_whole) {
-      *step = h * fmin(run->kept[3] > 0.0 ? 8.0 : 1.0, fmax(0.2, factor));
-      run->kept[7] = h;
+      *step = h * fmin(run->kept[RADAU_KEPT_MAY_GROW] > 0.0 ? 8.0 : 1.0, fmax(0.2, factor));
+      run->kept[RADAU_KEPT_USUAL_STEP] = h;
     }
-    run->kept[3] = 1.0;
+    run->kept[RADAU_KEPT_MAY_GROW] = 1.0;
 #if WITH_EVENTS
     if (watches) {
       if (!radau_watch_on(run, t1, *step, h, is_whole, is_cut, is_landing, state, events, m)) {

@@ -8,7 +8,7 @@
  * such a step, to 1e-12 and less of what it goes; without them over less. */
 static inline double radau_reach(const radau_work *run, double usual_step)
 {
-  return run->kept[8] > 0.0 ? 1e-3 * usual_step : 1e-6 * usual_step;
+  return run->kept[RADAU_KEPT_HAS_JERK] > 0.0 ? 1e-3 * usual_step : 1e-6 * usual_step;
 }
 
 /* The smooth motion a time h later by its Taylor series: fills trial and the path from here to there. */
@@ -16,7 +16,8 @@ static inline void radau_extrapolate(radau_work *run, double time, double h, con
 {
   int k;
   for (k = 0; k < N; ++k) {
-    const double v = run->velocity[k], a = run->acceleration[k], jerk = run->kept[8] > 0.0 ? run->jerk[k] : 0.0;
+    const double v = run->velocity[k], a = run->acceleration[k];
+    const double jerk = run->kept[RADAU_KEPT_HAS_JERK] > 0.0 ? run->jerk[k] : 0.0;
     run->old[k] = state[k];
     run->old[N + k] = v;
     run->old[2 * N + k] = a;
@@ -40,7 +41,7 @@ static inline void radau_find_jerk(radau_work *run, double h)
   for (k = 0; k < N; ++k) {
     run->jerk[k] = (6.0 * (v[k] - run->velocity[k]) / h + 2.0 * a[k] + 4.0 * run->acceleration[k]) / h;
   }
-  run->kept[8] = 1.0;
+  run->kept[RADAU_KEPT_HAS_JERK] = 1.0;
 }
 
 /* Margins and their slopes where the motion stands. */

@@ -16,7 +16,7 @@ static inline int control_all_finite(const real *values, int count)
 }
 
 /* Bounds (work.low, work.high) of a command within rates and ranges, so long after the last one. */
-static inline void actuators_reach(real span, scene_control *c)
+static inline void actuators_find_bounds(real span, scene_control *c)
 {
   int u;
   for (u = 0; u < N_U; ++u) {
@@ -42,7 +42,7 @@ static inline int control_differs(real a, real b)
 }
 
 /* Command nearest to what is wanted, within work.low and work.high; returns the status. */
-static inline int actuators_cut(scene_control *c)
+static inline int actuators_clip_command(scene_control *c)
 {
   int u, status = SCENE_CONTROL_OK;
   for (u = 0; u < N_U; ++u) {
@@ -62,7 +62,7 @@ static inline int actuators_cut(scene_control *c)
 #endif
 
 /* Set the inputs of the actuators to the commands that have arrived, so long after the last one was sent. */
-static inline void actuators_arrive(real since, scene_control *c)
+static inline void actuators_apply_arrived(real since, scene_control *c)
 {
   int u;
   for (u = 0; u < N_U; ++u) {
@@ -100,7 +100,7 @@ static inline void actuators_send(scene_control *c)
   for (u = 0; u < N_U; ++u) {
     c->sent[c->newest * N_U + u] = c->command[u];
   }
-  actuators_arrive((real)0.0, c);
+  actuators_apply_arrived((real)0.0, c);
 }
 
 /* Rest length of the first member of each actuator [m] with these inputs. */
