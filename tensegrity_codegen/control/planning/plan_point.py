@@ -116,10 +116,10 @@ class PlanModel:
         """Values of the actuators' inputs in the scene or arguments, (n_actuators,) [m]."""
         return np.array(self.base[self.actuation.place])
 
-    def enter(self, coordinate: FloatArray) -> FloatArray:
+    def to_search_coordinate(self, coordinate: FloatArray) -> FloatArray:
         """Return coordinates of the model as those of the static problems, and fix their scale for bodies."""
         problem = self.problem(self.start)
-        entered = problem.enter(coordinate)
+        entered = problem.to_search_coordinate(coordinate)
         if isinstance(problem, BodyProblem):
             self._scale = problem.scale
         return entered
@@ -205,7 +205,7 @@ class PlanModel:
         return PlanPoint(
             change.copy(),
             point.coordinate,
-            problem.leave(point.coordinate),
+            problem.to_model_coordinate(point.coordinate),
             problem.node_position(point.coordinate),
             point,
             np.array(problem.compute("member_length", point.coordinate)),

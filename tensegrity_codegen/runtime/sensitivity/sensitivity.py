@@ -113,7 +113,7 @@ def _find_point(problem: StaticProblem, equilibrium: Equilibrium | ArrayLike | N
         )
         check_shape(start, (problem.size,), "equilibrium")
         check_finite(start, "equilibrium")
-    point = problem.find_point(problem.enter(start))
+    point = problem.find_point(problem.to_search_coordinate(start))
     if point is None:
         raise NonFiniteError(
             "the forces at this state are not finite", where=problem.model.manifest.name,

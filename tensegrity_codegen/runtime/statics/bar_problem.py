@@ -97,7 +97,7 @@ class BarProblem(StaticProblem):
         result._last = None
         return result
 
-    def enter(self, coordinate: FloatArray) -> FloatArray:
+    def to_search_coordinate(self, coordinate: FloatArray) -> FloatArray:
         """Return the nearest coordinates at which all bars have their lengths."""
         placed = self.place(coordinate)
         if placed is None:

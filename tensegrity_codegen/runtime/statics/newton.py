@@ -36,7 +36,7 @@ MAX_MOTION_RATIO = 1e5  # times the structure's size: beyond, the motion counts 
 class Stability:
     """Smallest eigenvalue off the neutral rigid motions [N/m], its vector, how large rounding may be.
 
-    told_eigenvalue: the same in the model's own coordinates, which may be angles. neutral: those motions,
+    model_eigenvalue: the same in the model's own coordinates, which may be angles. neutral: those motions,
     orthonormal columns (n_directions, neutral_motions). unbalanced: the part of `rounding` that is due to
     forces that are not in balance.
     """
@@ -45,7 +45,7 @@ class Stability:
     direction: FloatArray
     neutral_motions: int
     rounding: float
-    told_eigenvalue: float
+    model_eigenvalue: float
     neutral: FloatArray
     unbalanced: float = 0.0
 

@@ -84,11 +84,11 @@ class StaticProblem:
         """Return what has to be among the quantities of this model."""
         return cls.quantities
 
-    def enter(self, coordinate: FloatArray) -> FloatArray:
+    def to_search_coordinate(self, coordinate: FloatArray) -> FloatArray:
         """Return the model's coordinates as the coordinates of this problem."""
         return coordinate
 
-    def leave(self, coordinate: FloatArray) -> FloatArray:
+    def to_model_coordinate(self, coordinate: FloatArray) -> FloatArray:
         """Return the coordinates of this problem as the model's."""
         return coordinate
 
