@@ -4,7 +4,10 @@
 #include "radau_smooth.h"
 #if !WITH_FLOAT
 
-/* From *time to time_end, or until so many steps have been tried; see the function that calls it. */
+/* The integrator radau: steps of Radau IIA with three stages, each from the smooth motion before it. */
+
+/* Integrate from *time to time_end, in at most so many trial steps, with quiet vibrations up to `quiet` [m]. Fills the
+ * samples that lie within; vibration: see radau_find_vibration; count: steps taken, rejected, not converged, ... */
 static inline int radau_advance(
     double time_end, long long most_steps, double quiet, double *time, double *step, double *state, long long n_samples,
     const double *sample_time, double *sample_state, double *sample_tension, long long *n_sampled, long long *count,
@@ -85,7 +88,7 @@ static inline int radau_advance(
           return SCENE_TOO_MANY_EVENTS;
         }
         if (events->is_stopped) {
-          radau_leave(run, n_samples, sample_tension, n_sampled);
+          radau_store_last_tensions(run, n_samples, sample_tension, n_sampled);
           return SCENE_OK;
         }
         continue;
@@ -186,14 +189,14 @@ static inline int radau_advance(
     run->kept[RADAU_KEPT_MAY_GROW] = 1.0;
 #if WITH_EVENTS
     if (watches) {
-      if (!radau_watch_on(run, t1, *step, h, is_whole, is_cut, is_landing, state, events, m)) {
+      if (!radau_update_events(run, t1, *step, h, is_whole, is_cut, is_landing, state, events, m)) {
         return SCENE_NON_FINITE_RESULT;
       }
       if (events->succession > MOST_IN_SUCCESSION) {
         return SCENE_TOO_MANY_EVENTS;
       }
       if (events->is_stopped) {
-        radau_leave(run, n_samples, sample_tension, n_sampled);
+        radau_store_last_tensions(run, n_samples, sample_tension, n_sampled);
         return SCENE_OK;
       }
     }

@@ -138,7 +138,7 @@ static inline int radau_event_pass(
 }
 
 /* After a step of length h to `time` that was taken: what is watched from here on, and an event that it ended at. */
-static inline int radau_watch_on(
+static inline int radau_update_events(
     radau_work *run, double time, double step, double h, int is_whole, int is_cut, int is_landing, const double *state,
     scene_run *events, event_memory *m)
 {
@@ -162,7 +162,7 @@ static inline int radau_watch_on(
 }
 
 /* Where an event ends a call: the tensions there, in place of the next sample. */
-static inline void radau_leave(
+static inline void radau_store_last_tensions(
     const radau_work *run, long long n_samples, double *sample_tension, const long long *n_sampled)
 {
   int b;

@@ -74,7 +74,7 @@ static inline void actuators_apply_arrived(real since, scene_control *c)
 
 #if WITH_PAST
 /* Take the command among those on their way, which the gains know. */
-static inline void actuators_remember(scene_control *c)
+static inline void actuators_store_past(scene_control *c)
 {
   real *past = c->deviation + N_X + N_Z;
   int u, k;
@@ -94,7 +94,7 @@ static inline void actuators_send(scene_control *c)
 {
   int u;
 #if WITH_PAST
-  actuators_remember(c);
+  actuators_store_past(c);
 #endif
   c->newest = c->newest + 1 < N_SENT ? c->newest + 1 : 0;
   for (u = 0; u < N_U; ++u) {
@@ -104,7 +104,7 @@ static inline void actuators_send(scene_control *c)
 }
 
 /* Rest length of the first member of each actuator [m] with these inputs. */
-static inline void actuators_add_up(const real *input, real *rest_length)
+static inline void actuators_sum_rest_lengths(const real *input, real *rest_length)
 {
   int u, k;
   for (u = 0; u < N_U; ++u) {
@@ -126,7 +126,7 @@ static inline void actuators_rest_length(const scene_control *c, real *rest_leng
   for (k = 0; k < N_U; ++k) {
     input[ACTUATOR_PLACE[k]] = c->command[k];
   }
-  actuators_add_up(input, rest_length);
+  actuators_sum_rest_lengths(input, rest_length);
 }
 
 /* Rest lengths at the start of the motion. */
@@ -134,7 +134,7 @@ static inline void actuators_start_length(real *rest_length)
 {
   real input[N_IN];
   motion_input((real)0.0, input);
-  actuators_add_up(input, rest_length);
+  actuators_sum_rest_lengths(input, rest_length);
 }
 
 #endif
