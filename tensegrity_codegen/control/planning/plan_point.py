@@ -183,10 +183,12 @@ class PlanModel:
         floor = _find_floor(stiffness, point)
         rounding = float(np.finfo(float).eps) * float(abs(stiffness).sum(axis=0).max(initial=0.0))
         factors, _ = factorise(stiffness, sparse.csc_array(neutral.T), neutral, rounding)
-        force = problem.slope(point)[:, None]
+        force = problem.directional_residual(point)[:, None]
         force = force - neutral @ (neutral.T @ force)
         step = factors.solve(force, np.zeros((neutral.shape[1], 1)))[0][:, 0]
-        return problem.find_moved(point.coordinate, step) if np.all(np.isfinite(step)) else None, floor
+        return problem.find_displaced_point(point.coordinate, step) if np.all(
+            np.isfinite(step)
+        ) else None, floor
 
     def neutral(self, problem: StaticProblem, point: Point, stiffness: Any) -> FloatArray:
         """Return the rigid motions that cost no force at a point, (n_directions, m)."""
