@@ -101,7 +101,7 @@ static double time_parts(MEMORY *c, const session *s)
     for (k = 0; k < N_U; ++k) {
       c->wanted[k] = input[ACTUATOR_PLACE[k]] + (k % 2 == 0 ? 1e-3 : -1e-3);
     }
-    actuators_reach(CONTROL_SAMPLE, c);
+    actuators_find_bounds(CONTROL_SAMPLE, c);
     PART("distribute", (sink += control_distribute(0.3, c)));
   }
 #endif

@@ -368,8 +368,9 @@ static void event_margins_at(
   event_margins(path->time + s * path->h, point, point + N, with, run, margin);
 }
 
-/* What the search for an event works with, margin by margin: on which side each was, its noise, values and slopes at
- * both ends and in the middle of the path; spare memory. Slopes are those over the whole path, `rise` a second. */
+/* What the search for an event works with, margin by margin: side (1 or -1: where each was), noise; first, middle and
+ * last: values at the start, middle and end of the path; rise [1/s] and start: slopes at the start, a second and over
+ * the whole path; turn and slope: slopes over the path in the middle and at the end; spare and other: memory. */
 typedef struct {
   double side[N_MARGINS], noise[N_MARGINS], first[N_MARGINS], rise[N_MARGINS], last[N_MARGINS], slope[N_MARGINS];
   double middle[N_MARGINS], turn[N_MARGINS], spare[N_MARGINS], other[N_MARGINS], start[N_MARGINS];
@@ -396,8 +397,8 @@ static void event_noise(const double *coordinate, double noise_factor, double us
       4e-15 * noise_factor * fmax(fabs(m->first[last]), noise_factor > 1.0 ? usual_step * fabs(m->rise[last]) : 0.0);
 }
 
-/* Positive while margin k is on its old side. */
-static double event_left(const event_memory *m, const double *margin, int k)
+/* Distance of margin k from leaving its side, noise included: positive while it is there. */
+static double event_side_distance(const event_memory *m, const double *margin, int k)
 {
   return m->side[k] * margin[k] + m->noise[k];
 }
@@ -434,7 +435,7 @@ static double event_root(
       s = 0.5 * (low + high);
     }
     event_margins_at(path, s, with, run, m->point, m->spare);
-    f = event_left(m, m->spare, k);
+    f = event_side_distance(m, m->spare, k);
     if (f < 0.0) {
       high = s;
       f_high = f;
@@ -470,7 +471,7 @@ static double event_dip(
       return m->may_turn && low > 1e-3 && high < 0.999 ? -s : 2.0;
     }
     event_margins_at(path, s, with, run, m->point, m->spare);
-    f = event_left(m, m->spare, k);
+    f = event_side_distance(m, m->spare, k);
     if (f < 0.0) {
       return event_root(path, k, start, f_start, s, f, with, run, m);
     }
@@ -497,7 +498,7 @@ static double event_in_part(
   double found = 2.0;
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
-    const double f_low = event_left(m, first, k), f_high = event_left(m, last, k);
+    const double f_low = event_side_distance(m, first, k), f_high = event_side_distance(m, last, k);
     double s = 2.0;
     if (f_high < 0.0) {
       s = event_root(path, k, low, f_low, high, f_high, with, run, m);
@@ -592,7 +593,7 @@ static int event_turn(double time, event_memory *m, const double *margin, two_no
 {
   int k, count = 0;
   for (k = 0; k < N_MARGINS; ++k) {
-    if (event_left(m, margin, k) < 0.0) {
+    if (event_side_distance(m, margin, k) < 0.0) {
       m->side[k] = -m->side[k];
       event_note(time, k, m->side[k] > 0.0 ? 1 : -1, run);
       ++count;
@@ -608,7 +609,7 @@ static int event_is_reached(double usual_step, const event_memory *m)
   int k, count = 0;
   (void)usual_step;
   for (k = 0; k < N_MARGINS; ++k) {
-    const double left = event_left(m, m->last, k);
+    const double left = event_side_distance(m, m->last, k);
     if (left < -4.0 * m->noise[k]) {
       return 0;
     }

@@ -96,7 +96,7 @@ static inline int motion_is_finite(const motion_batch *m, const real *state, int
 
 /* Find out which lanes can run: those whose status is good and whose numbers are finite. The others get a source among
  * these, and the status of what they lack. Returns how many can. */
-static inline int motion_settle_sources(const batch_call *call, motion_batch *m)
+static inline int motion_find_sources(const batch_call *call, motion_batch *m)
 {
   int e, k, first = -1, count = 0;
   for (k = 0; k < call->n_batch; ++k) {
@@ -120,7 +120,7 @@ static inline int motion_settle_sources(const batch_call *call, motion_batch *m)
 }
 
 /* Lay out the memory that all need, from `work` on, and fill the arguments; returns where the rest begins. */
-static inline real *motion_settle_batch(real *work, motion_batch *m)
+static inline real *motion_lay_out_batch(real *work, motion_batch *m)
 {
   /* Lanes are read fastest where they fill a line of the cache. */
   real *at = work + (LINE - (size_t)work / sizeof(real) % LINE) % LINE;

@@ -3,13 +3,15 @@
 #include "config.h"
 #if WITH_ENERGY
 
-/* Memory of motion_keep_energy. */
+/* Keeps the total energy of conservative motions: velocities are corrected after a step. */
+
+/* Memory of motion_keep_energy: non-zeros of H; velocities without rigid motion, and H times these. */
 typedef struct {
-  double mass[N_MASSES], part[N], momentum[N], spare[2 * N];
+  double mass[N_MASSES], internal[N], momentum[N], spare[2 * N];
 } energy_memory;
 
 /* y = H x; mass: the non-zeros of H. */
-static inline void motion_mass(const double *mass, const double *x, double *y)
+static inline void motion_multiply_mass(const double *mass, const double *x, double *y)
 {
   int k;
 #if WITH_DIAGONAL_MASS
@@ -30,7 +32,7 @@ static inline void motion_mass(const double *mass, const double *x, double *y)
 
 #if WITH_RIGID_MOTION
 /* Velocity of each coordinate in rigid motion k: along an axis, or about one through `middle`. */
-static inline void motion_rigid(int k, const double *q, const double *middle, double *x)
+static inline void motion_rigid_velocity(int k, const double *q, const double *middle, double *x)
 {
   int c;
   for (c = 0; c < N; c += AXES) {
@@ -53,23 +55,23 @@ static inline void motion_rigid(int k, const double *q, const double *middle, do
 }
 
 /* Take out of v (n,) the rigid motion that has its momentum and angular momentum, in the metric of H; spare (2, n). */
-static inline void motion_internal(const double *mass, const double *q, double *v, double *spare)
+static inline void motion_remove_rigid(const double *mass, const double *q, double *v, double *spare)
 {
-  double matrix[N_RIGID][N_RIGID], side[N_RIGID], middle[AXES] = {0.0}, *x = spare, *y = spare + N;
+  double matrix[N_RIGID][N_RIGID], right_side[N_RIGID], middle[AXES] = {0.0}, *x = spare, *y = spare + N;
   const int n_nodes = N / AXES;
   int i, j, k;
   for (k = 0; k < N; ++k) {
     middle[k % AXES] += q[k] / n_nodes;
   }
   for (i = 0; i < N_RIGID; ++i) {
-    motion_rigid(i, q, middle, x);
-    motion_mass(mass, x, y);
-    side[i] = 0.0;
+    motion_rigid_velocity(i, q, middle, x);
+    motion_multiply_mass(mass, x, y);
+    right_side[i] = 0.0;
     for (k = 0; k < N; ++k) {
-      side[i] += y[k] * v[k];
+      right_side[i] += y[k] * v[k];
     }
     for (j = 0; j <= i; ++j) {
-      motion_rigid(j, q, middle, x);
+      motion_rigid_velocity(j, q, middle, x);
       matrix[i][j] = 0.0;
       for (k = 0; k < N; ++k) {
         matrix[i][j] += x[k] * y[k];
@@ -89,19 +91,19 @@ static inline void motion_internal(const double *mass, const double *q, double *
     }
     matrix[i][i] = matrix[i][i] > 1e-12 * whole ? matrix[i][i] : 0.0;
     for (j = 0; j < i; ++j) {
-      side[i] -= matrix[i][j] * side[j];
+      right_side[i] -= matrix[i][j] * right_side[j];
     }
   }
   for (i = N_RIGID - 1; i >= 0; --i) {
-    side[i] = matrix[i][i] > 0.0 ? side[i] / matrix[i][i] : 0.0;
+    right_side[i] = matrix[i][i] > 0.0 ? right_side[i] / matrix[i][i] : 0.0;
     for (j = i + 1; j < N_RIGID; ++j) {
-      side[i] -= matrix[j][i] * side[j];
+      right_side[i] -= matrix[j][i] * right_side[j];
     }
   }
   for (i = 0; i < N_RIGID; ++i) {
-    motion_rigid(i, q, middle, x);
+    motion_rigid_velocity(i, q, middle, x);
     for (k = 0; k < N; ++k) {
-      v[k] -= side[i] * x[k];
+      v[k] -= right_side[i] * x[k];
     }
   }
 }
@@ -113,7 +115,7 @@ static inline void motion_internal(const double *mass, const double *q, double *
 static inline void motion_keep_energy(
     double energy, double *state, const motion_arguments *with, energy_memory *memory)
 {
-  double *mass = memory->mass, *d = memory->part, *momentum = memory->momentum;
+  double *mass = memory->mass, *d = memory->internal, *momentum = memory->momentum;
   double twice = 0.0, missing, factor;
   int k;
   motion_mass_matrix(state, with, mass);
@@ -121,9 +123,9 @@ static inline void motion_keep_energy(
     d[k] = state[N + k];
   }
 #if WITH_RIGID_MOTION
-  motion_internal(mass, state, d, memory->spare);
+  motion_remove_rigid(mass, state, d, memory->spare);
 #endif
-  motion_mass(mass, d, momentum);
+  motion_multiply_mass(mass, d, momentum);
   for (k = 0; k < N; ++k) {
     twice += d[k] * momentum[k];
   }

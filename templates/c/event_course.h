@@ -45,7 +45,7 @@ static inline int event_turn(double time, event_memory *m, const double *margin,
 {
   int k, count = 0;
   for (k = 0; k < N_MARGINS; ++k) {
-    if (event_left(m, margin, k) < 0.0) {
+    if (event_side_distance(m, margin, k) < 0.0) {
       m->side[k] = -m->side[k];
       event_note(time, k, m->side[k] > 0.0 ? 1 : -1, run);
       ++count;
@@ -63,7 +63,7 @@ static inline int event_is_reached(double usual_step, const event_memory *m)
   (void)usual_step;
 #endif
   for (k = 0; k < N_MARGINS; ++k) {
-    const double left = event_left(m, m->last, k);
+    const double left = event_side_distance(m, m->last, k);
     if (left < -4.0 * m->noise[k]) {
       return 0;
     }
@@ -203,7 +203,7 @@ static inline double event_delay(double longest, const event_memory *m)
   double delay = 0.0;
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
-    delay = event_left(m, m->last, k) < 0.0 ? fmax(delay, fabs(m->last[k] / m->rise[k])) : delay;
+    delay = event_side_distance(m, m->last, k) < 0.0 ? fmax(delay, fabs(m->last[k] / m->rise[k])) : delay;
   }
   return fmin(delay, longest);
 }

@@ -3,6 +3,8 @@
 #include "explicit.h"
 #include "tableau_batch.h"
 
+/* Explicit methods with step control for a batch: every lane takes steps of its own. */
+
 /* Numbers of single rows: old (q, v, a), new (q, v), derivative, spare, dense output. */
 #if METHOD_HAS_DENSE
 enum { METHOD_ROW = ((8 + 2 * METHOD_DENSE) * N + LINE - 1) / LINE * LINE };
@@ -10,7 +12,8 @@ enum { METHOD_ROW = ((8 + 2 * METHOD_DENSE) * N + LINE - 1) / LINE * LINE };
 enum { METHOD_ROW = (8 * N + LINE - 1) / LINE * LINE };
 #endif
 
-/* Where the lanes of one integration lie in the work memory: what is kept between calls, then the rest. */
+/* Where the lanes of one integration lie in the work memory. Kept between calls: may_grow (whether the next step may be
+ * longer), lost (what rounding has taken from the state), rates and state. Then change and state of a trial step. */
 typedef struct {
   real *may_grow, *lost, *rates, *state, *change, *trial, *spare;
 #if METHOD_HAS_DENSE
@@ -34,8 +37,9 @@ static inline void method_stop_lane(const method_batch *b, int k, int status, mo
 }
 
 #if METHOD_HAS_LATE_END
-/* Derivatives at the ends of the steps that keep the tolerance; where they are not finite, the error is not either. */
-static inline void method_end_lanes(
+/* Evaluate derivatives at the ends of steps that keep the tolerance; where these are not finite, the error
+ * becomes infinite. */
+static inline void method_evaluate_end_lanes(
     const motion_batch *m, const real *trial, real *rate, long long *count, double *error)
 {
   int j, k, any = 0;
@@ -181,7 +185,7 @@ static inline void method_plan_lanes(const method_batch *b, motion_batch *m, dou
 }
 
 /* Choose the next step of lane k after one of length h with this scaled error; non-zero if that is taken. */
-static inline int method_judge_lane(
+static inline int method_choose_next_step(
     const method_batch *b, int k, double h, double error, motion_batch *m, const method_lanes *l)
 {
   b->count[3 * k + 2] += METHOD_EVALUATIONS;
@@ -222,7 +226,7 @@ static inline int method_trial_lanes(const method_batch *b, motion_batch *m, con
   motion_project_lanes(m, l->trial, l->trial + N * WIDTH, l->spare);
 #endif
 #if METHOD_HAS_LATE_END
-  method_end_lanes(m, l->trial, end, b->count, error);
+  method_evaluate_end_lanes(m, l->trial, end, b->count, error);
 #endif
   for (k = 0; k < WIDTH; ++k) {
     take[k] = (real)0.0;
@@ -230,7 +234,7 @@ static inline int method_trial_lanes(const method_batch *b, motion_batch *m, con
 #if WITH_FLOAT
       error[k] = h[k] < 1e38 ? error[k] : INFINITY;
 #endif
-      take[k] = method_judge_lane(b, k, h[k], error[k], m, l) ? (real)1.0 : (real)0.0;
+      take[k] = method_choose_next_step(b, k, h[k], error[k], m, l) ? (real)1.0 : (real)0.0;
 #if METHOD_HAS_DENSE
       is_between = is_between || (take[k] > (real)0.0 && call->n_sampled[k] < call->n_samples
           && call->sample_time[call->n_sampled[k]] < t1[k]);
@@ -265,10 +269,10 @@ static inline int method_advance_lanes(const method_batch *b, long long most_ste
   method_lanes l;
   long long i;
   int n_left;
-  if (motion_settle_sources(b->call, m) == 0) {
+  if (motion_find_sources(b->call, m) == 0) {
     return motion_gather(m, work, b->call);
   }
-  l.may_grow = motion_settle_batch(work, m) + METHOD_ROW;
+  l.may_grow = motion_lay_out_batch(work, m) + METHOD_ROW;
   l.lost = l.may_grow + WIDTH;
   l.rates = l.lost + size;
   l.state = l.rates + size * METHOD_RATES;

@@ -28,7 +28,7 @@ typedef struct { __m128d xy, z; } lanes_column;
 
 LANES_INLINE lanes_pack pack_all(double value) { return _mm256_set1_pd(value); }
 LANES_INLINE void pack_store(double *four, lanes_pack a) { _mm256_storeu_pd(four, a); }
-LANES_INLINE lanes_pack pack_size(lanes_pack a) { return _mm256_andnot_pd(_mm256_set1_pd(-0.0), a); }
+LANES_INLINE lanes_pack pack_absolute(lanes_pack a) { return _mm256_andnot_pd(_mm256_set1_pd(-0.0), a); }
 LANES_INLINE int pack_is_below(lanes_pack a, double limit)
 {
   return _mm256_movemask_pd(_mm256_cmp_pd(a, _mm256_set1_pd(limit), _CMP_LT_OQ)) == 15;
@@ -136,7 +136,7 @@ typedef struct { __m128d low, high; } lanes_four;
 
 LANES_INLINE lanes_pack pack_all(double value) { return _mm_set1_pd(value); }
 LANES_INLINE void pack_store(double *four, lanes_pack a) { _mm_storeu_pd(four, a); }
-LANES_INLINE lanes_pack pack_size(lanes_pack a) { return _mm_andnot_pd(_mm_set1_pd(-0.0), a); }
+LANES_INLINE lanes_pack pack_absolute(lanes_pack a) { return _mm_andnot_pd(_mm_set1_pd(-0.0), a); }
 LANES_INLINE int pack_is_below(lanes_pack a, double limit)
 {
   return _mm_movemask_pd(_mm_cmplt_pd(a, _mm_set1_pd(limit))) == 3;
@@ -268,7 +268,7 @@ typedef struct { double at[4]; } lanes_four;
 
 LANES_INLINE lanes_pack pack_all(double value) { return value; }
 LANES_INLINE void pack_store(double *one, lanes_pack a) { *one = a; }
-LANES_INLINE lanes_pack pack_size(lanes_pack a) { return fabs(a); }
+LANES_INLINE lanes_pack pack_absolute(lanes_pack a) { return fabs(a); }
 LANES_INLINE int pack_is_below(lanes_pack a, double limit) { return a < limit; }
 LANES_INLINE lanes_pack pack_sqrt(lanes_pack a) { return sqrt(a); }
 LANES_INLINE lanes_pack pack_less(lanes_pack a, lanes_pack b) { return a < b; }
@@ -403,7 +403,7 @@ LANES_INLINE lanes_pack four_square(lanes_four x, lanes_four y, lanes_four z)
 }
 LANES_INLINE lanes_pack four_size(lanes_four a)
 {
-#define SIZE_OF(k) pack_size(LANES_PART(a, k))
+#define SIZE_OF(k) pack_absolute(LANES_PART(a, k))
   return LANES_TOTAL(SIZE_OF);
 #undef SIZE_OF
 }

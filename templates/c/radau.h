@@ -4,7 +4,10 @@
 #include "radau_smooth.h"
 #if !WITH_FLOAT
 
-/* From *time to time_end, or until so many steps have been tried; see the function that calls it. */
+/* The integrator radau: steps of Radau IIA with three stages, each from the smooth motion before it. */
+
+/* Integrate from *time to time_end, in at most so many trial steps, with quiet vibrations up to `quiet` [m]. Fills the
+ * samples that lie within; vibration: see radau_find_vibration; count: steps taken, rejected, not converged, ... */
 static inline int radau_advance(
     double time_end, long long most_steps, double quiet, double *time, double *step, double *state, long long n_samples,
     const double *sample_time, double *sample_state, double *sample_tension, long long *n_sampled, long long *count,
@@ -62,7 +65,8 @@ static inline int radau_advance(
     }
   }
   for (i = 0; i < most_steps && *time < time_end; ++i) {
-    const double left = time_end - *time, usual_step = fmin(run->kept[7] > 0.0 ? run->kept[7] : *step, *step);
+    const double left = time_end - *time, kept_step = run->kept[RADAU_KEPT_USUAL_STEP];
+    const double usual_step = fmin(kept_step > 0.0 ? kept_step : *step, *step);
     double h = *step, t1, error = -1.0, factor;
 #if WITH_EVENTS
     int is_cut = 0, is_short = 0, is_landing = 0, is_known = 1;
@@ -84,7 +88,7 @@ static inline int radau_advance(
           return SCENE_TOO_MANY_EVENTS;
         }
         if (events->is_stopped) {
-          radau_leave(run, n_samples, sample_tension, n_sampled);
+          radau_store_last_tensions(run, n_samples, sample_tension, n_sampled);
           return SCENE_OK;
         }
         continue;
@@ -145,7 +149,7 @@ static inline int radau_advance(
     if (!(error >= 0.0 && error <= 1.0)) {
       ++count[error < 0.0 ? 2 : 1];
       *step = h * (error < INFINITY ? fmax(0.1, factor) : 0.1);
-      run->kept[3] = 0.0;
+      run->kept[RADAU_KEPT_MAY_GROW] = 0.0;
 #if WITH_EVENTS
       if (events != NULL) {
         events->cut = 0.0;
@@ -160,10 +164,12 @@ static inline int radau_advance(
       }
       continue;
     }
-    factor *= (2 * RADAU_MOST_ITERATIONS + 1) / ((double)(2 * RADAU_MOST_ITERATIONS) + run->kept[2]);
-    if (run->kept[0] > 0.0 && run->kept[3] > 0.0 && error > 0.0) {
+    factor *= (2 * RADAU_MOST_ITERATIONS + 1)
+        / ((double)(2 * RADAU_MOST_ITERATIONS) + run->kept[RADAU_KEPT_ITERATIONS]);
+    if (run->kept[RADAU_KEPT_STEP] > 0.0 && run->kept[RADAU_KEPT_MAY_GROW] > 0.0 && error > 0.0) {
       /* Gustafsson 1994: errors that grow from step to step go on growing. */
-      factor = fmin(factor, 0.9 * h / run->kept[0] * pow(run->kept[1] / (error * error), 0.25));
+      const double ratio = run->kept[RADAU_KEPT_ERROR] / (error * error);
+      factor = fmin(factor, 0.9 * h / run->kept[RADAU_KEPT_STEP] * pow(ratio, 0.25));
     }
     radau_take(run, h, *time, t1, state, n_samples, sample_time, sample_state, sample_tension, n_sampled);
     *time = t1;
@@ -174,23 +180,23 @@ static inline int radau_advance(
     }
 #endif
     /* The polynomials of a step that was cut short say nothing of a long one. */
-    run->kept[0] = h >= 0.1 * usual_step ? h : 0.0;
-    run->kept[1] = fmax(error, 1e-2);
+    run->kept[RADAU_KEPT_STEP] = h >= 0.1 * usual_step ? h : 0.0;
+    run->kept[RADAU_KEPT_ERROR] = fmax(error, 1e-2);
     if (is_whole) {
-      *step = h * fmin(run->kept[3] > 0.0 ? 8.0 : 1.0, fmax(0.2, factor));
-      run->kept[7] = h;
+      *step = h * fmin(run->kept[RADAU_KEPT_MAY_GROW] > 0.0 ? 8.0 : 1.0, fmax(0.2, factor));
+      run->kept[RADAU_KEPT_USUAL_STEP] = h;
     }
-    run->kept[3] = 1.0;
+    run->kept[RADAU_KEPT_MAY_GROW] = 1.0;
 #if WITH_EVENTS
     if (watches) {
-      if (!radau_watch_on(run, t1, *step, h, is_whole, is_cut, is_landing, state, events, m)) {
+      if (!radau_update_events(run, t1, *step, h, is_whole, is_cut, is_landing, state, events, m)) {
         return SCENE_NON_FINITE_RESULT;
       }
       if (events->succession > MOST_IN_SUCCESSION) {
         return SCENE_TOO_MANY_EVENTS;
       }
       if (events->is_stopped) {
-        radau_leave(run, n_samples, sample_tension, n_sampled);
+        radau_store_last_tensions(run, n_samples, sample_tension, n_sampled);
         return SCENE_OK;
       }
     }

@@ -8,7 +8,7 @@
  * such a step, to 1e-12 and less of what it goes; without them over less. */
 static inline double radau_reach(const radau_work *run, double usual_step)
 {
-  return run->kept[8] > 0.0 ? 1e-3 * usual_step : 1e-6 * usual_step;
+  return run->kept[RADAU_KEPT_HAS_JERK] > 0.0 ? 1e-3 * usual_step : 1e-6 * usual_step;
 }
 
 /* The smooth motion a time h later by its Taylor series: fills trial and the path from here to there. */
@@ -16,7 +16,8 @@ static inline void radau_extrapolate(radau_work *run, double time, double h, con
 {
   int k;
   for (k = 0; k < N; ++k) {
-    const double v = run->velocity[k], a = run->acceleration[k], jerk = run->kept[8] > 0.0 ? run->jerk[k] : 0.0;
+    const double v = run->velocity[k], a = run->acceleration[k];
+    const double jerk = run->kept[RADAU_KEPT_HAS_JERK] > 0.0 ? run->jerk[k] : 0.0;
     run->old[k] = state[k];
     run->old[N + k] = v;
     run->old[2 * N + k] = a;
@@ -40,7 +41,7 @@ static inline void radau_find_jerk(radau_work *run, double h)
   for (k = 0; k < N; ++k) {
     run->jerk[k] = (6.0 * (v[k] - run->velocity[k]) / h + 2.0 * a[k] + 4.0 * run->acceleration[k]) / h;
   }
-  run->kept[8] = 1.0;
+  run->kept[RADAU_KEPT_HAS_JERK] = 1.0;
 }
 
 /* Margins and their slopes where the motion stands. */
@@ -137,7 +138,7 @@ static inline int radau_event_pass(
 }
 
 /* After a step of length h to `time` that was taken: what is watched from here on, and an event that it ended at. */
-static inline int radau_watch_on(
+static inline int radau_update_events(
     radau_work *run, double time, double step, double h, int is_whole, int is_cut, int is_landing, const double *state,
     scene_run *events, event_memory *m)
 {
@@ -161,7 +162,7 @@ static inline int radau_watch_on(
 }
 
 /* Where an event ends a call: the tensions there, in place of the next sample. */
-static inline void radau_leave(
+static inline void radau_store_last_tensions(
     const radau_work *run, long long n_samples, double *sample_tension, const long long *n_sampled)
 {
   int b;

@@ -7,7 +7,7 @@
 
 /* Whether the members whose tensions are unknowns keep their laws along the whole profile, and all masses stay: the
  * equations of the members, differentiated, know no change of rest lengths. */
-static inline int radau_laws_stay(radau_work *run)
+static inline int radau_has_constant_laws(radau_work *run)
 {
   motion_profile *profile = run->with->profile;
   const scene_profile *knots = profile->knots;
@@ -68,7 +68,7 @@ static inline int radau_pass_kink(
         return SCENE_TOO_MANY_EVENTS;
       }
       if (events->is_stopped) {
-        radau_leave(run, n_samples, sample_tension, n_sampled);
+        radau_store_last_tensions(run, n_samples, sample_tension, n_sampled);
       }
     }
   }
@@ -76,7 +76,7 @@ static inline int radau_pass_kink(
   return SCENE_OK;
 }
 
-/* radau_advance with steps that end at the kinks of the profile. */
+/* The same as radau_advance, with steps that end at the kinks of the profile. */
 static inline int radau_follow(
     double time_end, long long most_steps, double quiet, double *time, double *step, double *state, long long n_samples,
     const double *sample_time, double *sample_state, double *sample_tension, long long *n_sampled, long long *count,
@@ -88,7 +88,7 @@ static inline int radau_follow(
   int status, is_over;
   long long most = most_steps;
   if (profile != NULL) {
-    if (is_first && !radau_laws_stay(run)) {
+    if (is_first && !radau_has_constant_laws(run)) {
       return SCENE_INVALID_ARGUMENT;
     }
     profile_enter(*time, profile);

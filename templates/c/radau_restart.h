@@ -17,8 +17,8 @@ static inline int radau_restart(radau_work *run, double extrapolated, double ste
     run->slope[b] = 0.0;
     run->bend[b] = 0.0;
   }
-  run->kept[0] = 0.0;
-  run->kept[8] = 0.0;
+  run->kept[RADAU_KEPT_STEP] = 0.0;
+  run->kept[RADAU_KEPT_HAS_JERK] = 0.0;
 #if WITH_PROFILE
   profile_set_stage(0.0, run->with->profile);
 #endif

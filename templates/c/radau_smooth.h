@@ -5,10 +5,13 @@
 #include "radau_step.h"
 #if !WITH_FLOAT
 
-/* How far members vibrate about the smooth motion at the start; quiet are those whose vibration no tolerance sees, or
- * that stay within `quiet` [m]. vibration (3,): largest amplitudes [m], [m/s], [N]. Returns the longest step that
- * resolves the others. */
-static inline double radau_listen(radau_work *run, const double *state, double quiet, double *vibration)
+/* The smooth motion about which members vibrate, in the integrator radau: its start, first step, and values at ends of
+ * steps. */
+
+/* Amplitudes of the vibrations of members about the smooth motion at the start; quiet are members whose amplitude is
+ * below the tolerance or within `quiet` [m]. vibration (3,): largest amplitudes [m], [m/s], [N]. Returns the longest
+ * step that resolves the others. */
+static inline double radau_find_vibration(radau_work *run, const double *state, double quiet, double *vibration)
 {
   const double *v = state + N;
   double longest = INFINITY, largest = 0.0;
@@ -21,18 +24,18 @@ static inline double radau_listen(radau_work *run, const double *state, double q
     const double kappa = run->compliance[b], square = kappa > 0.0 ? run->mobility[b] / kappa : INFINITY;
     const double stretch = kappa * (run->tension[b] - run->stage_tension[b]);
     const int *at = radau_coordinate + 2 * AXES * b;
-    double speed = 0.0, far;
+    double speed = 0.0, amplitude;
     for (k = 0; k < AXES; ++k) {
       const int i = at[k], j = at[AXES + k];
       speed += run->direction[AXES * b + k]
           * ((i < 0 ? 0.0 : v[i] - run->velocity[i]) - (j < 0 ? 0.0 : v[j] - run->velocity[j]));
     }
-    far = sqrt(stretch * stretch + speed * speed / square);
-    run->is_quiet[b] = far <= fmax(quiet, run->atol + run->rtol * largest) ? 1.0 : 0.0;
+    amplitude = sqrt(stretch * stretch + speed * speed / square);
+    run->is_quiet[b] = amplitude <= fmax(quiet, run->atol + run->rtol * largest) ? 1.0 : 0.0;
     if (kappa > 0.0) {
-      vibration[0] = fmax(vibration[0], far);
-      vibration[1] = fmax(vibration[1], far * sqrt(square));
-      vibration[2] = fmax(vibration[2], far / kappa);
+      vibration[0] = fmax(vibration[0], amplitude);
+      vibration[1] = fmax(vibration[1], amplitude * sqrt(square));
+      vibration[2] = fmax(vibration[2], amplitude / kappa);
       longest = run->is_quiet[b] > 0.0 ? longest : fmin(longest, 0.5 / sqrt(square));
     }
   }
@@ -44,23 +47,23 @@ static inline double radau_listen(radau_work *run, const double *state, double q
 static inline int radau_find_slopes(radau_work *run, const double *q)
 {
   double *v = run->old, *a = run->old + N, *place = run->trial, *speed = run->trial + N;
-  double reach = 0.0, fast = 0.0, quick = 0.0, apart;
+  double longest_member = 0.0, largest_speed = 0.0, largest_acceleration = 0.0, time_step;
   int k, b, side;
   for (b = 0; b < N_TENSIONS; ++b) {
-    reach = fmax(reach, run->gap[b] + run->rest_length_now[b]);
+    longest_member = fmax(longest_member, run->gap[b] + run->rest_length_now[b]);
   }
   for (k = 0; k < N; ++k) {
     v[k] = run->velocity[k];
     a[k] = run->acceleration[k];
-    fast = fmax(fast, fabs(v[k]) / reach);
-    quick = fmax(quick, fabs(a[k]) / reach);
+    largest_speed = fmax(largest_speed, fabs(v[k]) / longest_member);
+    largest_acceleration = fmax(largest_acceleration, fabs(a[k]) / longest_member);
   }
-  apart = 1e-4 / fmax(fast, sqrt(quick));
-  if (!(apart < 1e100)) {
+  time_step = 1e-4 / fmax(largest_speed, sqrt(largest_acceleration));
+  if (!(time_step < 1e100)) {
     return 1;
   }
   for (side = 0; side < 2; ++side) {
-    const double t = side == 0 ? apart : -apart;
+    const double t = side == 0 ? time_step : -time_step;
     for (k = 0; k < N; ++k) {
       place[k] = q[k] + t * (v[k] + 0.5 * t * a[k]);
       speed[k] = v[k] + t * a[k];
@@ -76,7 +79,7 @@ static inline int radau_find_slopes(radau_work *run, const double *q)
     }
   }
   for (b = 0; b < N_TENSIONS; ++b) {
-    run->slope[b] = 0.5 * (run->old_smooth[b] - run->tension[b]) / apart;
+    run->slope[b] = 0.5 * (run->old_smooth[b] - run->tension[b]) / time_step;
   }
 #if WITH_PROFILE
   profile_set_stage(0.0, run->with->profile);
@@ -133,17 +136,17 @@ static inline int radau_begin(
       || !radau_smooth(run, INFINITY, q, v, run->stage_tension, run->slope, run->bend)) {
     return 0;
   }
-  longest = radau_listen(run, state, quiet, vibration);
+  longest = radau_find_vibration(run, state, quiet, vibration);
   if (!(*step > 0.0)) {
     *step = radau_first_step(run, span, state);
   }
   *step = fmin(*step, longest);
-  run->kept[0] = 0.0;
-  run->kept[1] = 1e-2;
-  run->kept[2] = 0.0;
-  run->kept[3] = 1.0;
-  run->kept[7] = 0.0;
-  run->kept[8] = 0.0;
+  run->kept[RADAU_KEPT_STEP] = 0.0;
+  run->kept[RADAU_KEPT_ERROR] = 1e-2;
+  run->kept[RADAU_KEPT_ITERATIONS] = 0.0;
+  run->kept[RADAU_KEPT_MAY_GROW] = 1.0;
+  run->kept[RADAU_KEPT_USUAL_STEP] = 0.0;
+  run->kept[RADAU_KEPT_HAS_JERK] = 0.0;
   return radau_smooth(run, *step, q, v, run->stage_tension, run->slope, run->bend);
 }
 

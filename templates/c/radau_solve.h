@@ -3,6 +3,8 @@
 #include "radau_config.h"
 #if !WITH_FLOAT
 
+/* Linear systems of the integrator radau: sparse factors L D L^T, real and complex, and solutions with them. */
+
 /* L D L^T of the matrix with these entries and this diagonal, both in the order of elimination; `inverse` becomes
  * 1 / D, spare is zero before and after. Rows of multipliers of which elimination leaves no more than `least` of the
  * diagonal repeat those before them: their 1 / D becomes 0, and so does the multiplier. Returns 0 unless every other
@@ -37,6 +39,7 @@ static inline int radau_factor(
   return is_good;
 }
 
+/* Solve L D L^T x = b in place, in the order of elimination. */
 static inline void radau_solve(const double *factor, const double *inverse, double *x)
 {
   int i, k;
@@ -60,7 +63,7 @@ static inline void radau_solve(const double *factor, const double *inverse, doub
   }
 }
 
-/* The same for a complex symmetric matrix: pairs (real, imaginary). */
+/* L D L^T of a complex symmetric matrix, with pairs (real, imaginary); as radau_factor. */
 static inline void radau_complex_factor(
     const double *entry, const double *diagonal, double *factor, double *inverse, double *spare)
 {
@@ -92,6 +95,7 @@ static inline void radau_complex_factor(
   }
 }
 
+/* Solve L D L^T x = b in place for complex factors, with pairs (real, imaginary). */
 static inline void radau_complex_solve(const double *factor, const double *inverse, double *x)
 {
   int i, k;

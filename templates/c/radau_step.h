@@ -302,7 +302,7 @@ static inline void radau_weigh(radau_work *run, double h, const double *state)
     const double sq = run->atol + run->rtol * fabs(state[k]), sv = (run->atol + run->rtol * fabs(v[k])) * part;
     run->weight[k] = 1.0 / (sq < sv ? sq : sv);
   }
-  run->kept[6] = 0.0;
+  run->kept[RADAU_KEPT_LARGEST_COORDINATE] = 0.0;
   radau_measure(state, run->weight, run->kept + 6, &worst);
 }
 
@@ -345,7 +345,7 @@ static inline double radau_correct(radau_work *run, double h)
       change[i * N_UNKNOWNS + k] = radau_t[i][0] * x + radau_t[i][1] * y + radau_t[i][2] * z;
     }
   }
-  run->kept[5] = 0.0;
+  run->kept[RADAU_KEPT_LARGEST_CORRECTION] = 0.0;
   for (i = 0; i < 3; ++i) {
     radau_measure(change + i * N_UNKNOWNS, run->weight, run->kept + 5, &worst);
     for (k = 0; k < N; ++k) {
@@ -362,7 +362,7 @@ static inline double radau_correct(radau_work *run, double h)
 /* First guess of the stages: the polynomials of the step before, carried on, or uniform motion. */
 static inline void radau_predict(radau_work *run, double h, const double *state)
 {
-  const double before = run->kept[0], far = before > 0.0 ? h / before : 0.0;
+  const double before = run->kept[RADAU_KEPT_STEP], far = before > 0.0 ? h / before : 0.0;
   int i, j, k;
   for (i = 0; i < 3; ++i) {
     const double s = 1.0 + radau_node[i] * far;
@@ -402,8 +402,8 @@ static inline int radau_newton(radau_work *run, double h, const double *state)
     if (iteration > 1) {
       const double ratio = size / before;
       /* Corrections that no longer shrink, down at the rounding of coordinates, are as small as they get. */
-      if (ratio > 0.3 && run->kept[5] <= 2e-15 * run->kept[6]) {
-        run->kept[2] = (double)iteration;
+      if (ratio > 0.3 && run->kept[RADAU_KEPT_LARGEST_CORRECTION] <= 2e-15 * run->kept[RADAU_KEPT_LARGEST_COORDINATE]) {
+        run->kept[RADAU_KEPT_ITERATIONS] = (double)iteration;
         return 1;
       }
       /* As fast as this it would still be too far off at the last iteration. */
@@ -415,7 +415,7 @@ static inline int radau_newton(radau_work *run, double h, const double *state)
       trust = ratio < 0.99 ? fmax(ratio, radau_least_ratio) / (1.0 - ratio) : 100.0;
     }
     if (trust * size <= run->share) {
-      run->kept[2] = (double)iteration;
+      run->kept[RADAU_KEPT_ITERATIONS] = (double)iteration;
       return 1;
     }
     before = size;
@@ -483,7 +483,7 @@ static inline double radau_error(radau_work *run, double h, const double *state,
   for (k = 0; k < N; ++k) {
     run->real_side[radau_place[k]] = 0.0;
   }
-  if (run->kept[4] > 0.0) {
+  if (run->kept[RADAU_KEPT_HAS_QUIET_FACTORS] > 0.0) {
     radau_solve_smooth(run, run->quiet_factor, run->quiet_inverse);
   } else {
     radau_solve_smooth(run, run->smooth_factor, run->smooth_inverse);
@@ -518,7 +518,7 @@ static inline int radau_factor_smooth(radau_work *run, double h, const double *q
   }
   ++run->count[3];
   is_good = radau_factor_real(run, 0.0, 1.0, run->shift, radau_redundant, run->smooth_factor, run->smooth_inverse);
-  run->kept[4] = differs ? 1.0 : 0.0;
+  run->kept[RADAU_KEPT_HAS_QUIET_FACTORS] = differs ? 1.0 : 0.0;
   if (differs) {
     for (b = 0; b < N_TENSIONS; ++b) {
       run->shift[b] = run->is_quiet[b] > 0.0 ? 0.0 : run->shift[b];

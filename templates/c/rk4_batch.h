@@ -94,10 +94,10 @@ static inline int rk4_advance_lanes(
   real *now, *trial, *a, *stage, *a1, take[WIDTH];
   long long i;
   int k, n_good = 0;
-  if (motion_settle_sources(call, m) == 0) {
+  if (motion_find_sources(call, m) == 0) {
     return motion_gather(m, work, call);
   }
-  now = motion_settle_batch(work, m) + RK4_ROW;
+  now = motion_lay_out_batch(work, m) + RK4_ROW;
   trial = now + 2 * N * WIDTH;
   a = trial + 2 * N * WIDTH;
   stage = a + N * WIDTH;

@@ -15,12 +15,12 @@ from tensegrity_codegen.codegen.print.printer import Annotations
 from tensegrity_codegen.codegen.prune import PrunedFunction, is_offered
 from tensegrity_codegen.symbolic.model import SymbolicModel
 
-# Quantities of members whose values have names, and what these begin with.
-NAMED = {"member_length": "length", "member_tension": "tension", "force_density": "force_density"}
+# Quantities of members whose values get names in straight-line code, and what these names begin with.
+MEMBER_PREFIXES = {"member_length": "length", "member_tension": "tension", "force_density": "force_density"}
 COMMUTATIVE = frozenset({ca.OP_ADD, ca.OP_MUL})
 
 
-class Landmarks:
+class NamedValues:
     """The values of a model that have names: components, lengths, tensions and force densities of members."""
 
     def __init__(self, model: SymbolicModel) -> None:
@@ -32,7 +32,7 @@ class Landmarks:
         for quantity, prefixes in self._prefixes().items():
             if not is_offered(model, quantity):
                 continue
-            function = ca.Function("landmarks", symbols, [ca.densify(model.expression(quantity))])
+            function = ca.Function("named_values", symbols, [ca.densify(model.expression(quantity))])
             instructions = read_instructions(function)
             keys = self._find_keys(instructions, names)
             for item in instructions:
@@ -87,7 +87,7 @@ class Landmarks:
 
     def _prefixes(self) -> dict[str, tuple[str, ...]]:
         axes = tuple("xyz"[axis] for axis in self.model.frame.axes)
-        return {"member_vector": axes, **{name: (prefix,) for name, prefix in NAMED.items()}}
+        return {"member_vector": axes, **{name: (prefix,) for name, prefix in MEMBER_PREFIXES.items()}}
 
     def _add(self, key: int, prefixes: Sequence[str], entry: int) -> None:
         member, part = divmod(entry, len(prefixes))

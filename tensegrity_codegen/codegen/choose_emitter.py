@@ -18,16 +18,19 @@ from tensegrity_codegen.tables.integrators import called_quantities
 from tensegrity_codegen.tables.request import ModelRequest
 
 AUTO = "auto"
-LEAST_VECTORS = 4  # members that fill the vectors of the emitter lanes
-MOST_STRAIGHT = 100  # members up to which straight-line code is faster than loops and compiles quickly
+LEAST_VECTOR_MEMBERS = 4  # that fill one vector of the emitter lanes
+MOST_STRAIGHT_LINE_MEMBERS = (
+    100  # members up to which straight-line code is faster than loops and compiles quickly
+)
 
 
 @dataclass(frozen=True)
 class EmitterFacts:
     """What the choice depends on.
 
-    has_vectors: whether the emitter lanes writes one of the wanted functions in vectors; lacking: what is
-    wanted and the emitter table does not serve; most_members: that the emitter unrolled takes.
+    has_vectors: whether the emitter lanes writes one of the wanted functions in vectors.
+    lacking: wanted quantities that the emitter table does not serve.
+    most_members: largest number of members that the emitter unrolled takes.
     """
 
     formulation: str
@@ -39,7 +42,7 @@ class EmitterFacts:
 
 @dataclass(frozen=True)
 class EmitterChoice:
-    """The name of an emitter, and a sentence that says why it."""
+    """The name of an emitter, and a sentence that says why it was chosen."""
 
     name: str
     why: str
@@ -51,14 +54,16 @@ def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
     members = describe_count(count, "member")
     is_open = not facts.lacking or count > facts.most_members  # which unrolled would refuse all the same
     emitters = find_formulation(facts.formulation).emitters
-    if "table" in emitters and "lanes" not in emitters and count > MOST_STRAIGHT and is_open:
-        return EmitterChoice("table", f"{members}, more than {MOST_STRAIGHT}: loops, for statics")
+    if "table" in emitters and "lanes" not in emitters and count > MOST_STRAIGHT_LINE_MEMBERS and is_open:
+        return EmitterChoice(
+            "table", f"{members}, more than {MOST_STRAIGHT_LINE_MEMBERS}: loops, for statics"
+        )
     if "lanes" not in emitters:
         return EmitterChoice("unrolled", f"the only emitter for the formulation {facts.formulation!r}")
-    if count <= MOST_STRAIGHT and facts.has_vectors:
+    if count <= MOST_STRAIGHT_LINE_MEMBERS and facts.has_vectors:
         why = f"{members}, forces or stiffness requested: four members at a time are fastest"
         return EmitterChoice("lanes", why)
-    if count <= MOST_STRAIGHT:
+    if count <= MOST_STRAIGHT_LINE_MEMBERS:
         why = f"{members}, nothing to do four members at a time: straight-line code is fastest"
         return EmitterChoice("unrolled", why)
     if facts.lacking and count <= facts.most_members:
@@ -66,7 +71,7 @@ def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
         return EmitterChoice("unrolled", why)
     return EmitterChoice(
         "table",
-        f"{members}, more than {MOST_STRAIGHT}: loops whose code does not grow",
+        f"{members}, more than {MOST_STRAIGHT_LINE_MEMBERS}: loops whose code does not grow",
     )
 
 
@@ -75,9 +80,9 @@ def find_facts(structure: Subject, request: ModelRequest) -> EmitterFacts:
     facts = EmitterFacts(request.formulation, structure.n_members, has_vectors(structure, request))
     emitters = find_formulation(request.formulation).emitters
     if "lanes" in emitters:
-        is_open = MOST_STRAIGHT < facts.n_members <= MOST_MEMBERS
+        is_open = MOST_STRAIGHT_LINE_MEMBERS < facts.n_members <= MOST_MEMBERS
         return replace(facts, lacking=_find_lacking(structure, request)) if is_open else facts
-    if "table" in emitters and facts.n_members > MOST_STRAIGHT:
+    if "table" in emitters and facts.n_members > MOST_STRAIGHT_LINE_MEMBERS:
         try:
             return replace(facts, lacking=_find_lacking(structure, request))
         except FormulationError:  # options that loops do not have
@@ -91,7 +96,7 @@ def has_vectors(structure: Subject, request: ModelRequest) -> bool:
         "lanes" in find_formulation(request.formulation).emitters
         and len(structure.axes) == 3
         and request.precision == "double"
-        and structure.n_members >= LEAST_VECTORS
+        and structure.n_members >= LEAST_VECTOR_MEMBERS
         and any(name in FORCE_QUANTITIES or name in BLOCKS for name in request.quantities)
     )
 
@@ -107,12 +112,12 @@ def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return what is wanted, also by wanted integrators, and the emitter table does not serve."""
     wanted = [*request.quantities, *called_quantities(request.integrators)]
     if request.integrators:
-        wanted += _watched(structure, request)
+        wanted += _find_event_quantities(structure, request)
     model = TABLE.build(structure, request)
     return tuple(name for name in dict.fromkeys(wanted) if not TABLE.is_offered(model, name))
 
 
-def _watched(structure: Subject, request: ModelRequest) -> list[str]:
+def _find_event_quantities(structure: Subject, request: ModelRequest) -> list[str]:
     """Return the quantities behind the events that integrators watch, see events.find_events."""
     kinds = request.events
     if kinds is None:

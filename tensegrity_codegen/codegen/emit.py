@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.codegen.alternatives import find_alternatives
+from tensegrity_codegen.codegen.build_manifest import build_manifest
 from tensegrity_codegen.codegen.casadi_interface.acados import build_acados
 from tensegrity_codegen.codegen.casadi_interface.derivatives import (
     Derivatives,
@@ -16,7 +17,6 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import (
     needed_stiffness,
 )
 from tensegrity_codegen.codegen.choose_emitter import AUTO, EmitterChoice, choose_emitter, find_facts
-from tensegrity_codegen.codegen.describe import describe
 from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
 from tensegrity_codegen.codegen.integrators.energy_keeping import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators.events import find_events
@@ -129,7 +129,7 @@ def _plan_functions(
     functions = emitter.prune(model, request.quantities)
     emitter.check(model, functions)
     return EmissionPlan(
-        emitter, model, request, functions, describe(model, request, functions, ()), why_emitter
+        emitter, model, request, functions, build_manifest(model, request, functions, ()), why_emitter
     )
 
 

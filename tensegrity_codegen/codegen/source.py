@@ -10,7 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.batch import batch_context
-from tensegrity_codegen.codegen.casadi_interface.derivatives import CASADI, MOST_ENTRIES, NONE, Derivatives
+from tensegrity_codegen.codegen.casadi_interface.derivatives import (
+    CASADI_INTERFACES,
+    MOST_ENTRIES,
+    NO_DERIVATIVES,
+    Derivatives,
+)
 from tensegrity_codegen.codegen.casadi_interface.functions import casadi_context, casadi_pattern
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.machine import INSTRUCTION_SETS
@@ -122,7 +127,7 @@ def write_sources(
     functions: Sequence[WantedFunction],
     bodies: Bodies,
     lanes: Mapping[str, PrintedLanes] = MappingProxyType({}),
-    derivatives: Derivatives = NONE,
+    derivatives: Derivatives = NO_DERIVATIVES,
 ) -> tuple[Manifest, dict[str, str]]:
     """Return the manifest with the declarations of the header, and file name -> text of all files.
 
@@ -131,7 +136,7 @@ def write_sources(
     """
     context = _context(manifest, functions, bodies, lanes)
     if manifest.interfaces:
-        with_casadi = bool(set(manifest.interfaces).intersection(CASADI))
+        with_casadi = bool(set(manifest.interfaces).intersection(CASADI_INTERFACES))
         plain = context["functions"] if with_casadi else ()
         context["casadi_functions"] = casadi_context(manifest.name, plain, derivatives)
         context["casadi_int"] = "long long int" if with_casadi else "int"

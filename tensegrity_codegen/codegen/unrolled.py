@@ -3,7 +3,7 @@
 For scenes of up to about a hundred members: code and compile time grow with the structure.
 """
 
-from tensegrity_codegen.codegen.annotate import Landmarks
+from tensegrity_codegen.codegen.annotate import NamedValues
 from tensegrity_codegen.codegen.batch import write_lanes
 from tensegrity_codegen.codegen.emitter import Bodies, Emitter
 from tensegrity_codegen.codegen.print.printer import print_body
@@ -54,7 +54,7 @@ def check_length(model: SymbolicModel, functions: tuple[PrunedFunction, ...]) ->
 def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precision: Precision) -> Bodies:
     """Return the statements of all functions; FormulationError if they would take too long to compile."""
     check_length(model, functions)
-    landmarks = Landmarks(model)
+    landmarks = NamedValues(model)
     return Bodies(
         {
             function.quantity.name: print_body(

@@ -73,7 +73,7 @@ def test_vectors_are_chosen_where_something_fills_them(changes: dict[str, object
 def test_planar_scenes_and_the_smallest_have_no_vectors() -> None:
     assert chosen(chain(12), AUTO) == "lanes"
     assert chosen(chain(12).with_changes(axes=(0, 1)), AUTO) == "unrolled"
-    assert chosen(chain(rule.LEAST_VECTORS - 1), AUTO) == "unrolled"
+    assert chosen(chain(rule.LEAST_VECTOR_MEMBERS - 1), AUTO) == "unrolled"
 
 
 def test_jacobians_to_parameters_and_contacts_need_the_unrolled_emitter() -> None:

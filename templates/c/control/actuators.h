@@ -16,7 +16,7 @@ static inline int control_all_finite(const real *values, int count)
 }
 
 /* Bounds (work.low, work.high) of a command within rates and ranges, so long after the last one. */
-static inline void actuators_reach(real span, scene_control *c)
+static inline void actuators_find_bounds(real span, scene_control *c)
 {
   int u;
   for (u = 0; u < N_U; ++u) {
@@ -42,7 +42,7 @@ static inline int control_differs(real a, real b)
 }
 
 /* Command nearest to what is wanted, within work.low and work.high; returns the status. */
-static inline int actuators_cut(scene_control *c)
+static inline int actuators_clip_command(scene_control *c)
 {
   int u, status = SCENE_CONTROL_OK;
   for (u = 0; u < N_U; ++u) {
@@ -62,7 +62,7 @@ static inline int actuators_cut(scene_control *c)
 #endif
 
 /* Set the inputs of the actuators to the commands that have arrived, so long after the last one was sent. */
-static inline void actuators_arrive(real since, scene_control *c)
+static inline void actuators_apply_arrived(real since, scene_control *c)
 {
   int u;
   for (u = 0; u < N_U; ++u) {
@@ -74,7 +74,7 @@ static inline void actuators_arrive(real since, scene_control *c)
 
 #if WITH_PAST
 /* Take the command among those on their way, which the gains know. */
-static inline void actuators_remember(scene_control *c)
+static inline void actuators_store_past(scene_control *c)
 {
   real *past = c->deviation + N_X + N_Z;
   int u, k;
@@ -94,17 +94,17 @@ static inline void actuators_send(scene_control *c)
 {
   int u;
 #if WITH_PAST
-  actuators_remember(c);
+  actuators_store_past(c);
 #endif
   c->newest = c->newest + 1 < N_SENT ? c->newest + 1 : 0;
   for (u = 0; u < N_U; ++u) {
     c->sent[c->newest * N_U + u] = c->command[u];
   }
-  actuators_arrive((real)0.0, c);
+  actuators_apply_arrived((real)0.0, c);
 }
 
 /* Rest length of the first member of each actuator [m] with these inputs. */
-static inline void actuators_add_up(const real *input, real *rest_length)
+static inline void actuators_sum_rest_lengths(const real *input, real *rest_length)
 {
   int u, k;
   for (u = 0; u < N_U; ++u) {
@@ -126,7 +126,7 @@ static inline void actuators_rest_length(const scene_control *c, real *rest_leng
   for (k = 0; k < N_U; ++k) {
     input[ACTUATOR_PLACE[k]] = c->command[k];
   }
-  actuators_add_up(input, rest_length);
+  actuators_sum_rest_lengths(input, rest_length);
 }
 
 /* Rest lengths at the start of the motion. */
@@ -134,7 +134,7 @@ static inline void actuators_start_length(real *rest_length)
 {
   real input[N_IN];
   motion_input((real)0.0, input);
-  actuators_add_up(input, rest_length);
+  actuators_sum_rest_lengths(input, rest_length);
 }
 
 #endif

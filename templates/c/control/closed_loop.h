@@ -3,6 +3,8 @@
 #include "closed_loop_config.h"
 #include "loop_memory.h"
 
+/* Simulation of a closed loop: the controller at every sample, the plant integrated between samples. */
+
 /* Move the plant over a time with the arguments as they are; returns whether that succeeded. */
 static inline int closed_loop_integrate(const plant_functions *f, double span, real *state, closed_loop *d)
 {
@@ -38,7 +40,7 @@ static inline int closed_loop_move(const plant_functions *f, double from, double
 }
 
 /* Set the inputs of the actuators to the commands that have arrived, so long after the last one was sent. */
-static inline void closed_loop_arrive(double since, closed_loop *d)
+static inline void closed_loop_apply_arrived(double since, closed_loop *d)
 {
   const scene_control *c = d->controller;
   int u;
@@ -56,7 +58,7 @@ static inline int closed_loop_sample(const plant_functions *f, double time, real
   memcpy(d->with.input, d->controller->input, N_IN * sizeof(real)); /* of the motion; those of actuators follow */
   for (k = 0; k < N_ARRIVAL; ++k) {
     const double end = k + 1 < N_ARRIVAL ? ARRIVAL_TIME[k + 1] : (double)CONTROL_SAMPLE;
-    closed_loop_arrive(ARRIVAL_TIME[k], d);
+    closed_loop_apply_arrived(ARRIVAL_TIME[k], d);
     if (!closed_loop_move(f, time + ARRIVAL_TIME[k], time + end, state, d)) {
       return 0;
     }

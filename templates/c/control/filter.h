@@ -89,7 +89,7 @@ static inline int filter_predict(real span, scene_control *c)
     if (k + 1 < N_STRETCH && STRETCH_START[k + 1] < span) {
       end = STRETCH_START[k + 1];
     }
-    actuators_arrive(STRETCH_START[k], c);
+    actuators_apply_arrived(STRETCH_START[k], c);
     if (!filter_move(end - STRETCH_START[k], c)) {
       return 0;
     }
@@ -102,8 +102,9 @@ static inline int filter_predict(real span, scene_control *c)
 
 enum { FILTER_DOUBLINGS = 30 }; /* of the largest distance that is accepted, at most */
 
-/* Accept distances up to 200 standard deviations at first, for the estimate may begin with an error. */
-static inline void filter_open(scene_control *c)
+/* Set the bound of accepted distances as at the start: up to 200 standard deviations, for the estimate may begin with
+ * an error. */
+static inline void filter_reset_bound(scene_control *c)
 {
   c->innovation = (real)100.0;
   c->n_outliers = 0;
@@ -144,7 +145,7 @@ static inline void filter_restart(real time, scene_control *c)
   for (i = 0; i < N_Q; ++i) {
     c->disturbance[i] = (real)0.0;
   }
-  filter_open(c);
+  filter_reset_bound(c);
 }
 
 /* Correct the estimate by measurements (N_Y,) of a time; returns OK, OUTLIER or ESTIMATE_LOST. */

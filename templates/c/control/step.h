@@ -9,12 +9,14 @@
 #include "distribute_step.h"
 #endif
 
+/* Steps of the controller: checks of time and measurements, estimate, command, status. */
+
 enum { CONTROL_READY = 0x5ca1 }; /* mark of memory that init has filled */
 enum { CONTROL_REFUSALS = 3 };     /* rising times in a row that are not after the last one: then the clock is theirs */
 
-/* Inputs of the motion in the middle of the sample that begins at a time, for they are held during all of it; with
+/* Set c->input to those of the motion in the middle of the sample that begins at a time, since they are held; with
  * delays work.planned has those in the middle of the time in which the command of the sample acts. */
-static inline void control_middle(real time, scene_control *c)
+static inline void control_set_motion_inputs(real time, scene_control *c)
 {
   const real middle = time + (real)0.5 * CONTROL_SAMPLE;
 #if WITH_DELAY
@@ -49,7 +51,7 @@ static inline int control_init(scene_control *c, const real *coordinate)
     }
   }
 #if WITH_ESTIMATOR
-  filter_open(c);
+  filter_reset_bound(c);
 #endif
   c->ready = CONTROL_READY;
   if (coordinate != NULL) {
@@ -66,7 +68,7 @@ static inline int control_init(scene_control *c, const real *coordinate)
 
 /* Status of a time that is not after the last one. One wrong time far ahead must not stop the controller for good:
  * where several such times in a row rise from each one to the next, the step is LATE, and time goes on from it. */
-static inline int control_refuse(real time, scene_control *c)
+static inline int control_refuse_time(real time, scene_control *c)
 {
   c->n_refused = c->n_refused > 0 && time > c->refused_time ? c->n_refused + 1 : 1;
   c->refused_time = time;
@@ -74,7 +76,7 @@ static inline int control_refuse(real time, scene_control *c)
 }
 
 /* Time since the last step, within rounding a whole sample; 0 with a status where the time is of no use. */
-static inline int control_span(real time, scene_control *c, real *span)
+static inline int control_find_span(real time, scene_control *c, real *span)
 {
   const real h = CONTROL_SAMPLE;
   *span = (real)0.0;
@@ -87,7 +89,7 @@ static inline int control_span(real time, scene_control *c, real *span)
   }
   if (!(time > c->time)) {
     *span = (real)2.5 * h;
-    return control_refuse(time, c);
+    return control_refuse_time(time, c);
   }
   *span = time - c->time;
   if (*span > (real)2.5 * h) {
@@ -101,9 +103,9 @@ static inline int control_span(real time, scene_control *c, real *span)
 }
 
 /* Keep the last command for another sample. */
-static inline void control_hold(real time, scene_control *c)
+static inline void control_hold_command(real time, scene_control *c)
 {
-  control_middle(time, c);
+  control_set_motion_inputs(time, c);
   actuators_send(c);
 }
 
@@ -115,7 +117,7 @@ static inline int control_feed_back(real time, real span, scene_control *c)
   for (k = 0; k < N_X; ++k) {
     c->deviation[k] = c->estimate[k] - c->work.goal[k];
   }
-  control_middle(time, c);
+  control_set_motion_inputs(time, c);
   for (k = 0; k < N_U; ++k) {
 #if WITH_DELAY
     c->wanted[k] = c->work.planned[k];
@@ -130,11 +132,11 @@ static inline int control_feed_back(real time, real span, scene_control *c)
     actuators_send(c);
     return SCENE_CONTROL_ESTIMATE_LOST;
   }
-  actuators_reach(span < CONTROL_SAMPLE ? span : CONTROL_SAMPLE, c);
+  actuators_find_bounds(span < CONTROL_SAMPLE ? span : CONTROL_SAMPLE, c);
 #if WITH_DISTRIBUTION
   status = control_distribute(time, c);
 #else
-  status = actuators_cut(c);
+  status = actuators_clip_command(c);
 #endif
 #if WITH_SUMS
   if (status == SCENE_CONTROL_OK) {
@@ -178,7 +180,7 @@ static inline int control_step_measured(
     status = quality;
   }
   if (status != SCENE_CONTROL_OK) {
-    control_hold(time, c);
+    control_hold_command(time, c);
     return status;
   }
   return control_feed_back(time, span, c);
@@ -197,7 +199,7 @@ static inline int control_step_true(real time, real span, int status, const real
     }
   }
   if (status != SCENE_CONTROL_OK) {
-    control_hold(time, c);
+    control_hold_command(time, c);
     return status;
   }
   return control_feed_back(time, span, c);
@@ -223,16 +225,16 @@ static inline int control_step_after(
 }
 
 /* Status before a step: whether memory and pointers can be used. */
-static inline int control_check_pointers(const scene_control *c, const real *given, const real *rest_length)
+static inline int control_check_pointers(const scene_control *c, const real *measured_or_state, const real *rest_length)
 {
-  if (c == NULL || given == NULL || rest_length == NULL) {
+  if (c == NULL || measured_or_state == NULL || rest_length == NULL) {
     return SCENE_CONTROL_NULL_POINTER;
   }
   return c->ready == CONTROL_READY ? SCENE_CONTROL_OK : SCENE_CONTROL_NOT_INITIALISED;
 }
 
 /* Write the command, whatever the status is: the last one where a step was not possible. */
-static inline int control_answer(int status, scene_control *c, real *rest_length)
+static inline int control_write_command(int status, scene_control *c, real *rest_length)
 {
   if (c != NULL && c->ready == CONTROL_READY) {
     c->status = status;
@@ -252,10 +254,10 @@ static inline int control_step_at(
   int status = control_check_pointers(c, measured != NULL ? measured : state, rest_length);
   real span;
   if (status == SCENE_CONTROL_OK) {
-    status = control_span(time, c, &span);
+    status = control_find_span(time, c, &span);
     status = control_step_after(time, span, status, measured, state, c);
   }
-  return control_answer(status, c, rest_length);
+  return control_write_command(status, c, rest_length);
 }
 
 /* A step one sample after the last one, the first at time 0. */
@@ -266,7 +268,7 @@ static inline int control_step_next(scene_control *c, const real *measured, cons
     const real time = (real)c->n_steps * CONTROL_SAMPLE;
     status = control_step_after(time, CONTROL_SAMPLE, status, measured, state, c);
   }
-  return control_answer(status, c, rest_length);
+  return control_write_command(status, c, rest_length);
 }
 
 #endif

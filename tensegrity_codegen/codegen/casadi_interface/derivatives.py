@@ -53,11 +53,11 @@ class Derivatives:
     stiffness: WantedFunction | None = None
 
 
-NONE = Derivatives()
+NO_DERIVATIVES = Derivatives()
 TOO_LONG = "too long for unrolled code: "
 # Entries of a pattern that casadi.external is told: it wants them a second time, which takes compilers long.
 MOST_ENTRIES = 200_000
-CASADI = ("casadi", "casadi_hessian")  # interfaces of casadi.external
+CASADI_INTERFACES = ("casadi", "casadi_hessian")  # interfaces of casadi.external
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,9 @@ class _Wanted:
 
 def needed_stiffness(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return the name of the stiffness, where that is to be the Jacobian of the static force, or nothing."""
-    is_wanted = set(request.interfaces).intersection(CASADI) and "node_residual" in request.quantities
+    is_wanted = (
+        set(request.interfaces).intersection(CASADI_INTERFACES) and "node_residual" in request.quantities
+    )
     is_large = structure.n_members > MOST_MEMBERS
     if not is_wanted or not is_large or request.parameters or structure.inputs:
         return ()
@@ -90,8 +92,8 @@ def build_derivatives(
     Together with the functions they have at most as many operations as unrolled functions may have; what does
     not fit is listed. First derivatives come first.
     """
-    if not set(request.interfaces).intersection(CASADI):
-        return NONE
+    if not set(request.interfaces).intersection(CASADI_INTERFACES):
+        return NO_DERIVATIVES
     wanted = _list_wanted(functions, "casadi_hessian" in request.interfaces)
     if model.subject.n_members > MOST_MEMBERS:
         stiffness = _find_stiffness(functions)
@@ -113,7 +115,7 @@ def build_derivatives(
 
 def list_derivative_parts(request: ModelRequest, derivatives: Derivatives) -> tuple[SourcePart, ...]:
     """Return the entries of the manifest's list of parts for derivatives, where there is CasADi."""
-    if not set(request.interfaces).intersection(CASADI):
+    if not set(request.interfaces).intersection(CASADI_INTERFACES):
         return ()
     return (
         _describe_part("casadi_derivatives", 1, ("casadi", "casadi_hessian"), request, derivatives),
@@ -131,8 +133,8 @@ def _describe_part(
     count += order == 1 and derivatives.stiffness is not None
     why = f"interfaces names {', '.join(asked)}: {count} {'function' if count == 1 else 'functions'}"
     if order == 1 or not count:  # lists what is missing once
-        lost = derivatives.too_long
-        why += f"; {TOO_LONG}{', '.join(lost)}" if lost else ""
+        names = ", ".join(derivatives.too_long)
+        why += f"; {TOO_LONG}{names}" if names else ""
     return SourcePart(name, bool(count), why)
 
 

@@ -10,7 +10,7 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import MOST_ENTRIES
 from tensegrity_codegen.codegen.print.printer import print_body
 from tensegrity_codegen.tables.manifest import Pattern
 
-WORDS = ("jac_adj1_", "adj1_", "jac_")
+DERIVATIVE_PREFIXES = ("jac_adj1_", "adj1_", "jac_")  # of the names of derivatives, the longest first
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ def casadi_pattern(shape: tuple[int, int], pattern: Pattern | None) -> list[int]
 
 def name_symbol(scene: str, name: str) -> str:
     """Return the C name of a function or derivative, `jac_SCENE_QUANTITY` for `jac_QUANTITY`."""
-    for word in WORDS:
-        if name.startswith(word):
-            return f"{word}{scene}_{name.removeprefix(word)}"
+    for prefix in DERIVATIVE_PREFIXES:
+        if name.startswith(prefix):
+            return f"{prefix}{scene}_{name.removeprefix(prefix)}"
     return f"{scene}_{name}"
 
 
@@ -51,52 +51,58 @@ def casadi_context(
 
     functions: what the template of the source reads of them.
     """
-    plain = [_plain(scene, function) for function in functions if function["has_casadi_abi"]]
+    plain = [_build_plain(scene, function) for function in functions if function["has_casadi_abi"]]
     derived = [
-        _derived(scene, item)
+        _build_derived(scene, item)
         for item in derivatives.made
         if all(item.function.nnz_out(k) <= MOST_ENTRIES for k in range(item.function.n_out()))
     ]
     if derivatives.stiffness is not None:
         (stiffness,) = (f for f in functions if f["quantity"] == derivatives.stiffness.quantity.name)
-        derived.append(_from_stiffness(scene, stiffness, derivatives.stiffness.shape[0]))
+        derived.append(_build_from_stiffness(scene, stiffness, derivatives.stiffness.shape[0]))
     return [*plain, *derived]
 
 
-def _plain(scene: str, function: Mapping[str, Any]) -> dict[str, Any]:
+def _build_plain(scene: str, function: Mapping[str, Any]) -> dict[str, Any]:
     arguments = [
         _Port(k, a["name"], a["size"], a["casadi_pattern"]) for k, a in enumerate(function["arguments"])
     ]
     results = [_Port(0, function["quantity"], function["size"], function["casadi_pattern"])]
-    return _context(f"{scene}_{function['quantity']}", arguments, results) | {"symbol": function["symbol"]}
+    return _build_entry(f"{scene}_{function['quantity']}", arguments, results) | {
+        "symbol": function["symbol"]
+    }
 
 
-def _from_stiffness(scene: str, stiffness: Mapping[str, Any], size: int) -> dict[str, Any]:
+def _build_from_stiffness(scene: str, stiffness: Mapping[str, Any], size: int) -> dict[str, Any]:
     """Return the Jacobian of the static force as the stiffness with the other sign."""
     arguments = [
         _Port(0, "coordinate", size, [size, 1, 1]),
         _Port(1, "out_node_residual", size, [size, 1, 1], in_body=False),
     ]
     results = [_Port(0, "jac_node_residual_coordinate", stiffness["size"], stiffness["casadi_pattern"])]
-    found = _context(f"jac_{scene}_node_residual", arguments, results)
+    found = _build_entry(f"jac_{scene}_node_residual", arguments, results)
     return found | {"symbol": stiffness["symbol"], "is_negative": True}
 
 
-def _derived(scene: str, item: Derivative) -> dict[str, Any]:
+def _build_derived(scene: str, item: Derivative) -> dict[str, Any]:
     made = item.function
     body = print_body(made, made.name_in(), made.name_out())
     arguments = [
-        _Port(k, made.name_in(k), made.nnz_in(k), _of_sparsity(made.sparsity_in(k)), k in body.reads)
+        _Port(k, made.name_in(k), made.nnz_in(k), _find_pattern(made.sparsity_in(k)), k in body.reads)
         for k in range(made.n_in())
     ]
     zeros = max((port.size for port in arguments if port.in_body), default=0)
     sizes = [made.nnz_out(k) for k in range(made.n_out())]
     results = [
-        _Port(k, made.name_out(k), size, _of_sparsity(made.sparsity_out(k)), size > 0, zeros + sum(sizes[:k]))
+        _Port(
+            k, made.name_out(k), size, _find_pattern(made.sparsity_out(k)), size > 0, zeros + sum(sizes[:k])
+        )
         for k, size in enumerate(sizes)
     ]
-    quantity = item.name.removeprefix(next((word for word in WORDS if item.name.startswith(word)), ""))
-    return _context(name_symbol(scene, item.name), arguments, results, sum(sizes)) | {
+    quantity = item.name.removeprefix(
+        next((word for word in DERIVATIVE_PREFIXES if item.name.startswith(word)), "")
+    )
+    return _build_entry(name_symbol(scene, item.name), arguments, results, sum(sizes)) | {
         "symbol": "",
         "kernel": f"{item.name}_checked",
         "comment": f"{item.meaning} {quantity}: {item.operations} operations.",
@@ -104,12 +110,12 @@ def _derived(scene: str, item: Derivative) -> dict[str, Any]:
     }
 
 
-def _of_sparsity(sparsity: ca.Sparsity) -> list[int]:
+def _find_pattern(sparsity: ca.Sparsity) -> list[int]:
     pattern = Pattern(sparsity.shape, sparsity.row(), sparsity.colind())
     return casadi_pattern(sparsity.shape, pattern)
 
 
-def _context(
+def _build_entry(
     name: str, arguments: Sequence[_Port], results: Sequence[_Port], spare: int = 0
 ) -> dict[str, Any]:
     """Return what stands for one function; spare: values of results that CasADi may not want."""

@@ -65,7 +65,7 @@ def build_kernel(kind: KernelKind, name: str) -> DensityKernel:
     def put(entry: int, value: str) -> str:
         if result == 1:
             return f"return {value};"
-        sizes.append(f"pack_size({value})")
+        sizes.append(f"pack_absolute({value})")
         return f"pack_store(block + {4 * entry}, {value});"
 
     lines = (MIXED if kind.is_mixed else PACKS).print(function, parameters, put)

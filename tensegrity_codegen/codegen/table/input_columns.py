@@ -33,13 +33,13 @@ def input_jacobian(model: TableModel) -> Recipe:
         ScaleRows(model, name, (0, shape[1])),
     )
     if groups is not None:
-        check_entries(model, name, len(columns.key))
-        stages = (*stages, MixRows(name, "group", groups, lambda: columns.own, columns.at))
+        check_entries(model, name, len(columns.flat_index))
+        stages = (*stages, MixRows(name, "group", groups, lambda: columns.own_flat_index, columns.at))
     return Recipe(
         shape,
         stages,
-        find_pattern=lambda: make_pattern(shape, columns.key % count + count, columns.start),
-        is_empty=not len(columns.key),
+        find_pattern=lambda: make_pattern(shape, columns.flat_index % count + count, columns.start),
+        is_empty=not len(columns.flat_index),
     )
 
 
@@ -69,12 +69,12 @@ class InputColumns:
         )
 
     @cached_property
-    def key(self) -> IntArray:
+    def flat_index(self) -> IntArray:
         """(nnz,): input times n_coordinates plus row of each entry, column by column."""
-        return self.own if self.groups is None else self.groups.expand(self.own)
+        return self.own_flat_index if self.groups is None else self.groups.expand(self.own_flat_index)
 
     @cached_property
-    def own(self) -> IntArray:
+    def own_flat_index(self) -> IntArray:
         """(n,): the same of the components that inputs act on themselves."""
         member, number = self.model.rest_input_table.T
         coordinate = self.model.coordinate[self.model.ends[member]].reshape(-1, 2 * self.model.n_axes)
@@ -85,16 +85,16 @@ class InputColumns:
     def start(self) -> IntArray:
         """(n_inputs + 1,): first entry of each column."""
         count = len(self.model.structure.inputs)
-        return np.searchsorted(self.key, np.arange(count + 1) * self.model.n_coordinates)
+        return np.searchsorted(self.flat_index, np.arange(count + 1) * self.model.n_coordinates)
 
     def at(self, row: IntArray, number: IntArray) -> IntArray:
         """Return the entries at rows and columns."""
-        return np.searchsorted(self.key, number * self.model.n_coordinates + row)
+        return np.searchsorted(self.flat_index, number * self.model.n_coordinates + row)
 
     def entry(self, coordinate: IntArray, number: IntArray) -> IntArray:
         """Return the entries at coordinates (n, ...) and inputs (n,), -1 where a coordinate is held."""
         shaped = number.reshape(-1, *(1,) * (coordinate.ndim - 1))
-        found = np.searchsorted(self.key, shaped * self.model.n_coordinates + coordinate)
+        found = np.searchsorted(self.flat_index, shaped * self.model.n_coordinates + coordinate)
         return np.where(coordinate >= 0, found, -1)
 
 
@@ -110,7 +110,7 @@ class FillPushes:
 
     def write(self, writer: Writer) -> list[str]:
         """Return the loop over all entries."""
-        key, (pushed, value) = self.columns.key, self.columns.pushed
+        key, (pushed, value) = self.columns.flat_index, self.columns.pushed
         values = np.zeros(len(key))
         np.add.at(values, np.searchsorted(key, pushed), value)
         return loop("k", len(key), [f"{self.target}[k] = {writer.real_at('input_push', values, 'k')};"])

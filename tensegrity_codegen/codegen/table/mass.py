@@ -147,12 +147,12 @@ def pairs_of_coordinates(model: TableModel) -> tuple[IntArray, IntArray, FloatAr
 class MassDiagonal:
     """Writes the mass matrix: constants, then the entries on the diagonal that are arguments.
 
-    key: column times n_coordinates plus row of each entry of `target`, rising.
+    flat_index: column times n_coordinates plus row of each entry of `target`, rising.
     """
 
     model: TableModel
     target: str
-    key: IntArray
+    flat_index: IntArray
 
     @property
     def arguments(self) -> frozenset[str]:
@@ -180,7 +180,7 @@ class MassDiagonal:
         model, count = self.model, self.model.n_coordinates
         node = np.nonzero(model.free)[0]
         first, second, between = pairs_of_coordinates(model)
-        values = np.empty(len(self.key))
+        values = np.empty(len(self.flat_index))
         for row, column, mass in (
             (
                 np.arange(count),
@@ -190,12 +190,12 @@ class MassDiagonal:
             (first, second, between),
             (second, first, between),
         ):
-            values[np.searchsorted(self.key, column * count + row)] = mass
+            values[np.searchsorted(self.flat_index, column * count + row)] = mass
         lines = loop("k", len(values), [f"{self.target}[k] = {writer.real_at('mass_value', values, 'k')};"])
         chosen = self._changeable
         if not len(chosen):
             return lines
-        at = writer.index_at("mass_diagonal", np.searchsorted(self.key, chosen * (count + 1)), "k")
+        at = writer.index_at("mass_diagonal", np.searchsorted(self.flat_index, chosen * (count + 1)), "k")
         text = changeable_mass(writer, node[chosen], "k")
         return [*lines, *loop("k", len(chosen), [f"{self.target}[{at}] = {text};"])]
 

@@ -59,7 +59,7 @@ class ClearBlocks:
         """Return the loops; one over all entries where few of them are written first."""
         target, zero = self.sink.target, writer.number(0.0)
         coordinate, pattern = self.sink.pattern.model.coordinate, self.sink.pattern
-        count, size = len(pattern.key), range(pattern.model.n_axes)
+        count, size = len(pattern.flat_index), range(pattern.model.n_axes)
         node = np.unique(pattern.model.ends[self.written])
         first = coordinate[node, 0]
         length = np.diff(pattern.column_start)[first]
@@ -81,7 +81,7 @@ class ClearBlocks:
     def _left(self, cleared: IntArray) -> IntArray:
         """Return the entries that are neither cleared nor written first."""
         pattern = self.sink.pattern
-        is_left = np.ones(len(pattern.key), dtype=bool)
+        is_left = np.ones(len(pattern.flat_index), dtype=bool)
         is_left[cleared] = False
         is_left[self.modules.entries_set()] = False
         coordinate = pattern.model.coordinate
@@ -106,7 +106,7 @@ def _fill_zero(target: str, count: Callable[[], int]) -> Statements:
 
 def _is_finite(target: str, pattern: BlockPattern) -> Statements:
     """Return what is returned: where the sizes of all blocks are small, no sum of some of them overflows."""
-    return Statements(lambda: [f"return size < @SAFE@ || all_finite({target}, {len(pattern.key)});"])
+    return Statements(lambda: [f"return size < @SAFE@ || all_finite({target}, {len(pattern.flat_index)});"])
 
 
 def _member_matrix(quantity: str, kernel: str, damped: bool = False) -> Callable[[TableModel], Recipe]:
@@ -146,7 +146,7 @@ def _rest_length_jacobian(model: TableModel) -> Recipe:
     stages: tuple[Stage, ...] = (*loops, ScaleRows(model, name, (0, shape[1])))
     if groups is not None:
         check_entries(model, name, len(columns.row))
-        mix = MixRows(name, "group", groups, lambda: columns.own, columns.at)
+        mix = MixRows(name, "group", groups, lambda: columns.own_flat_index, columns.at)
         stages = (_fill_zero(name, lambda: len(columns.row)), *stages, mix)
     return Recipe(
         shape,
@@ -175,11 +175,11 @@ def _state_jacobian(model: TableModel) -> Recipe:
     damped = BlockPattern(model, _damped(model), groups)
     added, rates = AddBlocks(name, stiff), AddBlocks(name, damped, before=stiff)
     if groups is not None:
-        check_entries(model, name, len(stiff.key) + len(damped.key))
+        check_entries(model, name, len(stiff.flat_index) + len(damped.flat_index))
 
     def pattern() -> Pattern:
         identity = np.insert(damped.row + count, damped.column_start[:-1], np.arange(count))
-        late = len(stiff.key) + damped.column_start + np.arange(count + 1)
+        late = len(stiff.flat_index) + damped.column_start + np.arange(count + 1)
         start = np.concatenate([stiff.column_start[:-1], late])
         return make_pattern((2 * count, 2 * count), np.concatenate([stiff.row + count, identity]), start)
 
@@ -189,7 +189,7 @@ def _state_jacobian(model: TableModel) -> Recipe:
         model, "rate_block", rates, lambda group: group.member_class.damping != ABSENT
     )
     stages: tuple[Stage, ...] = (
-        _fill_zero(name, lambda: len(stiff.key) + len(damped.key) + count),
+        _fill_zero(name, lambda: len(stiff.flat_index) + len(damped.flat_index) + count),
         positions,
         *position_loops,
         speeds,
@@ -207,7 +207,7 @@ def _mix_blocks(groups: MassGroups | None, sink: AddBlocks, name: str) -> tuple[
     """Return what multiplies the blocks of a sink by H^-1 of coupled nodes, if there are any."""
     if groups is None:
         return ()
-    return (MixRows(sink.target, name, groups, lambda: sink.pattern.own, sink.entry),)
+    return (MixRows(sink.target, name, groups, lambda: sink.pattern.own_flat_index, sink.entry),)
 
 
 MATRICES: Mapping[str, Callable[[TableModel], Recipe]] = {

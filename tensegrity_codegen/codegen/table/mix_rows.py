@@ -20,14 +20,15 @@ from tensegrity_codegen.system.arrays import FloatArray, IntArray
 class MixRows:
     """Turns forces into accelerations, in the rows of groups, in every column of the values `target`.
 
-    name: of its tables; key: column times n_coordinates plus row of the entries before, rising; entry: the
-    entry of `target` at coordinates and columns.
+    name: of its tables.
+    flat_index: column times n_coordinates plus row of the entries before, rising.
+    entry: the entry of `target` at coordinates and columns.
     """
 
     target: str
     name: str
     groups: MassGroups
-    key: Callable[[], IntArray]
+    flat_index: Callable[[], IntArray]
     entry: Callable[[IntArray, IntArray], IntArray]
     arguments: frozenset[str] = frozenset()
 
@@ -98,7 +99,7 @@ class _Work:
     def __init__(self, mix: MixRows) -> None:
         groups = mix.groups
         n, n_groups = groups.model.n_coordinates, len(groups.coordinate)
-        column, row = np.divmod(mix.key(), max(n, 1))
+        column, row = np.divmod(mix.flat_index(), max(n, 1))
         label = groups.label[row] if n_groups else np.full(len(row), -1)
         held = label >= 0
         pair = column[held] * n_groups + label[held]

@@ -92,7 +92,9 @@ class ExternalWork:
         return loop("n", len(self.node), [*lines, f"{self.target} += {terms};"])
 
 
-def _of_members(kernel: str, quantity: str, rows: int = 1) -> Callable[[TableModel], Recipe]:
+def _member_builder(kernel: str, quantity: str, rows: int = 1) -> Callable[[TableModel], Recipe]:
+    """Return the builder of a quantity with one value for each member, or with one vector (rows = 0)."""
+
     def build(model: TableModel) -> Recipe:
         count = model.structure.n_members
         return Recipe(
@@ -103,24 +105,27 @@ def _of_members(kernel: str, quantity: str, rows: int = 1) -> Callable[[TableMod
     return build
 
 
-def _of_record(record: MemberQuantity) -> Callable[[TableModel], Recipe]:
+def _record_builder(record: MemberQuantity) -> Callable[[TableModel], Recipe]:
+    """Return the builder of a quantity of members from its record; it checks the structure's values."""
+
     def build(model: TableModel) -> Recipe:
         check_values(record, model.structure)
-        shape_of = _of_members(record.kernel, record.name, 0 if record.is_vector else 1)
-        return shape_of(model)
+        store_values = _member_builder(record.kernel, record.name, 0 if record.is_vector else 1)
+        return store_values(model)
 
     return build
 
 
 def _cable_margin(model: TableModel) -> Recipe:
-    return _of_some(model, "margin", "cable_margin", model.structure.tension_only)
+    return _selected_recipe(model, "margin", "cable_margin", model.structure.tension_only)
 
 
 def _switch_margin(model: TableModel) -> Recipe:
-    return _of_some(model, "switch", "switch_margin", model.structure.has_switch)
+    return _selected_recipe(model, "switch", "switch_margin", model.structure.has_switch)
 
 
-def _of_some(model: TableModel, kernel: str, quantity: str, mask: NDArray[np.bool_]) -> Recipe:
+def _selected_recipe(model: TableModel, kernel: str, quantity: str, mask: NDArray[np.bool_]) -> Recipe:
+    """Return the recipe of a quantity of those members that `mask` selects."""
     chosen = tuple(np.flatnonzero(mask).tolist())
     return Recipe((len(chosen), 1), tuple(member_loops(model, kernel, StoreForSome(quantity, chosen))))
 
@@ -145,13 +150,13 @@ def _state_derivative(model: TableModel) -> Recipe:
     return Recipe((2 * count, 1), (copy, *_accelerations(model, "slope")), before=(slope,))
 
 
-def _energy(*parts: str) -> Callable[[TableModel], Recipe]:
+def _energy_builder(*parts: str) -> Callable[[TableModel], Recipe]:
     """Return the builder of an energy whose parts are elastic, kinetic or work, which is taken off."""
 
     def build(model: TableModel) -> Recipe:
         stages: list[Stage] = []
         for part in parts:
-            stages += PARTS[part](model)
+            stages += ENERGY_STAGES[part](model)
         before = tuple(f"@REAL@ {part} = @ZERO@;" for part in parts)
         text = {
             ("elastic",): "elastic",
@@ -159,30 +164,30 @@ def _energy(*parts: str) -> Callable[[TableModel], Recipe]:
             ("elastic", "work"): "elastic - work",
             ("kinetic", "elastic", "work"): "kinetic + (elastic - work)",
         }[parts]
-        return Recipe((1, 1), tuple(stages), before, (f"*{QUANTITY_OF[parts]} = {text};",))
+        return Recipe((1, 1), tuple(stages), before, (f"*{ENERGY_QUANTITY[parts]} = {text};",))
 
     return build
 
 
-QUANTITY_OF = {
+ENERGY_QUANTITY = {
     ("elastic",): "elastic_energy",
     ("kinetic",): "kinetic_energy",
     ("elastic", "work"): "potential_energy",
     ("kinetic", "elastic", "work"): "total_energy",
 }
 
-PARTS: Mapping[str, Callable[[TableModel], list[Stage]]] = {
+ENERGY_STAGES: Mapping[str, Callable[[TableModel], list[Stage]]] = {
     "elastic": lambda model: list(member_loops(model, "energy", AddUp("elastic"))),
     "kinetic": lambda model: [KineticEnergy(model, "kinetic")],
     "work": lambda model: [ExternalWork(model, "work")],
 }
 
 BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
-    **{record.name: _of_record(record) for record in MEMBER_QUANTITIES},
-    "spring_tension": _of_members("static_tension", "spring_tension"),
+    **{record.name: _record_builder(record) for record in MEMBER_QUANTITIES},
+    "spring_tension": _member_builder("static_tension", "spring_tension"),
     **node_builders(),
     "member_law": member_law,
-    **{name: _energy(*parts) for parts, name in QUANTITY_OF.items()},
+    **{name: _energy_builder(*parts) for parts, name in ENERGY_QUANTITY.items()},
     "acceleration": _acceleration,
     "state_derivative": _state_derivative,
     **MATRICES,

@@ -41,10 +41,10 @@ class MemberRows:
     columns: MemberColumns
 
     @cached_property
-    def key(self) -> IntArray:
+    def flat_index(self) -> IntArray:
         """(nnz,): coordinate times n_members plus member of each entry, rising."""
         count = self.columns.model.n_coordinates
-        return np.sort(self.columns.key % count * self._n_members + self.columns.key // count)
+        return np.sort(self.columns.flat_index % count * self._n_members + self.columns.flat_index // count)
 
     @property
     def _n_members(self) -> int:
@@ -53,18 +53,20 @@ class MemberRows:
     @property
     def row(self) -> IntArray:
         """(nnz,): row of each entry."""
-        return self.key % self._n_members
+        return self.flat_index % self._n_members
 
     @property
     def start(self) -> IntArray:
         """(n_coordinates + 1,): first entry of each column."""
-        return np.searchsorted(self.key, np.arange(self.columns.model.n_coordinates + 1) * self._n_members)
+        return np.searchsorted(
+            self.flat_index, np.arange(self.columns.model.n_coordinates + 1) * self._n_members
+        )
 
     def entry(self, member: IntArray) -> IntArray:
         """Return (n, 2, n_axes): entry of each component of both ends of some members, -1 if it is held."""
         model = self.columns.model
         coordinate = model.coordinate[model.ends[member]]
-        found = np.searchsorted(self.key, coordinate * self._n_members + member[:, None, None])
+        found = np.searchsorted(self.flat_index, coordinate * self._n_members + member[:, None, None])
         return np.where(coordinate >= 0, found, -1)
 
 

@@ -17,7 +17,7 @@ from tensegrity_codegen.control.embedded.parts import (
     MOVED_TO_CODE,
     ControllerCode,
     collect_parts,
-    find_described,
+    find_model_and_request,
     find_motion,
     read_code,
 )
@@ -153,7 +153,7 @@ def build_controller(
         check_path(path, "inputs")
     check_folder(out)
     # Scene, motion and all parts of the controller.
-    described, request = find_described(scene, motion)
+    described, request = find_model_and_request(scene, motion)
     reference = find_motion(described, motion, arguments)
     check_scene_name(described.manifest.name if written.name is None else written.name, "name")
     parts = collect_parts(

@@ -60,11 +60,9 @@ CONTROL_STATUS: Mapping[str, str] = {
 }
 QP_ITERATIONS = 100  # of the solver in one quadratic program
 START_TOLERANCE = 1e-9  # [m], by which the start may be outside of the range of an actuator
-DESCRIBED_QUANTITIES = ("member_length",)  # quantities of a description
-
-
-MOST_ITERATIONS = 10_000
-NAME = "loop"  # of a controller that is simulated in C
+DESCRIBED_QUANTITIES = ("member_length",)  # of a model that is described and not compiled
+MOST_QP_ITERATIONS = 10_000  # that may be stated
+SIMULATED_LOOP_NAME = "loop"  # of a controller that is simulated in C
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ def read_code(code: ControllerCode | None) -> ControllerCode:
     find_precision(stated.precision, "precision")
     check_switch(stated.library, "library")
     check_instance(stated.compiler, (str, type(None)), "compiler", "the name of a compiler, or None")
-    check_whole(stated.qp_iterations, "qp_iterations", 1, MOST_ITERATIONS)
+    check_whole(stated.qp_iterations, "qp_iterations", 1, MOST_QP_ITERATIONS)
     return stated
 
 
@@ -190,7 +188,7 @@ def collect_parts(
     check_motion(described, motion)
     check_parts(manifest, motion, gains, estimator, distribution)
     check_same_motion(distribution, motion)
-    assert described.structure is not None  # find_described refuses models without
+    assert described.structure is not None  # find_model_and_request refuses models without
     parts = ControllerParts(
         name=manifest.name if code.name is None else code.name,
         subject=described.structure,
@@ -269,7 +267,7 @@ class _Description:
     structure: Subject
 
 
-def find_described(
+def find_model_and_request(
     scene: str | Path | CompiledModel, motion: Motion | Equilibrium
 ) -> tuple[Described, ModelRequest]:
     """Return the model of a scene or a compiled one, and the request for nothing of it but its formulation.

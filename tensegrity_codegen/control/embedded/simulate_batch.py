@@ -9,10 +9,10 @@ from functools import partial
 from tensegrity_codegen.control.embedded.closed_loop import CompiledLoop
 from tensegrity_codegen.control.embedded.parts import (
     MOVED_TO_CODE,
-    NAME,
+    SIMULATED_LOOP_NAME,
     ControllerCode,
     collect_parts,
-    find_described,
+    find_model_and_request,
     read_code,
 )
 from tensegrity_codegen.control.embedded.write import write_files
@@ -126,11 +126,11 @@ def simulate_control_batch(
     require_quantities(model, ("member_tension",), "a simulated closed loop needs")
     check_switch(compare, "compare")
     check_instance(draws, Sequence, "draws", "a list of Disturbance")
-    written = replace(read_code(code), name=NAME, precision="double")
+    written = replace(read_code(code), name=SIMULATED_LOOP_NAME, precision="double")
     held = 1.0 if t_end is None else check_positive(t_end, "t_end", "[s]")
     workers = (os.cpu_count() or 1) if threads is None else check_whole(threads, "threads", 1)
     # The controller, with the checks of all controllers.
-    described, request = find_described(model, motion)
+    described, request = find_model_and_request(model, motion)
     reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held)
     parts = collect_parts(
         described, reference, gains=gains, estimator=estimator, distribution=distribution, sample=sample,

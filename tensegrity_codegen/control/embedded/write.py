@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.codegen.describe import made_by
+from tensegrity_codegen.codegen.build_manifest import find_program_versions
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.print.banner import BANNER
 from tensegrity_codegen.codegen.print.printer import print_number, print_numbers
@@ -68,7 +68,7 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
         "real": precision.c_type,
         "suffix": precision.suffix,
         "precision": name,
-        "made_by": ", ".join(f"{what} {release}" for what, release in made_by().items()),
+        "made_by": ", ".join(f"{what} {release}" for what, release in find_program_versions().items()),
         "settings": _find_settings(parts, name)
         | {"WITH_OTHERS": tensions is not None and tensions.has_others},
         "statuses": CONTROL_STATUS,
@@ -204,7 +204,7 @@ def write_files(parts: ControllerParts, request: ModelRequest, precision: Precis
         table_bytes=sum(ITEM_BYTES[table.c_type] * len(table.values) for table in context["tables"]),
         library="",
         declarations=read_declarations(header),
-        made_by=made_by(),
+        made_by=find_program_versions(),
         model=None if model is None else json.loads(model.to_json()),
     )
     return ControllerFiles(texts, description)

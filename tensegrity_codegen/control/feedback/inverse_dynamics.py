@@ -228,7 +228,7 @@ def _find_scale(plan_model: PlanModel, coordinate: FloatArray) -> FloatArray:
     problem = plan_model.problem(plan_model.start)
     if not isinstance(problem, BodyProblem):
         return np.ones(len(coordinate))
-    problem.enter(coordinate)
+    problem.to_search_coordinate(coordinate)
     return np.array(problem.scale)
 
 

@@ -35,14 +35,14 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, check_switch, check_whole
 from tensegrity_codegen.system.errors import FormulationError
 
-QUANTITIES = ("acceleration", "state_jacobian", "mass_matrix", "equilibrium_matrix")
-MOST_KNOTS = 25
+KALMAN_QUANTITIES = ("acceleration", "state_jacobian", "mass_matrix", "equilibrium_matrix")
+MOST_KNOTS = 25  # of the gains along a motion, by default
 ACCELERATION_NOISE = 3e-4  # of the accelerations that these forces cause: noise without disturbance states
 STABLE_STEP = 1.5  # of a Runge-Kutta step: its length times the largest eigenvalue
-MOST_SUBSTEPS = 1000
+MOST_SUBSTEPS = 1000  # Runge-Kutta steps in one sample
 LARGEST_NOISE = 1e100  # noise whose square is far from the largest double
 LEAST_SHOWN = 0.01  # of what the best shown force adds to the measurements, in multiples of their noise
-GROWTH = 1.0  # [1/s] of the forces: the time in which `disturbance` states their change
+GROWTH_RATE = 1.0  # [1/s] of forces like exp(t / 1 s): `disturbance` states their change in this time
 DISTURBED_PART = 0.1  # of the usual forces, by which disturbances change in a second
 
 
@@ -120,7 +120,7 @@ def design_kalman(
     """
     require_model(model)
     check_independent(model)
-    require_quantities(model, QUANTITIES, "an estimator needs")
+    require_quantities(model, KALMAN_QUANTITIES, "an estimator needs")
     check_positive(sample, "sample", "[s]")
     check_switch(only_observable, "only_observable")
     reference = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
@@ -129,15 +129,17 @@ def design_kalman(
     # What is measured, which forces disturb, and how fast they change.
     sensing = find_sensing(model, sensors)
     given = merge_inputs(model.manifest, arguments)
-    walk, shake = _read_noise(model, reference, given, disturbance, acceleration_noise)
+    force_noise, rate_noise = _read_noise(model, reference, given, disturbance, acceleration_noise)
     time = np.linspace(0.0, reference.duration, check_whole(knots, "knots", 2, 10_000))
     if only_observable:
-        last = linearise_estimate(model, reference, reference.duration, given, sensing, np.flatnonzero(walk))
-        walk = _keep_shown_forces(*last, sensing, walk, sample)
-    disturbed = np.flatnonzero(walk)
+        last = linearise_estimate(
+            model, reference, reference.duration, given, sensing, np.flatnonzero(force_noise)
+        )
+        force_noise = _keep_shown_forces(*last, sensing, force_noise, sample)
+    disturbed = np.flatnonzero(force_noise)
     # Linear models of the estimator's state at the knots.
     parts = [linearise_estimate(model, reference, now, given, sensing, disturbed) for now in time.tolist()]
-    spectrum = np.diag(np.concatenate([np.zeros(len(shake)), shake, walk[disturbed]]) ** 2)
+    spectrum = np.diag(np.concatenate([np.zeros(len(rate_noise)), rate_noise, force_noise[disturbed]]) ** 2)
     names = name_states(model.manifest)
     n = len(names) // 2
     names = (*names, *(f"force on {names[k]}" for k in disturbed))
@@ -148,7 +150,7 @@ def design_kalman(
         a, w = _sample_noise(rate, spectrum, sample)
         hidden = find_unobserved(a, slope)
         if hidden:
-            _refuse(model.manifest.name, hidden, names, sensing)
+            _raise_unobservable(model.manifest.name, hidden, names, sensing)
         p, residual = find_stationary(a.T, slope.T, w, noise, f"{model.manifest.name}: design_kalman")
         gains.append(compute_gain(p, np.eye(len(p)), slope.T, noise).T)  # P C^T (C P C^T + V)^-1
         covariances.append(p)
@@ -201,14 +203,16 @@ def linearise_estimate(
 
 
 def _keep_shown_forces(
-    rate: FloatArray, slope: FloatArray, sensing: Sensing, walk: FloatArray, sample: float
+    rate: FloatArray, slope: FloatArray, sensing: Sensing, force_noise: FloatArray, sample: float
 ) -> FloatArray:
-    """Return how fast disturbances change, 0 for forces that the sensors do not tell apart."""
-    disturbed = np.flatnonzero(walk)
+    """Return `force_noise` with 0 for the forces that the sensors do not tell apart, (n_coordinates,)."""
+    disturbed = np.flatnonzero(force_noise)
     if not len(disturbed):
-        return walk
-    shown = disturbed[find_shown_forces(expm(sample * rate), slope, sensing.noise, walk[disturbed], sample)]
-    return np.where(np.isin(np.arange(len(walk)), shown), walk, 0.0)
+        return force_noise
+    shown = disturbed[
+        find_shown_forces(expm(sample * rate), slope, sensing.noise, force_noise[disturbed], sample)
+    ]
+    return np.where(np.isin(np.arange(len(force_noise)), shown), force_noise, 0.0)
 
 
 def _sample_noise(rate: FloatArray, spectrum: FloatArray, sample: float) -> tuple[FloatArray, FloatArray]:
@@ -229,15 +233,18 @@ def _read_noise(
     disturbance: ArrayLike | None,
     acceleration_noise: ArrayLike | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how fast disturbances change, and the noise of accelerations, (n_coordinates,) each."""
+    """Return the noise that drives disturbance forces (force_noise) and velocities (rate_noise).
+
+    Both (n_coordinates,): standard deviations of the change in 1 s, [N/sqrt(s)] and [m/s2 / sqrt(Hz)].
+    """
     n = motion.coordinate.shape[1]
     at = {**given, "coordinate": motion.coordinate[-1], "velocity": np.zeros(n), INPUT: motion.input[-1]}
     force = find_usual_forces(model, motion, given)
     mass = np.diag(to_dense(model.compute("mass_matrix", **at)))
-    walk = DISTURBED_PART * force if disturbance is None else _read(disturbance, n, "disturbance")
+    force_noise = DISTURBED_PART * force if disturbance is None else _read(disturbance, n, "disturbance")
     usual = ACCELERATION_NOISE * force / mass
-    shake = usual if acceleration_noise is None else _read(acceleration_noise, n, "acceleration_noise")
-    return walk, shake
+    rate_noise = usual if acceleration_noise is None else _read(acceleration_noise, n, "acceleration_noise")
+    return force_noise, rate_noise
 
 
 def _read(value: ArrayLike, n: int, where: str) -> FloatArray:
@@ -251,7 +258,9 @@ def _count_substeps(rates: Sequence[FloatArray], sample: float) -> int:
     return min(max(1, math.ceil(fastest * sample / STABLE_STEP)), MOST_SUBSTEPS)
 
 
-def _refuse(scene: str, hidden: Sequence[HiddenMode], names: tuple[str, ...], sensing: Sensing) -> NoReturn:
+def _raise_unobservable(
+    scene: str, hidden: Sequence[HiddenMode], names: tuple[str, ...], sensing: Sensing
+) -> NoReturn:
     """Raise FormulationError for states that the sensors do not show."""
     first = hidden[0]
     shown = ", ".join(sensing.names[:3]) + ", ..." * (len(sensing.names) > 3)
@@ -282,10 +291,10 @@ def find_shown_forces(
 
     Forces that grow like exp(t / 1 s) cause measurements G d, G = C (z - A)^-1 B with z = exp(sample / 1 s).
     QR decomposition of G with pivots takes one force after the other, each time the one that adds most
-    to what the measurements show already; it ends where the next one adds less than SHOWN of the first.
+    to what the measurements show already; it ends where the next one adds less than LEAST_SHOWN of the first.
     """
     n = len(a) - len(size)
-    z = np.exp(GROWTH * sample)
+    z = np.exp(GROWTH_RATE * sample)
     states = np.linalg.solve(z * np.eye(n) - a[:n, :n], a[:n, n:] * size)
     _, triangle, order = qr((slope[:, :n] @ states) / noise[:, None], mode="economic", pivoting=True)
     adds = np.abs(np.diag(triangle))

@@ -134,12 +134,12 @@ def design_lqr(
     r = read_weight(R, m, "R", f"{m} actuators", definite=True)
     # Linear models along the motion, and whether the actuators can stabilise them.
     samples = sample_linear_models(model, reference, sample, reference.actuators, arguments, late)
-    check_effects(model, samples.gain, reference.actuators)
-    held = compute_hold(samples.rate[-1], samples.gain[-1], sample)[1]
+    check_effects(model, samples.input_matrix, reference.actuators)
+    held = compute_hold(samples.state_matrix[-1], samples.input_matrix[-1], sample)[1]
     hidden = find_uncontrolled(*_augment(samples.A[-1], held, np.zeros((n, 0)), output, 0.0 * late, sample))
     if hidden:
         end, given = reference.at(reference.duration).coordinate, merge_inputs(model.manifest, arguments)
-        rigid = name_free_motions(model, end, samples.gain[-1, n // 2 :], given)
+        rigid = name_free_motions(model, end, samples.input_matrix[-1, n // 2 :], given)
         _refuse(model.manifest.name, hidden, rigid, (*names, *labels))
     # The stationary solution at the end, and the recursion back to the start.
     models = [
@@ -301,14 +301,14 @@ def list_actuators(model: CompiledModel, names: Sequence[str]) -> tuple[Actuator
     return tuple(by_name.get(name) for name in names)
 
 
-def check_effects(model: CompiledModel, gain: FloatArray, names: Sequence[str]) -> None:
+def check_effects(model: CompiledModel, input_matrix: FloatArray, names: Sequence[str]) -> None:
     """Raise InvalidValueError for an actuator that changes nothing along a whole motion.
 
     model: with its structure, which names the reason.
-    gain (n_t, n_states, n_actuators): derivatives of the state's rate by the actuators' inputs.
+    input_matrix (n_t, n_states, n_actuators): derivatives of the state's rate by the actuators' inputs.
     names: names of the actuators.
     """
-    size = np.abs(gain).max(axis=(0, 1), initial=0.0)
+    size = np.abs(input_matrix).max(axis=(0, 1), initial=0.0)
     idle = np.flatnonzero(size <= NO_EFFECT * size.max(initial=0.0))
     if not idle.size:
         return

@@ -19,8 +19,8 @@ QUINTIC = "quintic"
 SLOPE_ROUNDING = 1e-9  # of the largest slope: a negative slope that counts as rounding
 RATE_TOLERANCE = 1e-6  # of a rate limit: excess that counts as none
 DURATION_TOLERANCE = 1e-8  # of the shortest duration: its accuracy
-DURATION_FACTOR = 1.25
-MOST_TRIALS = 40
+DURATION_FACTOR = 1.25  # from one trial of the shortest duration to the next
+MOST_TRIALS = 40  # of durations
 
 
 @dataclass(frozen=True, eq=False)

@@ -284,7 +284,7 @@ class PlanPath:
     def _find_equilibrium(self, at: PlanPoint, change: FloatArray) -> PlanPoint | None:
         """Return the equilibrium after a change of the inputs, None where it is not found."""
         moved = self.slopes.coordinate @ change
-        carried = self.model.problem(at.change + change).carry(at.coordinate, moved)
+        carried = self.model.problem(at.change + change).move_coordinate(at.coordinate, moved)
         reach = SEARCH_PART * float(np.abs(moved).max(initial=0.0)) + SMALLEST_CHANGE * at.point.longest
         found = None if carried is None else self.model.find_point(at.change + change, carried[0], reach)
         if found is None:

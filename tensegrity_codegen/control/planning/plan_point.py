@@ -116,10 +116,10 @@ class PlanModel:
         """Values of the actuators' inputs in the scene or arguments, (n_actuators,) [m]."""
         return np.array(self.base[self.actuation.place])
 
-    def enter(self, coordinate: FloatArray) -> FloatArray:
+    def to_search_coordinate(self, coordinate: FloatArray) -> FloatArray:
         """Return coordinates of the model as those of the static problems, and fix their scale for bodies."""
         problem = self.problem(self.start)
-        entered = problem.enter(coordinate)
+        entered = problem.to_search_coordinate(coordinate)
         if isinstance(problem, BodyProblem):
             self._scale = problem.scale
         return entered
@@ -183,10 +183,12 @@ class PlanModel:
         floor = _find_floor(stiffness, point)
         rounding = float(np.finfo(float).eps) * float(abs(stiffness).sum(axis=0).max(initial=0.0))
         factors, _ = factorise(stiffness, sparse.csc_array(neutral.T), neutral, rounding)
-        force = problem.slope(point)[:, None]
+        force = problem.directional_residual(point)[:, None]
         force = force - neutral @ (neutral.T @ force)
         step = factors.solve(force, np.zeros((neutral.shape[1], 1)))[0][:, 0]
-        return problem.find_moved(point.coordinate, step) if np.all(np.isfinite(step)) else None, floor
+        return problem.find_displaced_point(point.coordinate, step) if np.all(
+            np.isfinite(step)
+        ) else None, floor
 
     def neutral(self, problem: StaticProblem, point: Point, stiffness: Any) -> FloatArray:
         """Return the rigid motions that cost no force at a point, (n_directions, m)."""
@@ -205,7 +207,7 @@ class PlanModel:
         return PlanPoint(
             change.copy(),
             point.coordinate,
-            problem.leave(point.coordinate),
+            problem.to_model_coordinate(point.coordinate),
             problem.node_position(point.coordinate),
             point,
             np.array(problem.compute("member_length", point.coordinate)),

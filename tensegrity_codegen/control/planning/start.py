@@ -46,7 +46,7 @@ def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
     """
     model, change = plan_model.model, plan_model.start
     # The equilibrium near the stated positions.
-    stated = plan_model.enter(model.nominal("coordinate").ravel())
+    stated = plan_model.to_search_coordinate(model.nominal("coordinate").ravel())
     problem = plan_model.problem(change)
     point = problem.find_point(stated)
     longest = 1.0 if point is None else point.longest
@@ -63,7 +63,9 @@ def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
     # The equilibrium that is found from there.
     arguments = {**plan_model.arguments, INPUT: plan_model.inputs(change)}
     found = find_equilibrium(model, arguments=arguments)
-    settled = plan_model.find_point(change, plan_model.enter(found.coordinate), SEARCH_RADIUS * longest)
+    settled = plan_model.find_point(
+        change, plan_model.to_search_coordinate(found.coordinate), SEARCH_RADIUS * longest
+    )
     if settled is None:
         raise StructureError(
             "the equilibrium to start from is not found exactly enough",
@@ -123,7 +125,7 @@ def check_stability(plan_model: PlanModel, at: PlanPoint) -> None:
         raise UnstableError(
             "the start is an unstable equilibrium",
             where=name,
-            evidence={"smallest_eigenvalue": stability.told_eigenvalue},
+            evidence={"smallest_eigenvalue": stability.model_eigenvalue},
             hint="start from a stable one: find it with `equilibrium`, or raise the prestress",
         )
     if not stability.is_neutral:
@@ -137,6 +139,6 @@ def check_stability(plan_model: PlanModel, at: PlanPoint) -> None:
     raise SingularStiffnessError(
         f"the start is neutral: nothing resists {many}{whole}, such as one of the nodes {', '.join(nodes)}",
         where=name,
-        evidence={"smallest_eigenvalue": stability.told_eigenvalue, "rounding": stability.rounding},
+        evidence={"smallest_eigenvalue": stability.model_eigenvalue, "rounding": stability.rounding},
         hint="prestress the structure, or anchor or join unconnected parts; `analyse` shows the motions",
     )

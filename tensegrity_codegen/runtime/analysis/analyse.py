@@ -114,7 +114,7 @@ def analyse(
         certificate_displacement=_move_nodes(at, tensions.certificate),
         load_certificate_displacement=_move_nodes(at, tensions.load_certificate),
         stability=tensions.stability,
-        smallest_eigenvalue=stiffness.told_eigenvalue,
+        smallest_eigenvalue=stiffness.model_eigenvalue,
         stiffness=stiffness,
         modes=modes,
         members=check_members(at.structure, at.tension, at.length),

@@ -211,7 +211,7 @@ def read_configuration(
     of_bodies = find_formulation(model.manifest.formulation).of_bodies
     if not of_bodies:
         _check_lengths(problem, given)
-    point = problem.find_point(problem.enter(given))
+    point = problem.find_point(problem.to_search_coordinate(given))
     if point is None:
         raise FormulationError(
             "the forces in this configuration are not finite",

@@ -79,7 +79,7 @@ class Ramp:
         Loads that balance it at `start` are let go in proportion; the limit is the part let go.
         """
         problem = build_problem(self.model, self.arguments_at(0.0))
-        point = problem.find_point(problem.enter(start))
+        point = problem.find_point(problem.to_search_coordinate(start))
         if point is None:
             return Way(failed=True, message="the forces at the start are not finite")
         floor = problem.rounding_floor(problem.stiffness(point.coordinate), point)
@@ -92,12 +92,12 @@ class Ramp:
             )
         held = _find_holding_loads(self.model, problem, point, self.arguments_at(0.0))
         path = build_path(self.model, -held, self._held(held))
-        return self._follow(path, problem.leave(point.coordinate), 0.0, "prestress")
+        return self._follow(path, problem.to_model_coordinate(point.coordinate), 0.0, "prestress")
 
     def follow(self, start: FloatArray) -> Way:
         """Return where the loads lead from `start`, an equilibrium under the base."""
         problem = build_problem(self.model, self.arguments_at(0.0))
-        point = problem.find_point(problem.enter(start))
+        point = problem.find_point(problem.to_search_coordinate(start))
         if point is None:
             return Way(failed=True, message="the forces at the start are not finite")
         stability = find_stability(problem, point)
@@ -177,7 +177,7 @@ def _stay(problem: StaticProblem, point: Point) -> Way:
     if find_stability(problem, point).is_unstable:
         return _lost_at_once("the given shape is in an unstable equilibrium before any load acts")
     length = np.array(problem.compute("member_length", point.coordinate))
-    return Way(problem.leave(point.coordinate), length, problem.node_position(point.coordinate))
+    return Way(problem.to_model_coordinate(point.coordinate), length, problem.node_position(point.coordinate))
 
 
 def _find_unstable(path: ModelPath, way: LoadPath) -> float | None:

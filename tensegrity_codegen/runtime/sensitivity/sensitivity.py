@@ -113,7 +113,7 @@ def _find_point(problem: StaticProblem, equilibrium: Equilibrium | ArrayLike | N
         )
         check_shape(start, (problem.size,), "equilibrium")
         check_finite(start, "equilibrium")
-    point = problem.find_point(problem.enter(start))
+    point = problem.find_point(problem.to_search_coordinate(start))
     if point is None:
         raise NonFiniteError(
             "the forces at this state are not finite", where=problem.model.manifest.name,
@@ -142,7 +142,7 @@ def _solve(
     problem: StaticProblem, point: Point, system: StaticSystem, names: tuple[str, ...], chosen: Any
 ) -> Sensitivity:
     gauge, rounding = find_gauge(problem, point, system)
-    border = sparse.vstack([system.constraint, system.hold(gauge)], format="csc")
+    border = sparse.vstack([system.constraint, system.build_gauge_rows(gauge)], format="csc")
     factors, is_regular = factorise(system.stiffness, border, gauge, max(rounding, 1e-300))
     eigenvalue, direction = factors.find_softest()
     if not is_regular or abs(eigenvalue) <= rounding:
@@ -151,7 +151,9 @@ def _solve(
     kept = np.zeros((border.shape[0], len(names)))
     kept[: len(system.bar)] = chosen[system.bar].toarray()
     moved, pulls, refined = factors.solve(force, kept)
-    tension = np.asarray(system.by_place @ moved + sparse.diags_array(system.by_rest_length) @ chosen)
+    tension = np.asarray(
+        system.tension_jacobian @ moved + sparse.diags_array(system.tension_rest_length_derivative) @ chosen
+    )
     tension[system.bar] = pulls[: len(system.bar)]
     manifest = problem.model.manifest
     return Sensitivity(
@@ -174,7 +176,7 @@ def _solve(
 
 
 def _find_slack(problem: StaticProblem, point: Point, system: StaticSystem) -> tuple[str, ...]:
-    is_slack = (system.by_rest_length == 0.0) & (point.tension == 0.0)
+    is_slack = (system.tension_rest_length_derivative == 0.0) & (point.tension == 0.0)
     is_slack[system.bar] = False
     return tuple(problem.model.manifest.member_name[e] for e in np.flatnonzero(is_slack))
 

@@ -30,8 +30,13 @@ REST_LENGTH_QUANTITIES = (
 class StaticSystem:
     """Matrices at one equilibrium, over the coordinates x of its static problem [m].
 
-    stiffness: K (n, n); constraint: J (n_bars, n); bar: their members; force: F (n, n_members); by_place:
-    T (n_members, n); by_rest_length: s (n_members,); scale: x = scale q of the model's coordinates q;
+    stiffness: K (n, n).
+    constraint: J (n_bars, n).
+    bar (n_bars,): members of the rows of J.
+    force: F (n, n_members).
+    tension_jacobian: T (n_members, n).
+    tension_rest_length_derivative: s (n_members,).
+    scale (n,): x = scale q of the model's coordinates q.
     node_jacobian: (3 n_nodes, n) of bodies, None where coordinates are those of nodes.
     """
 
@@ -39,13 +44,16 @@ class StaticSystem:
     constraint: Any
     bar: IntArray
     force: Any
-    by_place: Any
-    by_rest_length: FloatArray
+    tension_jacobian: Any
+    tension_rest_length_derivative: FloatArray
     scale: FloatArray
     node_jacobian: Any = None
 
-    def hold(self, motions: FloatArray) -> Any:
-        """Return one row for each motion (n, k): the motion of the nodes along that of theirs, sparse."""
+    def build_gauge_rows(self, motions: FloatArray) -> Any:
+        """Return the rows that set the share of rigid motions (n, k) to zero, (k, n), sparse.
+
+        Row k times dx: the product of the node displacements of dx with those of motion k.
+        """
         if self.node_jacobian is None:
             return scipy.sparse.csc_array(motions.T)
         return scipy.sparse.csc_array((self.node_jacobian @ motions).T @ self.node_jacobian)
@@ -74,7 +82,7 @@ def build_system(problem: StaticProblem, point: Point) -> StaticSystem:
     x = point.coordinate
     scale = problem.scale if isinstance(problem, BodyProblem) else np.ones(len(x))
     per_metre = scipy.sparse.diags_array(1.0 / scale)
-    force, slope, by_place = _find_springs(problem, x)
+    force, slope, tension_jacobian = _find_springs(problem, x)
     if isinstance(problem, BarProblem):
         stiffness, constraint, bar = _with_bars(problem, point)
     else:
@@ -85,7 +93,7 @@ def build_system(problem: StaticProblem, point: Point) -> StaticSystem:
         scipy.sparse.csc_array(constraint),
         bar,
         scipy.sparse.csc_array(per_metre @ force),
-        scipy.sparse.csc_array(by_place @ per_metre),
+        scipy.sparse.csc_array(tension_jacobian @ per_metre),
         np.array(slope, dtype=float),
         scale,
         scipy.sparse.csc_array(problem.compute("node_jacobian", x) @ per_metre)
@@ -102,8 +110,8 @@ def has_springs(manifest: Manifest) -> bool:
 def _find_springs(problem: StaticProblem, x: FloatArray) -> tuple[Any, Any, Any]:
     """Return df/drho, dt/drho and dt/dq over the model's coordinates."""
     if has_springs(problem.model.manifest):
-        force, slope, by_place = (problem.compute(name, x) for name in REST_LENGTH_QUANTITIES)
-        return force, slope, by_place
+        force, slope, tension_jacobian = (problem.compute(name, x) for name in REST_LENGTH_QUANTITIES)
+        return force, slope, tension_jacobian
     count = len(problem.model.manifest.member_name)
     return scipy.sparse.csc_array((len(x), count)), np.zeros(count), scipy.sparse.csc_array((count, len(x)))
 

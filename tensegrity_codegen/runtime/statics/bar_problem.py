@@ -76,7 +76,7 @@ class BarProblem(StaticProblem):
         self._last: _Place | None = None
 
     @classmethod
-    def needed(cls, model: Model) -> tuple[str, ...]:
+    def list_needed_quantities(cls, model: Model) -> tuple[str, ...]:
         """Return what has to be there: with constant rest lengths only what node positions need too.
 
         Lengths are then those of the scene, and tensions of springs those of all members at rest.
@@ -97,7 +97,7 @@ class BarProblem(StaticProblem):
         result._last = None
         return result
 
-    def enter(self, coordinate: FloatArray) -> FloatArray:
+    def to_search_coordinate(self, coordinate: FloatArray) -> FloatArray:
         """Return the nearest coordinates at which all bars have their lengths."""
         placed = self.place(coordinate)
         if placed is None:
@@ -131,12 +131,12 @@ class BarProblem(StaticProblem):
                 return None
         return None
 
-    def carry(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    def move_coordinate(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Return coordinates moved by `by` and back onto the lengths, and the whole way there."""
         placed = self.place(coordinate + by)
         return None if placed is None else (placed, placed - coordinate)
 
-    def find_moved(self, coordinate: FloatArray, step: FloatArray) -> Point | None:
+    def find_displaced_point(self, coordinate: FloatArray, step: FloatArray) -> Point | None:
         """Return the configuration a step (n_directions,) away, None where bars cannot follow it."""
         ahead = coordinate + self._at(coordinate).directions @ step
         placed = self.place(ahead)
@@ -148,7 +148,7 @@ class BarProblem(StaticProblem):
         """Return the orthonormal basis Z of what keeps the lengths, sparse (n_coordinates, n_directions)."""
         return self._at(coordinate).directions
 
-    def slope(self, point: Point) -> FloatArray:
+    def directional_residual(self, point: Point) -> FloatArray:
         """Return the residual along the directions, (n_directions,) [N]."""
         return np.asarray(self._at(point.coordinate).directions.T @ point.residual)
 

@@ -45,7 +45,7 @@ class BodyProblem(StaticProblem):
         self._given = {**self.arguments, "velocity": np.zeros(self.size)}
         self.scale = np.ones(self.size)
 
-    def enter(self, coordinate: FloatArray) -> FloatArray:
+    def to_search_coordinate(self, coordinate: FloatArray) -> FloatArray:
         """Return x = s q, with s taken at this configuration."""
         jacobian = self.model.compute("node_jacobian", coordinate=coordinate).toarray()
         moved = np.linalg.norm(jacobian.reshape(-1, 3, self.size), axis=1)
@@ -54,7 +54,7 @@ class BodyProblem(StaticProblem):
         self.scale = np.maximum(reach, 1e-3 * largest)
         return self.scale * coordinate
 
-    def leave(self, coordinate: FloatArray) -> FloatArray:
+    def to_model_coordinate(self, coordinate: FloatArray) -> FloatArray:
         """Return q = x / s."""
         return coordinate / self.scale
 

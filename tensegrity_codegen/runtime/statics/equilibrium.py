@@ -148,7 +148,7 @@ def find_equilibrium(
     check_callback(progress, "progress")
     check_switch(raise_on_failure, "raise_on_failure")
     problem = build_problem(model, arguments)
-    start = problem.enter(_start(problem, coordinate))
+    start = problem.to_search_coordinate(_start(problem, coordinate))
     point = problem.find_point(start)
     if point is None:
         equilibrium = record_without_forces(problem, start, method)

@@ -156,24 +156,26 @@ class Equilibrium(ByName, Summarised):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a careful engineer would ask about, in sentences; nothing where no equilibrium was found."""
+        """Sentences about what may be unexpected in the result; none where no equilibrium was found."""
         if not self.is_found:
             return ()
-        said = []
+        sentences = []
         if self.is_start_unstable:
-            said.append(
+            sentences.append(
                 "the structure starts in an unstable equilibrium and leaves it: the result is one of "
                 "several equilibria; a small disturbance in another direction leads to another one"
             )
         elif self.saddles_left:
-            said.append("the search passed an unstable equilibrium: the result is one of several equilibria")
+            sentences.append(
+                "the search passed an unstable equilibrium: the result is one of several equilibria"
+            )
         if self.change > LARGE_MOTION_RATIO * self.extent:
-            said.append(
+            sentences.append(
                 f"node {self.changed_node} moves {self.change:.6g} m, {self.change / self.extent:.0%} of the "
                 f"structure's size ({self.extent:.6g} m): "
                 "the shape differs from that of the scene"
             )
-        return (*said, *([] if self.members is None else self.members.describe()))
+        return (*sentences, *([] if self.members is None else self.members.describe()))
 
     def as_evidence(self) -> dict[str, Any]:
         """Return the scalar results by name, JSON-ready, for reports and errors."""
@@ -212,7 +214,7 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
     except NonFiniteError:
         stability = None
     if stability is not None:
-        eigenvalue, neutral = stability.told_eigenvalue, stability.neutral_motions
+        eigenvalue, neutral = stability.model_eigenvalue, stability.neutral_motions
         if status == "converged" and stability.is_unstable:
             status, message = "unstable", "an unstable equilibrium (a saddle of the energy)"
         elif status == "converged" and stability.is_neutral:
@@ -226,13 +228,13 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
     moved = np.linalg.norm(position - begun, axis=1)
     farthest = int(moved.argmax())
     motions = None if stability is None else _find_motions(problem, point, stability)
-    apart = moved if motions is None else motions.distance(begun, position)
+    change = moved if motions is None else motions.distance(begun, position)
     node_name = problem.model.manifest.node_name
-    load, given = apply_loads(problem.model, problem.arguments), problem.arguments.get("input")
+    load, input_value = apply_loads(problem.model, problem.arguments), problem.arguments.get("input")
     return Equilibrium(
         status=status,
         method=method,
-        coordinate=problem.leave(point.coordinate),
+        coordinate=problem.to_model_coordinate(point.coordinate),
         node_position=position,
         member_length=np.array(problem.compute("member_length", point.coordinate)),
         member_tension=point.tension,
@@ -246,8 +248,8 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
         displacement=float(moved[farthest]),
         displaced_node=node_name[farthest],
         message=message,
-        change=float(apart.max()),
-        changed_node=node_name[int(apart.argmax())],
+        change=float(change.max()),
+        changed_node=node_name[int(change.argmax())],
         neutral_motion_names=() if motions is None else motions.names,
         extent=float(np.ptp(begun, axis=0).max()),
         is_start_unstable=_is_unstable(problem, start),
@@ -257,7 +259,7 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
         member_name=problem.model.manifest.member_name,
         structure=getattr(problem.model, "structure", None),
         node_load=None if load is None else load[0],
-        input=None if given is None else np.array(given, dtype=np.float64).reshape(-1),
+        input=None if input_value is None else np.array(input_value, dtype=np.float64).reshape(-1),
     )
 
 
@@ -294,8 +296,8 @@ def record_without_forces(problem: StaticProblem, start: FloatArray, method: str
     if short:
         message += f": member {short[0]!r} has no length"
     return Equilibrium(
-        "not_finite", method, problem.leave(start), position, length, unknown, nan, nan, 0, nan, 0, nan, nan,
-        0.0, manifest.node_name[0], message, node_name=manifest.node_name,
+        "not_finite", method, problem.to_model_coordinate(start), position, length, unknown, nan, nan, 0, nan,
+        0, nan, nan, 0.0, manifest.node_name[0], message, node_name=manifest.node_name,
         member_name=manifest.member_name, structure=getattr(problem.model, "structure", None),
     )  # fmt: skip
 

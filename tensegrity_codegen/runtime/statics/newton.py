@@ -36,7 +36,7 @@ MAX_MOTION_RATIO = 1e5  # times the structure's size: beyond, the motion counts 
 class Stability:
     """Smallest eigenvalue off the neutral rigid motions [N/m], its vector, how large rounding may be.
 
-    told_eigenvalue: the same in the model's own coordinates, which may be angles. neutral: those motions,
+    model_eigenvalue: the same in the model's own coordinates, which may be angles. neutral: those motions,
     orthonormal columns (n_directions, neutral_motions). unbalanced: the part of `rounding` that is due to
     forces that are not in balance.
     """
@@ -45,7 +45,7 @@ class Stability:
     direction: FloatArray
     neutral_motions: int
     rounding: float
-    told_eigenvalue: float
+    model_eigenvalue: float
     neutral: FloatArray
     unbalanced: float = 0.0
 
@@ -197,7 +197,7 @@ class _Search:
             if -stability.smallest_eigenvalue * length**2 / 2 < 1e-14 * here.energy_scale:
                 break
             ways = (length * stability.direction, -length * stability.direction)
-            found = [self.problem.find_moved(here.coordinate, way) for way in ways]
+            found = [self.problem.find_displaced_point(here.coordinate, way) for way in ways]
             lower = [p for p in found if p is not None and p.energy < here.energy]
             if lower:
                 self.point = self.best = min(lower, key=lambda p: p.energy)
@@ -207,7 +207,7 @@ class _Search:
 
     def _move(self, curvature: Curvature, floor: float) -> bool:
         """Try one step, led back into the valley where it strained stiff members, and adapt the radius."""
-        step = curvature.find_step(-self.problem.slope(self.point), self.radius)
+        step = curvature.find_step(-self.problem.directional_residual(self.point), self.radius)
         self.n_factors += curvature.n_factors
         length = float(np.linalg.norm(step.vector))
         if step.predicted <= 0.0 or length == 0.0:
@@ -237,7 +237,7 @@ class _Search:
         the residual, short trust-region steps from the trial point let the stiff members relax.
         """
         by_force = step.predicted <= ENERGY_DIGITS * self.point.energy_scale
-        trial = self.problem.find_moved(self.point.coordinate, step.vector)
+        trial = self.problem.find_displaced_point(self.point.coordinate, step.vector)
         best, most = None, -np.inf
         radius = self._sagitta(step)
         for _ in range(1 + MOST_RESTORATIONS):
@@ -252,7 +252,7 @@ class _Search:
             relaxing = self._step_from(trial, floor, radius)
             if relaxing is None:
                 break
-            trial = self.problem.find_moved(trial.coordinate, relaxing.vector)
+            trial = self.problem.find_displaced_point(trial.coordinate, relaxing.vector)
             radius = min(0.5 * radius, self._sagitta(relaxing))
         return best, most
 
@@ -263,7 +263,7 @@ class _Search:
         except NonFiniteError:
             return None
         curvature = build_curvature(stiffness, floor, self.shift)
-        step = curvature.find_step(-self.problem.slope(point), radius)
+        step = curvature.find_step(-self.problem.directional_residual(point), radius)
         self.n_factors += curvature.n_factors
         return step
 

@@ -79,7 +79,7 @@ class _Motion:
 
     def step(self) -> None:
         """Advance by one unit of fictitious time; stop and go back where the kinetic energy has peaked."""
-        moved = self.problem.carry(self.coordinate, self.velocity + self.residual / self.mass)
+        moved = self.problem.move_coordinate(self.coordinate, self.velocity + self.residual / self.mass)
         residual = None if moved is None else self.problem.find_residual(moved[0])
         if moved is None or residual is None:
             self._retreat()
@@ -87,7 +87,9 @@ class _Motion:
         coordinate, self.velocity = moved
         kinetic = float(self.mass @ self.velocity**2)
         if kinetic < self.kinetic:
-            back = self.problem.carry(coordinate, -1.5 * self.velocity + 0.5 * self.residual / self.mass)
+            back = self.problem.move_coordinate(
+                coordinate, -1.5 * self.velocity + 0.5 * self.residual / self.mass
+            )
             place = coordinate if back is None else back[0]
             self._rest_at(place, self.problem.find_residual(place))
             return

@@ -24,9 +24,8 @@ EQUILIBRIUM_QUANTITIES = (
 )
 
 EPSILON = float(np.finfo(float).eps)
-ORIGIN_DISTANCE_WEIGHT = (
-    1 / 16
-)  # of the distance from the origin: how it counts beside the length of members, for rounding
+# Weight of the distance from the origin beside the length of members, where rounding is estimated.
+ORIGIN_DISTANCE_WEIGHT = 1 / 16
 
 
 @dataclass(frozen=True)
@@ -73,22 +72,22 @@ class StaticProblem:
         self.arguments = merge_inputs(model.manifest, arguments)
         _check_arguments(self.arguments)
         check_parameter_values(model.manifest, self.arguments)
-        require_quantities(model, self.needed(model), "an equilibrium needs")
+        require_quantities(model, self.list_needed_quantities(model), "an equilibrium needs")
         pairs = np.array(model.manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2)
         self.node, self.axis = pairs[:, 0], pairs[:, 1]
         self.size = len(pairs)
         self._given = {**self.arguments, "velocity": np.zeros(self.size)}
 
     @classmethod
-    def needed(cls, model: Model) -> tuple[str, ...]:
+    def list_needed_quantities(cls, model: Model) -> tuple[str, ...]:
         """Return what has to be among the quantities of this model."""
         return cls.quantities
 
-    def enter(self, coordinate: FloatArray) -> FloatArray:
+    def to_search_coordinate(self, coordinate: FloatArray) -> FloatArray:
         """Return the model's coordinates as the coordinates of this problem."""
         return coordinate
 
-    def leave(self, coordinate: FloatArray) -> FloatArray:
+    def to_model_coordinate(self, coordinate: FloatArray) -> FloatArray:
         """Return the coordinates of this problem as the model's."""
         return coordinate
 
@@ -123,15 +122,15 @@ class StaticProblem:
             tension,
         )
 
-    def find_moved(self, coordinate: FloatArray, step: FloatArray) -> Point | None:
+    def find_displaced_point(self, coordinate: FloatArray, step: FloatArray) -> Point | None:
         """Return the configuration a step (n_directions,) away from `coordinate`, None where not finite."""
         return self.find_point(coordinate + step)
 
-    def carry(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Return coordinates moved by `by`, and the way there; None where there are none."""
+    def move_coordinate(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return coordinates moved by `by`, and the displacement; None where constraints cannot be kept."""
         return coordinate + by, by
 
-    def slope(self, point: Point) -> FloatArray:
+    def directional_residual(self, point: Point) -> FloatArray:
         """Return the residual along the directions that steps have, (n_directions,) [N]: here all of it."""
         return point.residual
 
@@ -166,7 +165,7 @@ class StaticProblem:
         return field
 
     def smallest_eigenvalue(self, coordinate: FloatArray, found: float, neutral: FloatArray) -> float:
-        """Return the smallest eigenvalue to be told; `found` is that of the stiffness of this problem."""
+        """Return the smallest eigenvalue in the model's coordinates; `found`: in those of this problem."""
         return found
 
     def stiffness(self, coordinate: FloatArray) -> Any:

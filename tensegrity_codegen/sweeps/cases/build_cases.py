@@ -9,7 +9,7 @@ import numpy as np
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases, Points
 from tensegrity_codegen.sweeps.cases.distributions import read_count, read_number
 from tensegrity_codegen.sweeps.cases.sampled import build_sample
-from tensegrity_codegen.sweeps.cases.table import columns_of
+from tensegrity_codegen.sweeps.cases.table import to_table
 from tensegrity_codegen.sweeps.keys import parse_path
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
@@ -114,7 +114,7 @@ def _build_points(
         )
     if not drawn:
         _check_no_sample(n, seed, method, words)
-        return None if table is None else columns_of(table, words["table"])
+        return None if table is None else to_table(table, words["table"])
     if n is None:
         raise InvalidValueError(
             "the number of samples is missing", where=words["n"], allowed="a whole number from 1 on"

@@ -119,7 +119,7 @@ def _read_header(line: tuple[int, list[str]], file: Path) -> list[str]:
 def _add_row(
     numbers: "array[float]", line: int, cells: Sequence[str], header: list[str], width: int, file: Path
 ) -> None:
-    """Add the numbers of a row; a row that is not plain goes the careful way, which says what is wrong."""
+    """Add the numbers of a row; raises what `make_row` raises, with the place, for a cell that is none."""
     if len(cells) == len(header) and _add_plain(numbers, cells):
         return
     row = make_row(file, line, list(cells), header, width)
@@ -169,7 +169,7 @@ def _check_finite(values: NDArray[np.float64], keys: Sequence[str], where: str) 
         )
 
 
-def columns_of(table: Any, where: str = "table") -> Table:
+def to_table(table: Any, where: str = "table") -> Table:
     """Return a table given as a mapping of key to column, a pandas DataFrame, or a file."""
     if isinstance(table, Table):
         return table

@@ -13,7 +13,7 @@ from tensegrity_codegen.sweeps.tasks.at_point import Arrays, AtPoint, Point
 from tensegrity_codegen.sweeps.tasks.operation import Output
 from tensegrity_codegen.tables.manifest import Manifest
 
-USUAL = (
+DEFAULT_RESULTS = (
     *("is_stable", "n_selfstress", "n_mechanisms", "prestress", "least_tension", "mechanism_stiffness"),
     *("smallest_eigenvalue", "natural_frequency"),
 )
@@ -54,16 +54,16 @@ class Analyse(AtPoint):
     Attributes
     ----------
     keep : tuple of str
-        Names of RESULTS; by default USUAL.
+        Names of RESULTS; by default DEFAULT_RESULTS.
     about : str
         See `AtPoint`.
     """
 
     name: ClassVar[str] = "analyse"
-    ended: ClassVar[str] = "were analysed"
+    success_phrase: ClassVar[str] = "were analysed"
     analysis: ClassVar[str] = "analyse"
-    known: ClassVar[tuple[str, ...]] = tuple(RESULTS)
-    usual: ClassVar[tuple[str, ...]] = USUAL
+    result_names: ClassVar[tuple[str, ...]] = tuple(RESULTS)
+    default_results: ClassVar[tuple[str, ...]] = DEFAULT_RESULTS
 
     def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
         """Return one array for each thing that is kept."""

@@ -14,7 +14,7 @@ from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import check_search_options
 from tensegrity_codegen.runtime.statics.methods import Method
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.tasks.at_point import COORDINATE, find_each
+from tensegrity_codegen.sweeps.tasks.at_point import COORDINATE, find_case_equilibria
 from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes
 from tensegrity_codegen.sweeps.tasks.dimensions import label_axis
 from tensegrity_codegen.sweeps.tasks.keep_text import KeptText, parse_kept
@@ -29,7 +29,7 @@ from tensegrity_codegen.sweeps.tasks.quantities import (
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
-USUAL = (
+DEFAULT_RESULTS = (
     *("node_position", "member_tension", "smallest_eigenvalue", "displacement", "change", "residual"),
     LIMIT_USE,
 )
@@ -61,13 +61,14 @@ class FindEquilibrium(Operation):
     Attributes
     ----------
     keep : tuple of str
-        Expressions over quantities at the equilibrium, names of RESULTS, ``"coordinate"``; by default USUAL.
+        Expressions over quantities at the equilibrium, names of RESULTS, ``"coordinate"``; by default
+        DEFAULT_RESULTS.
     tolerance, max_iterations, method
         As of `find_equilibrium`.
     """
 
     name: ClassVar[str] = "equilibrium"
-    ended: ClassVar[str] = "converged"
+    success_phrase: ClassVar[str] = "converged"
 
     tolerance: Annotated[float, Option("largest node residual, part of the largest member force.")] = 1e-9
     max_iterations: Annotated[int, Option("most iterations of a search.", in_verb=False)] = 500
@@ -90,14 +91,14 @@ class FindEquilibrium(Operation):
         )
 
     def _texts(self) -> tuple[KeptText, ...]:
-        return parse_kept(self.keep or USUAL, (*RESULTS, COORDINATE))
+        return parse_kept(self.keep or DEFAULT_RESULTS, (*RESULTS, COORDINATE))
 
     def compute(
         self, model: CompiledModel, given: CaseArguments, outcomes: Outcomes, threads: int
     ) -> Mapping[str, NDArray[Any]]:
         """Find the equilibria; a case without one has the status that `find_equilibrium` gives it."""
         count = given.count
-        found = find_each(model, given, threads, **self.options)
+        found = find_case_equilibria(model, given, threads, **self.options)
         outcomes.mark_ok(found.status, found.message)
         bound = _bind(self._texts(), model.manifest)
         names = dict.fromkeys(name for item in bound.values() for name in item.names)

@@ -25,7 +25,7 @@ class Evaluate(Operation):
     """Quantities and expressions at the state of each case; by default all that the scene requests."""
 
     name: ClassVar[str] = "evaluate"
-    ended: ClassVar[str] = "were evaluated"
+    success_phrase: ClassVar[str] = "were evaluated"
     has_verb: ClassVar[bool] = False
 
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:

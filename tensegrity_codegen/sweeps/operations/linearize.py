@@ -15,8 +15,8 @@ from tensegrity_codegen.sweeps.tasks.at_point import Arrays, AtPoint, Point
 from tensegrity_codegen.sweeps.tasks.operation import Output
 from tensegrity_codegen.tables.manifest import Manifest
 
-USUAL = ("natural_frequency", "damping_ratio", "A", "B")
-RESULTS = (*USUAL, "residual_rate", "zero_eigenvalues", "growing_eigenvalues")
+DEFAULT_RESULTS = ("natural_frequency", "damping_ratio", "A", "B")
+RESULTS = (*DEFAULT_RESULTS, "residual_rate", "zero_eigenvalues", "growing_eigenvalues")
 
 
 @dataclass(frozen=True)
@@ -26,16 +26,16 @@ class Linearize(AtPoint):
     Attributes
     ----------
     keep : tuple of str
-        Names of RESULTS; by default USUAL.
+        Names of RESULTS; by default DEFAULT_RESULTS.
     about : str
         See `AtPoint`.
     """
 
     name: ClassVar[str] = "linearize"
-    ended: ClassVar[str] = "were linearized"
+    success_phrase: ClassVar[str] = "were linearized"
     analysis: ClassVar[str] = "linearize"
-    known: ClassVar[tuple[str, ...]] = RESULTS
-    usual: ClassVar[tuple[str, ...]] = USUAL
+    result_names: ClassVar[tuple[str, ...]] = RESULTS
+    default_results: ClassVar[tuple[str, ...]] = DEFAULT_RESULTS
 
     def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
         """Return one array for each thing that is kept; frequencies are NAN behind the last oscillation."""

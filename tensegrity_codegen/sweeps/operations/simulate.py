@@ -29,7 +29,13 @@ from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.request import ModelRequest
 
-USUAL = ("node_position.final", "member_tension.max", "member_tension.min", "energy_drift", LIMIT_USE)
+DEFAULT_RESULTS = (
+    "node_position.final",
+    "member_tension.max",
+    "member_tension.min",
+    "energy_drift",
+    LIMIT_USE,
+)
 MOST_BYTES = 2**26  # of the samples of a block of motions
 VELOCITY = "node_velocity"
 # Quantities that every motion has at its samples.
@@ -66,7 +72,8 @@ class Simulate(Operation):
     Attributes
     ----------
     keep : tuple of str
-        Expressions with a reduction over time (sweep/tasks/keep_text.py), names of RESULTS; by default USUAL.
+        Expressions with a reduction over time (sweep/tasks/keep_text.py), names of RESULTS; by default
+        DEFAULT_RESULTS.
     t_end : float
         End time [s].
     samples : int
@@ -76,7 +83,7 @@ class Simulate(Operation):
     """
 
     name: ClassVar[str] = "simulate"
-    ended: ClassVar[str] = "ran to their end"
+    success_phrase: ClassVar[str] = "ran to their end"
 
     t_end: Annotated[float, Option("simulated time [s].")] = 1.0
     samples: Annotated[int, Option("number of equally spaced samples.")] = 101
@@ -118,7 +125,7 @@ class Simulate(Operation):
         )
 
     def _texts(self) -> tuple[KeptText, ...]:
-        return parse_kept(self.keep or USUAL, tuple(RESULTS), over_time=True)
+        return parse_kept(self.keep or DEFAULT_RESULTS, tuple(RESULTS), over_time=True)
 
     @staticmethod
     def _of_samples(texts: tuple[KeptText, ...]) -> tuple[KeptText, ...]:

@@ -106,7 +106,7 @@ def describe_count(results: SweepResults) -> str:
     """Return the finding in a few words: "9,987 of 10,000 cases converged, 13 did not"."""
     good, left = int(results.is_good.sum()), int((~results.is_computed).sum())
     failed = results.count - good - left
-    verb = OPERATIONS.get(results.operation, Operation).ended
+    verb = OPERATIONS.get(results.operation, Operation).success_phrase
     text = f"{good:,} of {results.count:,} cases {verb}"
     if failed:
         text += f", {failed:,} {'failed' if verb.startswith(('were', 'are')) else 'did not'}"

@@ -1,4 +1,4 @@
-"""Operations about one point of each case, its state or the equilibrium found from there, case by case."""
+"""Base class of operations that analyse each case at one point, its state or the equilibrium from there."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 COORDINATE = "coordinate"
 POINTS = ("start", "equilibrium")
-SETTLED = 1e-12  # tolerance of equilibria: what is left of the forces turns neutral motions into slow ones
+POINT_TOLERANCE = 1e-12  # of equilibria: what is left of the forces turns neutral motions into slow ones
 Point = tuple[NDArray[Any] | None, NDArray[Any] | None]  # coordinates and velocities, None: of the scene
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -44,8 +44,8 @@ class AtPoint(Operation):
     """
 
     analysis: ClassVar[str]  # whose needs the library has to serve, as of `find_needs`
-    known: ClassVar[tuple[str, ...]]  # names of all results
-    usual: ClassVar[tuple[str, ...]]  # those that are kept by default
+    result_names: ClassVar[tuple[str, ...]]  # names of all results
+    default_results: ClassVar[tuple[str, ...]]  # those that are kept by default
 
     about: Annotated[
         str, Option("about the equilibrium of each case, not its state.", flag=("settle", "equilibrium"))
@@ -64,11 +64,11 @@ class AtPoint(Operation):
     def list_kept(self) -> tuple[str, ...]:
         """Return the names of what is kept; raises UnknownNameError or DuplicateNameError."""
         for name in self.keep:
-            check_choice(name, self.known, f"result of {self.name}", f"keep {name!r}")
+            check_choice(name, self.result_names, f"result of {self.name}", f"keep {name!r}")
         if len(set(self.keep)) < len(self.keep):
             raise DuplicateNameError("kept twice", where="keep", given=", ".join(self.keep))
         check_choice(self.about, POINTS, "point", "about")
-        return self.keep or self.usual
+        return self.keep or self.default_results
 
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:
         """Return what the analysis needs, and equilibria where it is about these."""
@@ -86,7 +86,7 @@ class AtPoint(Operation):
         require_double(model.manifest, self.name)
         rows = dict(given.rows)
         if self.about == "equilibrium":
-            found = find_each(model, given, threads, tolerance=SETTLED)
+            found = find_case_equilibria(model, given, threads, tolerance=POINT_TOLERANCE)
             rows |= {COORDINATE: found.coordinate, "velocity": np.zeros_like(found.coordinate)}
             for k in np.flatnonzero(outcomes.is_ok & ~found.is_found).tolist():
                 outcomes.mark(k, found.status[k], found.message[k])
@@ -98,16 +98,18 @@ class AtPoint(Operation):
             try:
                 kept = self.compute_case(model, point, own, empty)
             except (NonFiniteError, ConvergenceError, np.linalg.LinAlgError) as error:
-                word = "not_converged" if isinstance(error, ConvergenceError) else "non_finite_result"
-                said = error.problem if isinstance(error, TensegrityError) else str(error)
-                outcomes.mark(k, word, said)
+                status = "not_converged" if isinstance(error, ConvergenceError) else "non_finite_result"
+                message = error.problem if isinstance(error, TensegrityError) else str(error)
+                outcomes.mark(k, status, message)
                 continue
             for name, array in arrays.items():
                 array[k] = kept[name]
         return arrays
 
 
-def find_each(model: CompiledModel, given: CaseArguments, threads: int, **options: Any) -> Equilibria:
+def find_case_equilibria(
+    model: CompiledModel, given: CaseArguments, threads: int, **options: Any
+) -> Equilibria:
     """Return the equilibria of cases; options: as of `find_equilibria`."""
     require_double(model.manifest, "the search for an equilibrium")
     start = given.all.get(COORDINATE, model.nominal(COORDINATE))

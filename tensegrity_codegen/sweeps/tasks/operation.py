@@ -140,7 +140,7 @@ class Operation(ABC):
     keep: tuple[str, ...] = ()
 
     name: ClassVar[str]  # as in `--do NAME`
-    ended: ClassVar[str] = "are ok"  # what good cases did, as in "12 of 12 cases converged"
+    success_phrase: ClassVar[str] = "are ok"  # what is said of good cases, as in "12 of 12 cases converged"
     has_verb: ClassVar[bool] = True  # whether the command line has a verb of this name, for one case
 
     @abstractmethod

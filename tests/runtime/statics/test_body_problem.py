@@ -117,12 +117,12 @@ def test_loads_without_potential_are_refused_with_their_place() -> None:
 def test_coordinates_are_scaled_to_the_way_of_the_points() -> None:
     tower = example("svd_tower")
     problem = build_problem(statics(tower))
-    inside = problem.enter(tower.coordinate)
+    inside = problem.to_search_coordinate(tower.coordinate)
     scale = inside[0] / tower.coordinate[0]
     assert scale == pytest.approx(1.0)  # declination: the far end moves l a radian
     azimuth = tower.find_coordinate("bar11_azimuth")
     assert inside[azimuth] / tower.coordinate[azimuth] == pytest.approx(np.sin(np.radians(40)))
-    np.testing.assert_allclose(problem.leave(inside), tower.coordinate)
+    np.testing.assert_allclose(problem.to_model_coordinate(inside), tower.coordinate)
 
 
 def test_energy_of_an_undamped_system_is_conserved() -> None:

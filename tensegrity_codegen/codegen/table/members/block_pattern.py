@@ -29,7 +29,9 @@ def unique_sorted(values: IntArray) -> IntArray:
 class BlockPattern:
     """Pattern of a sum of [S -S; -S S] over members: every free row and column of both nodes, no holes.
 
-    groups: of coupled nodes whose rows are filled where a block has one of them, for a product with H^-1.
+    member: members whose blocks are added.
+    groups: coordinates that the mass matrix couples; where a block has one of its rows, all of its rows
+        are entries, for a product with H^-1.
     Blocks are numbered (i, i), (j, i), (j, j), (i, j), as rows and columns of the nodes: the order in which
     the ends of a member add them.
     """
@@ -39,13 +41,13 @@ class BlockPattern:
     groups: MassGroups | None = None
 
     @cached_property
-    def key(self) -> IntArray:
-        """(nnz,): column times n_coordinates plus row of each entry, column by column."""
-        return self.own if self.groups is None else self.groups.expand(self.own)
+    def flat_index(self) -> IntArray:
+        """(nnz,): place of each entry in the dense matrix, column times n_coordinates plus row, rising."""
+        return self.own_flat_index if self.groups is None else self.groups.expand(self.own_flat_index)
 
     @cached_property
-    def own(self) -> IntArray:
-        """(n,): the same of the entries that blocks of members land on."""
+    def own_flat_index(self) -> IntArray:
+        """(n,): the same of the entries of blocks of members alone, without those that groups add."""
         ends = self.model.ends[self.member]
         count = self.model.structure.n_nodes
         nodes = np.concatenate([ends[:, c] * count + ends[:, r] for c in (0, 1) for r in (0, 1)])
@@ -68,18 +70,18 @@ class BlockPattern:
     @cached_property
     def row(self) -> IntArray:
         """(nnz,): row of each entry."""
-        return self.key % max(self.model.n_coordinates, 1)
+        return self.flat_index % max(self.model.n_coordinates, 1)
 
     @cached_property
     def column_start(self) -> IntArray:
         """(n_coordinates + 1,): first entry of each column."""
         count = self.model.n_coordinates
-        return np.searchsorted(self.key, np.arange(count + 1) * count)
+        return np.searchsorted(self.flat_index, np.arange(count + 1) * count)
 
     def entry(self, row: IntArray, column: IntArray) -> IntArray:
         """Return the entries at rows and columns, -1 where either is -1."""
         row, column = np.broadcast_arrays(row, column)
-        found = np.searchsorted(self.key, column * self.model.n_coordinates + row)
+        found = np.searchsorted(self.flat_index, column * self.model.n_coordinates + row)
         return np.where((row >= 0) & (column >= 0), found, -1)
 
     def block_nodes(self, member: IntArray) -> list[tuple[IntArray, IntArray]]:

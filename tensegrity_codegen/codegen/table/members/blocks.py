@@ -60,7 +60,7 @@ class AddBlocks:
         entry = self.pattern.entry(row, column)
         if self.before is None:
             return entry
-        return np.where(entry >= 0, entry + len(self.before.key) + column + 1, -1)
+        return np.where(entry >= 0, entry + len(self.before.flat_index) + column + 1, -1)
 
     def writes_first(self, access: MemberAccess) -> bool:
         """Return whether a loop sets the blocks off the diagonal, which no loop has added to before."""

@@ -60,29 +60,31 @@ class MemberColumns:
         return np.where(model.is_elastic[:, None], coordinate, -1) if self.is_elastic else coordinate
 
     @cached_property
-    def own(self) -> IntArray:
+    def own_flat_index(self) -> IntArray:
         """(n,): member times n_coordinates plus row of each free coordinate of its nodes, rising."""
         key = np.arange(len(self._coordinate))[:, None] * self.model.n_coordinates + self._coordinate
         return np.sort(key[self._coordinate >= 0])
 
     @cached_property
-    def key(self) -> IntArray:
+    def flat_index(self) -> IntArray:
         """(nnz,): the same of all entries."""
-        return self.own if self.groups is None else self.groups.expand(self.own)
+        return self.own_flat_index if self.groups is None else self.groups.expand(self.own_flat_index)
 
     @cached_property
     def row(self) -> IntArray:
         """(nnz,): row of each entry."""
-        return self.key % max(self.model.n_coordinates, 1)
+        return self.flat_index % max(self.model.n_coordinates, 1)
 
     @cached_property
     def start(self) -> IntArray:
         """(n_members + 1,): first entry of each column."""
-        return np.searchsorted(self.key, np.arange(len(self._coordinate) + 1) * self.model.n_coordinates)
+        return np.searchsorted(
+            self.flat_index, np.arange(len(self._coordinate) + 1) * self.model.n_coordinates
+        )
 
     def at(self, row: IntArray, member: IntArray) -> IntArray:
         """Return the entries at rows and columns, -1 where the row is -1."""
-        found = np.searchsorted(self.key, member * self.model.n_coordinates + row)
+        found = np.searchsorted(self.flat_index, member * self.model.n_coordinates + row)
         return np.where(row >= 0, found, -1)
 
     def entry(self, member: IntArray) -> IntArray:

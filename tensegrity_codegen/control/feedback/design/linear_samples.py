@@ -25,7 +25,7 @@ from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.tables.formulations import find_formulation
 
 LINEAR_QUANTITIES = ("state_jacobian", "input_jacobian")
-MOST_SAMPLES = 100_000
+MOST_SAMPLES = 100_000  # of one motion
 ROUNDING = 1e-9  # of a sample, by which delays and durations may differ from whole samples
 FOUND_STATUSES = ("converged", "rounding_limited")
 
@@ -39,9 +39,9 @@ class LinearSamples:
     sample [s]: sample time.
     A, B (n_t, n_states, n_states) and (n_t, n_states, n_actuators): transition over the sample that starts
         there, for inputs held constant.
-    past (n_t, n_states, n_past): effect of the commands that are on their way then, see `hold_delayed`;
-        without delays n_past = 0.
-    rate, gain same shapes: continuous-time matrices x' = rate x + gain u.
+    past (n_t, n_states, n_past): effect of the commands that are on their way then, see
+        `compute_delayed_hold`; without delays n_past = 0.
+    state_matrix, input_matrix same shapes: continuous-time matrices x' = state_matrix x + input_matrix u.
     """
 
     time: FloatArray
@@ -49,8 +49,8 @@ class LinearSamples:
     A: FloatArray
     B: FloatArray
     past: FloatArray
-    rate: FloatArray
-    gain: FloatArray
+    state_matrix: FloatArray
+    input_matrix: FloatArray
 
 
 def sample_linear_models(
@@ -83,13 +83,13 @@ def sample_linear_models(
     time = build_sample_time(motion, sample)
     if not (motion.velocity.any() or motion.acceleration.any() or np.ptp(motion.input, axis=0).any()):
         time = time[:2]  # at rest all models are the same
-    given = merge_inputs(model.manifest, arguments)
-    models = [linearise(model, motion, now, actuators, given) for now in time.tolist()]
-    rate, gain = (np.array(item) for item in zip(*models, strict=True))
+    merged = merge_inputs(model.manifest, arguments)
+    models = [linearise(model, motion, now, actuators, merged) for now in time.tolist()]
+    state_matrix, input_matrix = (np.array(item) for item in zip(*models, strict=True))
     late = np.zeros(len(actuators)) if delay is None else delay
-    hold = [hold_delayed(a, b, sample, late) for a, b in zip(rate, gain, strict=True)]
+    hold = [compute_delayed_hold(a, b, sample, late) for a, b in zip(state_matrix, input_matrix, strict=True)]
     a, b, past = (np.array(item) for item in zip(*hold, strict=True))
-    return LinearSamples(time, sample, a, b, past, rate, gain)
+    return LinearSamples(time, sample, a, b, past, state_matrix, input_matrix)
 
 
 def to_dense(matrix: Any) -> FloatArray:
@@ -98,14 +98,17 @@ def to_dense(matrix: Any) -> FloatArray:
 
 
 def linearise(
-    model: CompiledModel, motion: Motion, time: float, actuators: Sequence[str], given: Mapping[str, Any]
+    model: CompiledModel, motion: Motion, time: float, actuators: Sequence[str], arguments: Mapping[str, Any]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return x' = rate x + gain u of a model at a time [s] of a motion, u: inputs of the actuators."""
+    """Return state and input matrix of a model at a time [s] of a motion.
+
+    Returns state_matrix, input_matrix: x' = state_matrix x + input_matrix u, u: inputs of the actuators.
+    """
     point = motion.at(time)
-    at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
-    place = [model.manifest.input_name.index(name) for name in actuators]
-    gain = model.compute("input_jacobian", **at).toarray()[:, place]
-    return model.compute("state_jacobian", **at).toarray(), gain
+    at = {**arguments, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
+    input_index = [model.manifest.input_name.index(name) for name in actuators]
+    input_matrix = model.compute("input_jacobian", **at).toarray()[:, input_index]
+    return model.compute("state_jacobian", **at).toarray(), input_matrix
 
 
 def build_sample_time(motion: Motion, sample: float) -> FloatArray:
@@ -168,38 +171,44 @@ def split_delays(delay: FloatArray, sample: float) -> tuple[IntArray, FloatArray
     return back, rest, back + (rest > 0.0)
 
 
-def compute_hold(rate: FloatArray, gain: FloatArray, sample: float) -> tuple[FloatArray, FloatArray]:
+def compute_hold(
+    state_matrix: FloatArray, input_matrix: FloatArray, sample: float
+) -> tuple[FloatArray, FloatArray]:
     """Return the transition over one sample for a constant input.
 
-    rate, gain (n, n) and (n, m): x' = rate x + gain u.
+    state_matrix, input_matrix (n, n) and (n, m): x' = state_matrix x + input_matrix u.
     sample [s]: sample time.
     Returns A, B: x[k+1] = A x[k] + B u[k], same shapes.
     """
-    n, m = gain.shape
+    n, m = input_matrix.shape
     block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = rate, gain
+    block[:n, :n], block[:n, n:] = state_matrix, input_matrix
     whole = expm(sample * block)
     return whole[:n, :n], whole[:n, n:]
 
 
-def hold_delayed(
-    rate: FloatArray, gain: FloatArray, sample: float, delay: FloatArray
+def compute_delayed_hold(
+    state_matrix: FloatArray, input_matrix: FloatArray, sample: float, delay: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the transition over one sample for commands that arrive after delays and are held.
 
-    rate, gain (n, n) and (n, m): x' = rate x + gain u.
+    state_matrix, input_matrix (n, n) and (n, m): x' = state_matrix x + input_matrix u.
     sample [s]: sample time.
     delay (m,) [s]: delay of each input.
     Returns A, B, P (n, n), (n, m) and (n, n_past): x[k+1] = A x[k] + B c[k] + P p[k], with c[k] the commands
         of the sample and p[k] those that are on their way: of each input the latest first. Exact.
     """
-    a, now = compute_hold(rate, gain, sample)
+    a, now = compute_hold(state_matrix, input_matrix, sample)
     back, rest, count = split_delays(delay, sample)
     past = np.zeros((len(a), int(count.sum())))
     first = np.cumsum(count) - count
     for part in np.unique(rest).tolist():
         chosen = np.flatnonzero((rest == part) & (count > 0))
-        late = compute_hold(rate, gain[:, chosen], sample - part)[1] if part > 0.0 else now[:, chosen]
+        late = (
+            compute_hold(state_matrix, input_matrix[:, chosen], sample - part)[1]
+            if part > 0.0
+            else now[:, chosen]
+        )
         early = now[:, chosen] - late
         for u, from_rest, to_rest in zip(chosen.tolist(), late.T, early.T, strict=True):
             now[:, u] = from_rest if back[u] == 0 else 0.0
@@ -253,9 +262,9 @@ def build_rest(
     check_positive(duration, "duration", "[s]")
     check_shape(equilibrium.coordinate, (len(model.manifest.coordinate_name),), "motion.coordinate")
     actuation = find_actuation(model, actuators)
-    given = merge_inputs(model.manifest, arguments)
+    merged = merge_inputs(model.manifest, arguments)
     nominal = model.nominal(INPUT)
-    value = to_sized(given.get(INPUT, nominal), nominal.shape, f"arguments.{INPUT}").ravel()
+    value = to_sized(merged.get(INPUT, nominal), nominal.shape, f"arguments.{INPUT}").ravel()
     still = np.zeros((2, len(equilibrium.coordinate)))
     rest = PlanModel(model, actuation, arguments).rest_length(value[actuation.place])
     return Motion(

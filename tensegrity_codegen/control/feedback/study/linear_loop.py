@@ -10,7 +10,11 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.design.linear_samples import hold_delayed, linearise, split_delays
+from tensegrity_codegen.control.feedback.design.linear_samples import (
+    compute_delayed_hold,
+    linearise,
+    split_delays,
+)
 from tensegrity_codegen.control.feedback.kalman import (
     DISTURBED_PART,
     MOST_KNOTS,
@@ -54,7 +58,8 @@ class Margins:
 class LinearLoop:
     """A linear closed loop about the end of a motion.
 
-    rate, gain (n_x, n_x) and (n_x, n_actuators): x' = rate x + gain u, x = (q, q').
+    state_matrix, input_matrix (n_x, n_x) and (n_x, n_actuators): x' = state_matrix x + input_matrix u,
+        x = (q, q').
     gains: feedback, of which the last gains count.
     delay (n_actuators,) [s]: delays of the actuators, which an estimator knows.
     estimate_rate, slope, correction (n_e, n_e), (n_y, n_e) and (n_e, n_y): model, measurements and last
@@ -62,8 +67,8 @@ class LinearLoop:
     noise (n_y,): standard deviations of the measurements.
     """
 
-    rate: FloatArray
-    gain: FloatArray
+    state_matrix: FloatArray
+    input_matrix: FloatArray
     gains: Gains
     delay: FloatArray
     estimate_rate: FloatArray
@@ -82,7 +87,7 @@ class LinearLoop:
         Returns F, G (n, n) and (n, n_y): s[k+1] = F s[k] + G v[k], s: state x, commands on their way,
             predicted estimate, sums of errors.
         """
-        sample, n, m = self.gains.sample, len(self.rate), len(self.delay)
+        sample, n, m = self.gains.sample, len(self.state_matrix), len(self.delay)
         n_e, n_z, late = len(self.estimate_rate), len(self.gains.integral_action), self.delay + more_delay
         counts = [split_delays(delay, sample)[2] for delay in (late, self.delay, self.gains.delay)]
         depth = int(max(count.max(initial=0) for count in counts))
@@ -95,13 +100,13 @@ class LinearLoop:
         gains = self.gains.K[-1]
         command = -gains[:, :n] @ known[:n] - gains[:, n : n + n_z] @ sums
         command -= _by_depth(gains[:, n + n_z :], counts[2], depth) @ past
-        a, b, p = hold_delayed(self.rate, self.gain, sample, late)
+        a, b, p = compute_delayed_hold(self.state_matrix, self.input_matrix, sample, late)
         rows = [a @ x + factor * (b @ command + _by_depth(p, counts[0], depth) @ past)]
         for u in range(m if depth else 0):
             rows += [command[u : u + 1], past[u * depth : (u + 1) * depth - 1]]
         if n_e:
-            gain = np.vstack([self.gain, np.zeros((n_e - n, m))])
-            a, b, p = hold_delayed(self.estimate_rate, gain, sample, self.delay)
+            padded = np.vstack([self.input_matrix, np.zeros((n_e - n, m))])
+            a, b, p = compute_delayed_hold(self.estimate_rate, padded, sample, self.delay)
             rows.append(a @ known + b @ command + _by_depth(p, counts[1], depth) @ past)
         whole = np.vstack([*rows, sums + self.gains.integral_action @ known[:n]])
         return whole[:, : sizes[-2]], whole[:, sizes[-2] :]
@@ -115,7 +120,7 @@ class LinearLoop:
 
         The covariance P of a stable loop satisfies Lyapunov's equation P = F P F^T + G V G^T.
         """
-        n = len(self.rate) // 2
+        n = len(self.state_matrix) // 2
         if not self.radius() < 1.0:
             return np.full(n, np.inf)
         f, g = self.step()
@@ -139,14 +144,14 @@ def build_linear_loop(
     estimator: None: feedback of the true state.
     arguments: run-time parameters where they differ from the scene; inputs as one array.
     """
-    rate, gain = linearise(model, motion, motion.duration, gains.actuators, arguments)
+    state_matrix, input_matrix = linearise(model, motion, motion.duration, gains.actuators, arguments)
     estimate, slope, correction, noise = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0)
     if estimator is not None:
         estimate, slope = linearise_estimate(
             model, motion, motion.duration, arguments, estimator.sensing, estimator.disturbed
         )
         correction, noise = estimator.L[-1], estimator.sensing.noise
-    return LinearLoop(rate, gain, gains, delay, estimate, slope, correction, noise)
+    return LinearLoop(state_matrix, input_matrix, gains, delay, estimate, slope, correction, noise)
 
 
 def find_margins(loop: LinearLoop) -> Margins:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.batch.equilibria import EquilibriaTable
-from tensegrity_codegen.runtime.statics.batch.moved import find_distances
+from tensegrity_codegen.runtime.statics.batch.node_distances import find_distances
 from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
 from tensegrity_codegen.runtime.statics.batch.search import LEFT, MOVING, BatchSearch
 from tensegrity_codegen.runtime.statics.batch.stability import Stabilities, find_stabilities

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from tensegrity_codegen.control.feedback.design.linear_samples import (
-    hold_delayed,
+    compute_delayed_hold,
     shift_commands,
     split_delays,
 )
@@ -23,7 +23,7 @@ def test_delays_are_whole_samples_and_a_rest() -> None:
 def test_late_commands_move_the_model_as_small_steps_do() -> None:
     rng = np.random.default_rng(0)
     rate, gain = rng.normal(size=(4, 4)), rng.normal(size=(4, 6))
-    a, b, past_gain = hold_delayed(rate, gain, SAMPLE, DELAY)
+    a, b, past_gain = compute_delayed_hold(rate, gain, SAMPLE, DELAY)
     shift, enter = shift_commands(DELAY, SAMPLE)
     commands = rng.normal(size=(12, 6))
     x, past = rng.normal(size=4), np.zeros(len(shift))
@@ -42,7 +42,7 @@ def test_late_commands_move_the_model_as_small_steps_do() -> None:
 
 
 def test_without_delays_nothing_is_on_its_way() -> None:
-    a, b, past = hold_delayed(np.array([[-1.0]]), np.array([[2.0]]), SAMPLE, np.zeros(1))
+    a, b, past = compute_delayed_hold(np.array([[-1.0]]), np.array([[2.0]]), SAMPLE, np.zeros(1))
     np.testing.assert_allclose([a[0, 0], b[0, 0]], [np.exp(-0.1), 2 * (1 - np.exp(-0.1))], rtol=1e-14)
     assert past.shape == (1, 0)
     assert [item.shape for item in shift_commands(np.zeros(1), SAMPLE)] == [(0, 0), (0, 1)]

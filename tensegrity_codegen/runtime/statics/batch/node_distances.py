@@ -1,4 +1,4 @@
-"""Displacements of nodes of many cases apart from neutral motions, where that has a closed form.
+"""Distances of nodes from the start in many cases, without neutral motions, where that has a closed form.
 
 The start is moved along the neutral motions as near as possible to what was found (neutral_motion.py). For
 no neutral motion, slides alone, a turn with the slides across its axis, and all rigid motions that is the
@@ -14,73 +14,75 @@ PERPENDICULAR_TOLERANCE = 1e-6  # cosine of the angle up to which slides are acr
 
 
 def find_distances(
-    start: FloatArray, found: FloatArray, number: IntArray, twist: FloatArray
+    start: FloatArray, found: FloatArray, n_neutral: IntArray, twists: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Return distances of nodes from the start moved along neutral motions, and where these are known.
 
     Parameters
     ----------
     start, found : (count, n_nodes, 3) [m].
-    number : (count,) number of neutral motions.
-    twist : (count, 6, 6): turn, and translation of the middle, of neutral motions; further rows are zero.
+    n_neutral : (count,) number of neutral motions.
+    twists : (count, 6, 6): turn, and translation of the middle, of neutral motions; further rows are zero.
 
     Returns
     -------
     Distances (count, n_nodes) [m], and (count,) whether there is a closed form; else the distances are NAN.
     """
     distance = np.full(start.shape[:2], np.nan)
-    _, size, axis = np.linalg.svd(twist[:, :, :3])
-    turns = (size > RANK_TOLERANCE * np.maximum(size.max(axis=1, keepdims=True, initial=0.0), 1e-300)).sum(
+    _, size, axis = np.linalg.svd(twists[:, :, :3])
+    n_turns = (size > RANK_TOLERANCE * np.maximum(size.max(axis=1, keepdims=True, initial=0.0), 1e-300)).sum(
         axis=1
     )
-    turns[np.abs(twist[:, :, :3]).max(axis=(1, 2), initial=0.0) <= RANK_TOLERANCE] = 0
-    slides = _find_slides(twist, number, turns)
+    n_turns[np.abs(twists[:, :, :3]).max(axis=(1, 2), initial=0.0) <= RANK_TOLERANCE] = 0
+    slides = _find_slides(twists, n_neutral, n_turns)
     move = (found - start).mean(axis=1)
-    sliding = np.flatnonzero(turns == 0)
+    sliding = np.flatnonzero(n_turns == 0)
     along = (slides[sliding] @ move[sliding][:, :, None])[:, :, 0]
     distance[sliding] = np.linalg.norm(found[sliding] - start[sliding] - along[:, None, :], axis=2)
-    before, behind = (place - place.mean(axis=1, keepdims=True) for place in (start, found))
+    start_local, found_local = (place - place.mean(axis=1, keepdims=True) for place in (start, found))
     across = (slides @ axis[:, 0][:, :, None])[:, :, 0]
     rank = np.trace(slides, axis1=1, axis2=2).round()
     is_across = (rank == 3) | ((rank == 2) & (np.linalg.norm(across, axis=1) <= PERPENDICULAR_TOLERANCE))
-    is_turn = (turns == 1) & (number == 1 + rank) & is_across
+    is_turn = (n_turns == 1) & (n_neutral == 1 + rank) & is_across
     one = np.flatnonzero(is_turn)
     if len(one):
-        turned = _turn_about(axis[one, 0], before[one], behind[one])
+        turned = _turn_about(axis[one, 0], start_local[one], found_local[one])
         kept = move[one] - (slides[one] @ move[one][:, :, None])[:, :, 0]
-        distance[one] = np.linalg.norm(behind[one] + kept[:, None, :] - turned, axis=2)
-    free = np.flatnonzero((turns == 3) & (number == 6))
+        distance[one] = np.linalg.norm(found_local[one] + kept[:, None, :] - turned, axis=2)
+    free = np.flatnonzero((n_turns == 3) & (n_neutral == 6))
     if len(free):
-        distance[free] = np.linalg.norm(behind[free] - _turn_freely(before[free], behind[free]), axis=2)
+        distance[free] = np.linalg.norm(
+            found_local[free] - _turn_freely(start_local[free], found_local[free]), axis=2
+        )
     return distance, ~np.isnan(distance).any(axis=1)
 
 
-def _find_slides(twist: FloatArray, number: IntArray, turns: IntArray) -> FloatArray:
+def _find_slides(twists: FloatArray, n_neutral: IntArray, n_turns: IntArray) -> FloatArray:
     """Return projectors (count, 3, 3) onto the translations among neutral motions."""
-    left, _, _ = np.linalg.svd(twist[:, :, :3])
-    mixed = left.transpose(0, 2, 1) @ twist[:, :, 3:]  # rows behind `turns` have no turn
-    pure = np.where((np.arange(6) >= turns[:, None])[:, :, None], mixed, 0.0)
+    left, _, _ = np.linalg.svd(twists[:, :, :3])
+    mixed = left.transpose(0, 2, 1) @ twists[:, :, 3:]  # rows behind `n_turns` have no turn
+    pure = np.where((np.arange(6) >= n_turns[:, None])[:, :, None], mixed, 0.0)
     _, size, right = np.linalg.svd(pure)
     is_slide = (
         size
-        > RANK_TOLERANCE * np.maximum(np.abs(twist[:, :, 3:]).max(axis=(1, 2), initial=0.0), 1e-300)[:, None]
+        > RANK_TOLERANCE * np.maximum(np.abs(twists[:, :, 3:]).max(axis=(1, 2), initial=0.0), 1e-300)[:, None]
     )
     basis = np.where(is_slide[:, :, None], right, 0.0)
     return np.asarray(basis.transpose(0, 2, 1) @ basis)
 
 
-def _turn_about(axis: FloatArray, before: FloatArray, behind: FloatArray) -> FloatArray:
+def _turn_about(axis: FloatArray, start_local: FloatArray, found_local: FloatArray) -> FloatArray:
     """Return points turned about axes through the origin, as near as possible to other points."""
-    along = (before @ axis[:, :, None]) * axis[:, None, :]
-    across = before - along
+    along = (start_local @ axis[:, :, None]) * axis[:, None, :]
+    across = start_local - along
     normal = np.cross(axis[:, None, :], across)
-    sine, cosine = (normal * behind).sum(axis=(1, 2)), (across * behind).sum(axis=(1, 2))
+    sine, cosine = (normal * found_local).sum(axis=(1, 2)), (across * found_local).sum(axis=(1, 2))
     angle = np.arctan2(sine, cosine)[:, None, None]
     return np.asarray(along + np.cos(angle) * across + np.sin(angle) * normal)
 
 
-def _turn_freely(before: FloatArray, behind: FloatArray) -> FloatArray:
+def _turn_freely(start_local: FloatArray, found_local: FloatArray) -> FloatArray:
     """Return points turned about the origin, as near as possible to other points."""
-    left, _, right = np.linalg.svd(before.transpose(0, 2, 1) @ behind)
+    left, _, right = np.linalg.svd(start_local.transpose(0, 2, 1) @ found_local)
     left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
-    return np.asarray(before @ left @ right)
+    return np.asarray(start_local @ left @ right)

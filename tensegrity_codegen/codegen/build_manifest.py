@@ -1,4 +1,4 @@
-"""From pruned functions to the manifest: sizes, shapes, nominal values, patterns."""
+"""The manifest of a library, from its pruned functions: sizes, shapes, nominal values, patterns."""
 
 import casadi as ca
 import numpy as np
@@ -26,15 +26,15 @@ from tensegrity_codegen.tables.quantities import ARGUMENTS
 from tensegrity_codegen.tables.request import ModelRequest
 
 
-def made_by() -> dict[str, str]:
-    """Return the versions of what makes the code."""
+def find_program_versions() -> dict[str, str]:
+    """Return the versions of the programs that write the code."""
     return {
         "tensegrity_codegen": VERSION,
         "casadi": ca.__version__,
     }
 
 
-def describe(
+def build_manifest(
     model: EmittedModel,
     request: ModelRequest,
     functions: tuple[WantedFunction, ...],
@@ -55,7 +55,7 @@ def describe(
         emitter=request.emitter,
         precision=find_precision(request.precision).name,
         flags=find_flags(request.flags).name,
-        made_by=made_by(),
+        made_by=find_program_versions(),
         axes=frame.axes,
         node_name=frame.node_name,
         member_name=frame.member_name,
