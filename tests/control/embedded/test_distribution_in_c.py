@@ -14,6 +14,7 @@ from tensegrity_codegen.control.feedback.loop.tension_distribution import (
 )
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tests.cases import thorough
 from tests.codegen.build_c import has_sanitizers, run
 from tests.codegen.compilers import require_compiler
 from tests.control.embedded.daqp import require_daqp_archive
@@ -89,8 +90,8 @@ def test_numbers_are_those_of_python_in_many_samples_of_the_tower(daqp: str, tmp
 @pytest.mark.parametrize(
     "groups",
     [
-        ((3, 4, 5), (6,), (7,), (8,), (9, 10, 11)),  # motors of several cables
-        ((3, 4), (4, 5), (6, 7, 8), (8,), (9,), (10, 11)),  # cables of several motors
+        ((3, 4), (4, 5), (6, 7, 8), (8,), (9,), (10, 11)),  # cables of several motors, and the reverse
+        *thorough((((3, 4, 5), (6,), (7,), (8,), (9, 10, 11)),)),  # motors of several cables
     ],
 )
 def test_motors_of_several_cables_and_cables_of_several_motors(

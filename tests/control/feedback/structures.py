@@ -68,11 +68,13 @@ def _compile(structure: Any, formulation: str, simulates: bool) -> CompiledModel
         return build_library(structure, wanted).load()
 
 
-def plan_prism(structure: Structure, formulation: str = "node_position") -> PlanResult:
+def plan_prism(
+    structure: Structure, formulation: str = "node_position", *, simulates: bool = True
+) -> PlanResult:
     """Return the plan of a prism from 155 to 165 degrees of twist."""
     key = (id(structure), formulation)
     if key not in PLANS:
-        found = plan(compile_motion(structure, formulation), "twist=165")
+        found = plan(compile_motion(structure, formulation, simulates=simulates), "twist=165")
         assert found.status == "found", found.message
         PLANS[key] = (structure, found)
     return PLANS[key][1]

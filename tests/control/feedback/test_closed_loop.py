@@ -30,6 +30,7 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import thorough
 from tests.control.feedback.pinned_prism import design_gains, draw_errors
 from tests.control.feedback.structures import build_prism
 
@@ -49,7 +50,7 @@ def check_draw(model: CompiledModel, motion: Motion, gains: Gains, seed: int) ->
     assert step <= 0.1 * 0.005 + 1e-12
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, *thorough(1)])
 def test_feedback_holds_the_prism_where_open_loop_does_not(
     model: CompiledModel, motion: Motion, gains: Gains, seed: int
 ) -> None:

@@ -91,7 +91,7 @@ def test_motors_of_several_cables_with_axial_stiffness() -> None:
 
 def test_what_too_few_motors_do_not_produce_is_left_in_least_squares() -> None:
     structure = build_prism("vertical", rigid=True)
-    model = compile_motion(structure, "rigid_bar")
+    model = compile_motion(structure, "rigid_bar", simulates=False)
     found = plan(model, "height=0.302")
     motion = time_motion(model, found, 0.5, samples=51)
     (warning,) = motion.warnings
@@ -116,14 +116,15 @@ def bound(above: float) -> tuple[Any, PlanModel, Motion, np.ndarray]:
     above: by how much tensions may exceed those of the path.
     """
     structure = build_prism(rate=float("inf"), rigid=True, free=False)
-    model, found = compile_motion(structure, "rigid_bar"), plan_prism(structure, "rigid_bar")
+    model = compile_motion(structure, "rigid_bar", simulates=False)
+    found = plan_prism(structure, "rigid_bar", simulates=False)
     motion = time_motion(model, found, 0.05, feedforward="static")
     cable = ~structure.is_bar
     least = np.where(cable, motion.member_tension.min(axis=0), -np.inf)
     most = np.where(cable, motion.member_tension.max(axis=0) + above, np.inf)
     limits = dataclasses.replace(structure.limits, least_tension=least, most_tension=most)
     tight = structure.with_changes(limits=limits)
-    model = compile_motion(tight, "rigid_bar")
+    model = compile_motion(tight, "rigid_bar", simulates=False)
     return tight, PlanModel(model, find_actuation(model)), motion, least
 
 
@@ -176,7 +177,7 @@ def test_bounds_that_leave_no_exact_tensions_yield_a_residual_not_a_slack_cable(
 
 
 def test_without_masses_only_static_inputs_are_possible() -> None:
-    found = plan_prism(PINNED)
+    found = plan_prism(PINNED, simulates=False)
     model = compile_motion(PINNED.with_changes(node_mass=np.zeros(6)), simulates=False)
     with pytest.raises(FormulationError, match="masses"):
         time_motion(model, found, 1.0)
@@ -185,12 +186,13 @@ def test_without_masses_only_static_inputs_are_possible() -> None:
 
 
 def test_wrong_feedforward() -> None:
+    model, found = compile_motion(PINNED, simulates=False), plan_prism(PINNED, simulates=False)
     with pytest.raises(UnknownNameError, match="dynamic"):
-        time_motion(compile_motion(PINNED), plan_prism(PINNED), 1.0, feedforward="none")
+        time_motion(model, found, 1.0, feedforward="none")
 
 
 def test_the_shortest_duration_counts_inertia() -> None:
-    model, found = compile_motion(PINNED), plan_prism(PINNED)
+    model, found = compile_motion(PINNED, simulates=False), plan_prism(PINNED, simulates=False)
     shortest = time_motion(model, found, samples=51)
     assert shortest.peak_rate.max() == pytest.approx(0.05, rel=1e-5)
     static = time_motion(model, found, feedforward="static", samples=51).duration

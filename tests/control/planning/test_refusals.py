@@ -414,8 +414,9 @@ def test_a_target_given_twice_is_refused(model: CompiledModel) -> None:
 
 
 def test_no_actuators() -> None:
+    structure = build_two_cables(0.1, (1.48, 1.34)).with_changes(actuators=(), inputs=())
     with pytest.raises(StructureError, match="no actuators") as caught:
-        plan(compile_plan(limit(PRISM)), "twist=160")
+        plan(compile_plan(structure), "m.z=0.1")
     assert "[[actuators]]" in str(caught.value)
 
 

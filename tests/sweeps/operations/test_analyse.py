@@ -11,13 +11,14 @@ from tensegrity_codegen.sweeps.operations.analyse import RESULTS, Analyse
 from tensegrity_codegen.sweeps.statuses import decode_statuses
 from tensegrity_codegen.sweeps.sweep import sweep
 from tensegrity_codegen.system.errors import TensegrityError
+from tests.cases import thorough
 from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
 from tests.sweeps.tasks.scenes import BODIES, PRISM, TRIANGLE
 
 COUNT = 3
 
 
-@pytest.mark.parametrize("scene", [TRIANGLE, BODIES], ids=lambda scene: str(scene["name"]))
+@pytest.mark.parametrize("scene", [TRIANGLE, *thorough(BODIES)], ids=lambda scene: str(scene["name"]))
 def test_rows_are_those_of_single_analyses(scene: dict[str, Any]) -> None:
     operation = Analyse(tuple(RESULTS))
     model = compile_for(scene, operation)

@@ -11,6 +11,7 @@ from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.sweeps.store.contents import StoreContents
 from tensegrity_codegen.sweeps.tasks.operation import Output, TaskResult
+from tests.cases import thorough
 
 OUTPUTS = (
     Output("energy", (), (), "float64", "J", "total energy"),
@@ -52,6 +53,9 @@ KINDS = {
     "both": Cases((Axis("gravity[2]", [0.0, -9.81]),), Rows(9)),
 }
 
+# `both` has an axis and rows; `axis` has the name of a result.
+CASES_OF_KINDS = ["axis", "both", *thorough("grid", "sample")]
+
 
 def make_contents(cases: Cases, size: int = 4, **identity: Any) -> StoreContents:
     told = {"scene": {"name": "prism"}, "cases": cases.describe(), **identity}
@@ -71,6 +75,6 @@ def make_result(first: int, last: int) -> TaskResult:
     return TaskResult(arrays, np.where(is_bad, 8, 0).astype("int8"), messages)
 
 
-@pytest.fixture(params=list(KINDS))
+@pytest.fixture(params=CASES_OF_KINDS)
 def contents(request: pytest.FixtureRequest) -> StoreContents:
     return make_contents(KINDS[request.param])

@@ -11,7 +11,7 @@ from tensegrity_codegen.sweeps.summary.read_results import read_results
 from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tensegrity_codegen.system.errors import OutputError
-from tests.sweeps.store.conftest import KINDS, OUTPUTS, make_contents, make_result
+from tests.sweeps.store.conftest import CASES_OF_KINDS, KINDS, OUTPUTS, make_contents, make_result
 
 pytest.importorskip("zarr")
 
@@ -29,7 +29,7 @@ def write_sweep(path: Path, cases: Cases, *, missing: int = 0) -> SweepResults:
     return read_results(path)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", CASES_OF_KINDS)
 def test_cases_and_results_are_those_that_were_written(kind: str, tmp_path: Path) -> None:
     cases = KINDS[kind]
     found = write_sweep(tmp_path / "a.zarr", cases)
