@@ -1,12 +1,14 @@
 """The verb `control`: a motion held under disturbances, files, JSON, exit codes, wrong input."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.control.feedback import time_motion as motions
 from tensegrity_codegen.control.feedback.study.read_files import read_weights
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.system.errors import SceneSyntaxError
@@ -65,7 +67,11 @@ def test_a_motion_is_planned_held_and_written(run: Run, folder: Path, pinned: Pa
         assert file["open_coordinate"].shape[1] == 6
 
 
-def test_a_rise_of_a_weight_is_planned_held_and_written(run: Run, folder: Path, lift: Path) -> None:
+def test_a_rise_of_a_weight_is_planned_held_and_written(
+    run: Run, folder: Path, lift: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the motion at 21 times instead of 201."""
+    monkeypatch.setattr(motions, "time_motion", partial(motions.time_motion, samples=21))
     words = ("--to", "n2.z=-1.02", "--t-end", 1, "--draws", 1, "--gust", "n2=0.1@0.05+0.05", "--out", "c.npz")
     ended = run.good("control", lift, *words, "--json")
     data = ended.data
@@ -147,8 +153,9 @@ def test_feedback_that_does_not_hold_ends_with_code_three_and_no_controller(
     assert not (folder / "no").exists()
 
 
-def test_a_blocked_plan_ends_with_code_three(run: Run, pinned: Path) -> None:
-    ended = run("control", pinned, "--to", TWIST, "--actuate", "t1", "--json")
+def test_a_blocked_plan_ends_with_code_three(run: Run, lift: Path) -> None:
+    """A cord cannot hold the weight above its anchor."""
+    ended = run("control", lift, "--to", "n2.z=1", "--json")
     assert ended.code == 3
     assert "there is no plan to hold" in ended.data["problem"]
 

@@ -41,9 +41,7 @@ diagonal_class = "string"
     ("stages", "words"),
     [
         (50, ("build",)),
-        (50, ("simulate", "--t-end", 1e-3)),
-        (50, ("linearize",)),
-        *thorough((7, ("equilibrium",))),
+        *thorough((50, ("simulate", "--t-end", 1e-3)), (50, ("linearize",)), (7, ("equilibrium",))),
     ],
 )
 def test_a_large_scene_needs_no_name_of_an_emitter(

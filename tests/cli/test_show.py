@@ -6,6 +6,7 @@ import typer
 
 from tensegrity_codegen.cli.app import app
 from tensegrity_codegen.cli.scene_files import read_example
+from tests.cases import thorough
 from tests.cli.conftest import Run
 from tests.live.pages import require_three
 from tests.report.samples import png_size
@@ -21,14 +22,14 @@ def motion(run: Run, two_nodes: Path) -> Path:
     return Path("motion.npz")
 
 
-@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+@pytest.mark.parametrize("suffix", [".svg", *thorough(".png", ".pdf")])
 def test_a_structure_becomes_a_picture(suffix: str, run: Run, two_nodes: Path) -> None:
     ended = run.good("show", two_nodes, "--out", f"a{suffix}", "--labels", "--json")
     assert ended.facts == {"status": "ok", "out": f"a{suffix}"}
     assert Path(f"a{suffix}").read_bytes().startswith(SIGNATURES[suffix])
 
 
-@pytest.mark.parametrize("suffix", [".png", ".gif"])
+@pytest.mark.parametrize("suffix", [".png", *thorough(".gif")])
 def test_a_motion_becomes_a_picture_or_a_film(suffix: str, run: Run, two_nodes: Path, motion: Path) -> None:
     run.good("show", two_nodes, "--trajectory", motion, "--out", f"a{suffix}", "--json")
     assert Path(f"a{suffix}").read_bytes().startswith(SIGNATURES[suffix])
@@ -60,11 +61,11 @@ def test_choices_reach_pictures_and_films(run: Run, two_nodes: Path, motion: Pat
     for more in (("--settle", "--labels", "nodes"), ("--trajectory", motion, "--follow")):
         run.good("show", two_nodes, *more, *options, "--out", "a.png", "--overwrite")
         assert png_size(Path("a.png")) == (400, 300)
-    film = ("--trajectory", motion, "--fps", 10, "--size", "301x200", "--out", "a.gif")
+    film = ("--trajectory", motion, "--fps", 10, "--size", "201x200", "--out", "a.gif")
     run.good("show", two_nodes, *film, "--json")
     with Image.open("a.gif") as images:
         assert getattr(images, "n_frames", 1) == 3
-        assert images.size == (301, 200)
+        assert images.size == (201, 200)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
@@ -17,6 +17,7 @@ from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import EVERYTHING, assemble_document
+from tests.cases import draws
 from tests.scene.samples import build, changed
 
 ROUND = changed("classes", "strut", to={"kind": "bar", "axial_stiffness": 2e5, "mass": 0.1, "radius": 0.01})
@@ -83,7 +84,7 @@ def tables(keys):
     return st.fixed_dictionaries({}, optional=keys)
 
 
-@settings(max_examples=60, deadline=None)
+@draws(25)
 @given(
     tables({**of_cable, "yield_stress": positive, "buckling": st.booleans(), "clearance": st.just(0.0)}),
     tables(of_bar),

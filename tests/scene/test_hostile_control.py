@@ -5,7 +5,7 @@ import math
 import tomllib
 from typing import Any
 
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tensegrity_codegen.scene.checks.check import check_structure
@@ -18,6 +18,7 @@ from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import TensegrityError
 from tests.body_scenes import EVERYTHING
+from tests.cases import draws
 from tests.scene.samples import changed
 
 NODES = changed("classes", "strut", to={"kind": "bar", "axial_stiffness": 2e5, "mass": 0.1, "radius": 0.01})
@@ -78,7 +79,7 @@ def check_error(error: TensegrityError, section: str) -> None:
     assert error.problem
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
+@draws(20)
 @given(
     st.sampled_from([NODES, RIGID, EVERYTHING]),
     st.lists(ACTUATORS, max_size=2) | VALUES,

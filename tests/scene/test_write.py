@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tensegrity_codegen.scene.assemble.assemble import assemble
@@ -16,6 +16,7 @@ from tensegrity_codegen.scene.read import parse_scene, read_scene
 from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.scene.write import write_scene
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, OutputError
+from tests.cases import draws
 
 EXAMPLES = sorted(
     (
@@ -48,7 +49,7 @@ def without_empty(document):
     return {key: value for key, value in document.items() if value or not isinstance(value, dict | list)}
 
 
-@settings(max_examples=30, deadline=None)
+@draws(12)
 @given(
     st.fixed_dictionaries(
         {
@@ -171,7 +172,7 @@ def test_there_are_examples():
     ]
 
 
-@settings(max_examples=40, deadline=None)
+@draws(15)
 @given(
     st.lists(st.tuples(*[st.floats(-1e3, 1e3)] * 3), min_size=3, max_size=6, unique=True),
     st.floats(1e-3, 1e6),

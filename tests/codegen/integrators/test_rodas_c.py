@@ -8,6 +8,7 @@ import pytest
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import thorough
 from tests.codegen.build_c import STRICT, run, write_files
 from tests.codegen.compilers import require_compiler
 from tests.runtime.build import prism
@@ -19,7 +20,7 @@ CASES: tuple[dict[str, Any], ...] = (
 )
 
 
-@pytest.mark.parametrize("options", CASES, ids=["unrolled", "table", "rigid_bar"])
+@pytest.mark.parametrize("options", [CASES[0], *thorough(*CASES[1:])], ids=str)
 def test_it_compiles_without_a_warning(options: dict[str, Any], tmp_path: Path) -> None:
     structure = prism().with_changes(inputs=(ActuatedInput("winch", "rest_length", (1,)),))
     events = ("cable", "condition")

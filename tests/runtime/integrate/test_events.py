@@ -86,7 +86,7 @@ def equal_steps(
     return bound.state, int(counts.n_events) if watch else 0
 
 
-@pytest.mark.parametrize(("damping", "events"), [(0.0, 59), (0.5, 34)])
+@pytest.mark.parametrize(("damping", "events"), [(0.5, 34), *thorough((0.0, 59))])
 @pytest.mark.parametrize(
     ("method", "order", "counts"), [("rk54", 5, (400, 800, 1600)), ("rk853", 8, (100, 200, 400))]
 )
