@@ -20,7 +20,7 @@ static inline void equilibrium_clear(scene_equilibrium_report *report)
 
 /* Moves coordinate along the step as far as lets the energy fall; returns 0 where no part of the step does. */
 static inline int equilibrium_advance(
-    double *coordinate, const equilibrium_arguments *given, scene_equilibrium_report *report, equilibrium_memory *m)
+    double *coordinate, const equilibrium_arguments *arguments, scene_equilibrium_report *report, equilibrium_memory *m)
 {
   const double before = report->potential_energy;
   double slope = 0.0, part = 2.0;
@@ -34,8 +34,8 @@ static inline int equilibrium_advance(
     for (k = 0; k < N; ++k) {
       m->trial[k] = coordinate[k] + part * m->step[k];
     }
-    equilibrium_energy(m->trial, given, &energy);
-    equilibrium_force(m->trial, given, m->trial_force);
+    equilibrium_energy(m->trial, arguments, &energy);
+    equilibrium_force(m->trial, arguments, m->trial_force);
     if (!all_finite(&energy, 1) || !all_finite(m->trial_force, N)) {
       continue;
     }
@@ -57,7 +57,7 @@ static inline int equilibrium_advance(
 }
 
 /* Factors of the Hessian, shifted until it is positive definite; returns whether there are any. */
-static inline int equilibrium_shift(equilibrium_memory *m)
+static inline int equilibrium_factor_shifted(equilibrium_memory *m)
 {
   const int *row = equilibrium_row(), *start = equilibrium_column_start();
   double shift = 1e-3, pivot;
@@ -71,7 +71,7 @@ static inline int equilibrium_shift(equilibrium_memory *m)
 
 /* One step of Newton's method with the factors; *last is the length of the step before. */
 static inline int equilibrium_take_step(
-    double *coordinate, const equilibrium_arguments *given, double tolerance, double *last,
+    double *coordinate, const equilibrium_arguments *arguments, double tolerance, double *last,
     scene_equilibrium_report *report, equilibrium_memory *m)
 {
   double size = 0.0;
@@ -86,26 +86,26 @@ static inline int equilibrium_take_step(
     report->contraction = size / *last;
   }
   *last = size;
-  return equilibrium_advance(coordinate, given, report, m);
+  return equilibrium_advance(coordinate, arguments, report, m);
 }
 
 /* Newton's method from coordinate, which is advanced in place. */
 static inline int equilibrium_newton(
-    double *coordinate, const equilibrium_arguments *given, double tolerance, int most_iterations,
+    double *coordinate, const equilibrium_arguments *arguments, double tolerance, int most_iterations,
     scene_equilibrium_report *report, equilibrium_memory *m)
 {
   const int *row = equilibrium_row(), *start = equilibrium_column_start();
   double last = 0.0;
   equilibrium_clear(report);
-  equilibrium_energy(coordinate, given, &report->potential_energy);
-  equilibrium_force(coordinate, given, m->force);
+  equilibrium_energy(coordinate, arguments, &report->potential_energy);
+  equilibrium_force(coordinate, arguments, m->force);
   report->residual = largest_entry(m->force);
   if (!all_finite(&report->potential_energy, 1) || !all_finite(m->force, N)) {
     return SCENE_NON_FINITE_RESULT;
   }
   for (;;) {
     int is_definite;
-    equilibrium_hessian(coordinate, given, m->hessian);
+    equilibrium_hessian(coordinate, arguments, m->hessian);
     if (!all_finite(m->hessian, EQUILIBRIUM_NNZ)) {
       return SCENE_NON_FINITE_RESULT;
     }
@@ -123,11 +123,11 @@ static inline int equilibrium_newton(
     }
     if (!is_definite) {
       ++report->shifted;
-      if (!equilibrium_shift(m)) {
+      if (!equilibrium_factor_shifted(m)) {
         return SCENE_NOT_CONVERGED;
       }
     }
-    if (!equilibrium_take_step(coordinate, given, tolerance, &last, report, m)) {
+    if (!equilibrium_take_step(coordinate, arguments, tolerance, &last, report, m)) {
       return SCENE_NOT_CONVERGED;
     }
     ++report->iterations;
@@ -137,7 +137,7 @@ static inline int equilibrium_newton(
 /* Checks what the caller gives, clears the report and looks for the equilibrium; `is_finite`: whether the arguments
  * besides the coordinates are. */
 static inline int equilibrium_find(
-    double *coordinate, const equilibrium_arguments *given, int is_finite, double tolerance, int most_iterations,
+    double *coordinate, const equilibrium_arguments *arguments, int is_finite, double tolerance, int most_iterations,
     scene_equilibrium_report *report, equilibrium_memory *m)
 {
   equilibrium_clear(report);
@@ -146,7 +146,7 @@ static inline int equilibrium_find(
   } else if (!(tolerance > 0.0) || most_iterations < 0) {
     report->status = SCENE_INVALID_ARGUMENT;
   } else {
-    report->status = equilibrium_newton(coordinate, given, tolerance, most_iterations, report, m);
+    report->status = equilibrium_newton(coordinate, arguments, tolerance, most_iterations, report, m);
   }
   return report->status;
 }

@@ -49,30 +49,31 @@ static inline double sample_stretch(const double *coordinate, int k)
   return coordinate[k] - (k > 0 ? coordinate[k - 1] : 0.0) - 1.0;
 }
 
-static inline void equilibrium_energy(const double *coordinate, const equilibrium_arguments *given, double *energy)
+static inline void equilibrium_energy(const double *coordinate, const equilibrium_arguments *arguments, double *energy)
 {
   int k;
   *energy = 0.0;
   for (k = 0; k < N; ++k) {
     const double stretch = sample_stretch(coordinate, k);
-    *energy += 0.5 * stretch * stretch - given->varied[k] * coordinate[k];
+    *energy += 0.5 * stretch * stretch - arguments->varied[k] * coordinate[k];
   }
 }
 
-static inline void equilibrium_force(const double *coordinate, const equilibrium_arguments *given, double *force)
+static inline void equilibrium_force(const double *coordinate, const equilibrium_arguments *arguments, double *force)
 {
   int k;
   for (k = 0; k < N; ++k) {
-    force[k] = given->varied[k] - sample_stretch(coordinate, k)
+    force[k] = arguments->varied[k] - sample_stretch(coordinate, k)
         + (k + 1 < N ? sample_stretch(coordinate, k + 1) : 0.0);
   }
 }
 
-static inline void equilibrium_hessian(const double *coordinate, const equilibrium_arguments *given, double *hessian)
+static inline void equilibrium_hessian(
+    const double *coordinate, const equilibrium_arguments *arguments, double *hessian)
 {
   int i, k;
   (void)coordinate;
-  (void)given;
+  (void)arguments;
   for (k = 0; k < N; ++k) {
     for (i = 0; i < N; ++i) {
       hessian[k * N + i] = i == k ? (k + 1 < N ? 2.0 : 1.0) : i == k + 1 || i == k - 1 ? -1.0 : 0.0;

@@ -9,12 +9,12 @@ typedef struct {
   double trial[N], between[EQUILIBRIUM_VARIED];
 } equilibrium_path_memory;
 
-/* Moves place from its equilibrium under `before` to the one under given->varied on the same branch, in parts. */
+/* Moves place from its equilibrium under `before` to the one under arguments->varied on the same branch, in parts. */
 static inline int equilibrium_step(
-    double *place, const double *before, const equilibrium_arguments *given, double tolerance, int most_iterations,
+    double *place, const double *before, const equilibrium_arguments *arguments, double tolerance, int most_iterations,
     scene_equilibrium_report *report, equilibrium_path_memory *m)
 {
-  equilibrium_arguments part_of = *given;
+  equilibrium_arguments part_of = *arguments;
   double done = 0.0, part = 1.0;
   int iterations = 0, k;
   part_of.varied = m->between;
@@ -25,7 +25,7 @@ static inline int equilibrium_step(
       m->trial[k] = place[k];
     }
     for (k = 0; k < EQUILIBRIUM_VARIED; ++k) {
-      m->between[k] = goal < 1.0 ? before[k] + goal * (given->varied[k] - before[k]) : given->varied[k];
+      m->between[k] = goal < 1.0 ? before[k] + goal * (arguments->varied[k] - before[k]) : arguments->varied[k];
     }
     status = equilibrium_newton(m->trial, &part_of, tolerance, most_iterations, report, &m->newton);
     iterations += report->iterations;
@@ -46,9 +46,9 @@ static inline int equilibrium_step(
   return SCENE_OK;
 }
 
-/* Equilibria under n_path values of given->varied, one after the other, each from the one before. */
+/* Equilibria under n_path values of arguments->varied, one after the other, each from the one before. */
 static inline int equilibrium_follow(
-    const double *start, long long n_path, const equilibrium_arguments *given, int is_finite, double tolerance,
+    const double *start, long long n_path, const equilibrium_arguments *arguments, int is_finite, double tolerance,
     int most_iterations, double *coordinate, scene_equilibrium_report *report, long long *n_found,
     equilibrium_path_memory *m)
 {
@@ -57,8 +57,8 @@ static inline int equilibrium_follow(
   int k, status = SCENE_OK;
   for (i = 0; i < n_path; ++i) {
     double *place = coordinate + i * N;
-    equilibrium_arguments own = *given;
-    own.varied = given->varied + i * EQUILIBRIUM_VARIED;
+    equilibrium_arguments own = *arguments;
+    own.varied = arguments->varied + i * EQUILIBRIUM_VARIED;
     if (status != SCENE_OK) {
       fill_nan(place, N);
       continue;

@@ -24,7 +24,7 @@ static inline int radau_advance(
   long long i;
   int k;
   /* Newton's method may leave a part of the tolerance that shrinks as the errors of steps do beside their estimates. */
-  run->share = radau_newton_share * fmin(1.0, sqrt((run->rtol > 0.0 ? run->rtol : run->atol) / radau_share_from));
+  run->share = radau_newton_share * fmin(1.0, sqrt((run->rtol > 0.0 ? run->rtol : run->atol) / radau_share_tolerance));
   run->count = count;
 #if WITH_EVENTS
   m->may_turn = 0;
@@ -119,7 +119,7 @@ static inline int radau_advance(
       error = radau_error(run, h, state, run->trial);
     }
     factor = error > 0.0 ? 0.9 * pow(error, -0.25) : error < 0.0 ? 0.5 : 8.0;
-    if (error >= 0.0 && error <= 1.0 && !radau_finish(run, h, is_whole ? h : usual_step, state)) {
+    if (error >= 0.0 && error <= 1.0 && !radau_smooth_end(run, h, is_whole ? h : usual_step, state)) {
       error = INFINITY;
     }
 #if WITH_EVENTS
@@ -171,7 +171,7 @@ static inline int radau_advance(
       const double ratio = run->kept[RADAU_KEPT_ERROR] / (error * error);
       factor = fmin(factor, 0.9 * h / run->kept[RADAU_KEPT_STEP] * pow(ratio, 0.25));
     }
-    radau_take(run, h, *time, t1, state, n_samples, sample_time, sample_state, sample_tension, n_sampled);
+    radau_accept_step(run, h, *time, t1, state, n_samples, sample_time, sample_state, sample_tension, n_sampled);
     *time = t1;
     ++count[0];
 #if WITH_EVENTS

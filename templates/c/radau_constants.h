@@ -30,9 +30,9 @@ static const double radau_curvature[3] = {4.831632475943927, -11.498299142610593
 /* Newton's method for the stages: most iterations; the relative tolerance below which it may leave a smaller part of it;
  * the least ratio that corrections are taken to shrink by. */
 enum { RADAU_MOST_ITERATIONS = 10 };
-static const double radau_share_from = 1e-6, radau_least_ratio = 0.02;
+static const double radau_share_tolerance = 1e-6, radau_least_ratio = 0.02;
 /* (h omega)^2 of a member's vibration from which on a step does not resolve it; the part of the diagonal of a
  * multiplier that a row which repeats others leaves at most. */
-static const double radau_resolved = 25.0, radau_redundant = 1e-10;
+static const double radau_resolved = 25.0, radau_least_pivot = 1e-10;
 
 #endif

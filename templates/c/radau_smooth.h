@@ -166,7 +166,7 @@ static inline void radau_revert(radau_work *run, double h, const double *state)
 
 /* Smooth values at the end of the step of length h to run->trial, with those at its start in run->old; `usual_step` is
  * how long steps are. Returns 0, with everything as before, where there are none. */
-static inline int radau_finish(radau_work *run, double h, double usual_step, const double *state)
+static inline int radau_smooth_end(radau_work *run, double h, double usual_step, const double *state)
 {
   int k, b;
   for (k = 0; k < N; ++k) {
@@ -196,7 +196,7 @@ static inline int radau_finish(radau_work *run, double h, double usual_step, con
 }
 
 /* Take the step of length h from `time` to run->trial at t1, and the samples within it. */
-static inline void radau_take(
+static inline void radau_accept_step(
     radau_work *run, double h, double time, double t1, double *state, long long n_samples, const double *sample_time,
     double *sample_state, double *sample_tension, long long *n_sampled)
 {

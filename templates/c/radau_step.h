@@ -517,14 +517,14 @@ static inline int radau_factor_smooth(radau_work *run, double h, const double *q
     differs = differs || (run->is_quiet[b] > 0.0 && ratio > 1e-4);
   }
   ++run->count[3];
-  is_good = radau_factor_real(run, 0.0, 1.0, run->shift, radau_redundant, run->smooth_factor, run->smooth_inverse);
+  is_good = radau_factor_real(run, 0.0, 1.0, run->shift, radau_least_pivot, run->smooth_factor, run->smooth_inverse);
   run->kept[RADAU_KEPT_HAS_QUIET_FACTORS] = differs ? 1.0 : 0.0;
   if (differs) {
     for (b = 0; b < N_TENSIONS; ++b) {
       run->shift[b] = run->is_quiet[b] > 0.0 ? 0.0 : run->shift[b];
     }
     ++run->count[3];
-    is_good = radau_factor_real(run, 0.0, 1.0, run->shift, radau_redundant, run->quiet_factor, run->quiet_inverse)
+    is_good = radau_factor_real(run, 0.0, 1.0, run->shift, radau_least_pivot, run->quiet_factor, run->quiet_inverse)
         && is_good;
   }
   return is_good;

@@ -17,11 +17,11 @@ from tensegrity_codegen.system.errors import FormulationError, TensegrityError
 from tensegrity_codegen.tables.formulations import FORMULATIONS, choose_formulation
 from tensegrity_codegen.tables.request import ModelRequest
 
-MOST_NAMED = 2  # choices in one hint
-NEARLY_RIGID = 1000.0  # stiffness of a bar over that of the stiffest cable
-STIFFEN = "give the bars a stiffness, 1,000 times that of the cables is nearly rigid"
+MOST_CHOICES_IN_HINT = 2
+NEARLY_RIGID_RATIO = 1000.0  # stiffness of a bar over that of the stiffest cable
+STIFFEN_BARS_HINT = "give the bars a stiffness, 1,000 times that of the cables is nearly rigid"
 EMITTERS = ("unrolled", "table")
-Plan = Callable[[Subject, ModelRequest], Any]
+CheckRequest = Callable[[Subject, ModelRequest], Any]  # raises where the request cannot be served
 
 
 @dataclass(frozen=True)
@@ -34,19 +34,21 @@ class Alternative:
     is_other_model: bool = False  # which may lack quantities of the present one
 
 
-def find_alternatives(structure: Subject, request: ModelRequest, error: FormulationError, plan: Plan) -> str:
-    """Return a hint of choices that `plan` accepts, the error's own hint where there is none.
+def find_alternatives(
+    structure: Subject, request: ModelRequest, error: FormulationError, check_request: CheckRequest
+) -> str:
+    """Return a hint of choices that `check_request` accepts, the error's own hint where there is none.
 
-    plan: raises TensegrityError for a request that cannot be served. A choice that leaves a fault which no
-    choice mends, such as bars without a radius, is named with what mends that.
+    check_request: raises TensegrityError for a request that cannot be served. A choice that leaves a fault
+    which no choice mends, such as bars without a radius, is named with what mends that.
     """
     found: list[str] = []
     partly: list[str] = []
     for choice in list_alternatives(structure, request, error):
-        words, rest = _try(choice, set(error.lacking or ()), plan)
+        words, rest = _try_alternative(choice, set(error.lacking or ()), check_request)
         if words:
             (partly if rest else found).append(f"{words}, and {rest}" if rest else words)
-        if len(found) == MOST_NAMED:
+        if len(found) == MOST_CHOICES_IN_HINT:
             break
     found = found or partly[:1]
     if found and error.lacking and "did you mean" in error.hint:
@@ -56,7 +58,7 @@ def find_alternatives(structure: Subject, request: ModelRequest, error: Formulat
     return "; or ".join(found) or error.hint
 
 
-def _try(choice: Alternative, needed: set[str], plan: Plan) -> tuple[str, str]:
+def _try_alternative(choice: Alternative, needed: set[str], check_request: CheckRequest) -> tuple[str, str]:
     """Return the words of an alternative, "" for one that does not work, and the hint of another fault.
 
     needed: quantities that it must have.
@@ -64,7 +66,7 @@ def _try(choice: Alternative, needed: set[str], plan: Plan) -> tuple[str, str]:
     request, dropped, rest = choice.request, list[str](), ""
     while True:
         try:
-            plan(choice.structure, request)
+            check_request(choice.structure, request)
         except FormulationError as error:
             lacking = set(error.lacking or ())
             kept = tuple(name for name in request.quantities if name not in lacking)
@@ -91,7 +93,7 @@ def list_alternatives(
         if name != request.emitter:
             yield Alternative(f'emitter = "{name}"', structure, replace(request, emitter=name))
     if isinstance(structure, Structure):
-        yield from _formulations(structure, request)
+        yield from _list_formulations(structure, request)
     kept = tuple(name for name in request.quantities if name not in lacking)
     if lacking and kept:
         words = f"leave out {', '.join(name for name in request.quantities if name in lacking)}"
@@ -104,12 +106,12 @@ def list_alternatives(
     if isinstance(structure, Structure) and structure.is_rigid.any():
         rigid = choose_formulation(rigid_bars=True).name
         springs = replace(request, formulation=rigid, options={})
-        for choice in _formulations(_stiffened(structure), springs):
+        for choice in _list_formulations(_stiffen_rigid_bars(structure), springs):
             if choice.request.formulation != rigid:
-                yield replace(choice, words=f"{STIFFEN}, and {choice.words}")
+                yield replace(choice, words=f"{STIFFEN_BARS_HINT}, and {choice.words}")
 
 
-def _formulations(structure: Structure, request: ModelRequest) -> Iterator[Alternative]:
+def _list_formulations(structure: Structure, request: ModelRequest) -> Iterator[Alternative]:
     variants = [(item.name, dict(words)) for item in FORMULATIONS.values() for words in item.variants]
     for name, options in variants:
         if (name, options) == (request.formulation, dict(request.options)):
@@ -123,11 +125,11 @@ def _formulations(structure: Structure, request: ModelRequest) -> Iterator[Alter
             yield Alternative(words, structure, changed, is_other_model=True)
 
 
-def _stiffened(structure: Structure) -> Structure:
+def _stiffen_rigid_bars(structure: Structure) -> Structure:
     """Return the structure with springs in place of its rigid bars."""
     with np.errstate(divide="ignore", invalid="ignore"):
         mu = np.nan_to_num(structure.mu)
-    stiff = NEARLY_RIGID * max(float(mu.max(initial=0.0)), 1.0)
+    stiff = NEARLY_RIGID_RATIO * max(float(mu.max(initial=0.0)), 1.0)
     return structure.with_changes(
         spring_constant=np.where(structure.is_rigid, stiff, structure.spring_constant)
     )

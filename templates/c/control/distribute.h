@@ -64,7 +64,7 @@ static inline void distribution_tension(
 }
 
 /* Lengths, and the columns of the equilibrium matrix of driven members; returns whether they are finite. */
-static inline int distribution_place(const distribution_sample *s, scene_control_distribution *m)
+static inline int distribution_set_geometry(const distribution_sample *s, scene_control_distribution *m)
 {
   real sum = (real)0.0;
   int k;
@@ -164,7 +164,7 @@ static inline void distribution_build(scene_control_distribution *m)
 }
 
 /* What the program's matrix times x should be. */
-static inline void distribution_aim(real bottom, scene_control_distribution *m)
+static inline void distribution_set_target(real bottom, scene_control_distribution *m)
 {
   scene_control_program *program = &m->program;
   int e, i, k, p;
@@ -265,7 +265,7 @@ static inline int distribution_step(
     distribution_build(m);
     program_factor(bottom, &m->program);
   }
-  distribution_aim(bottom, m);
+  distribution_set_target(bottom, m);
   distribution_bound(s, command, m);
   if (!program_solve(is_first, solver, &m->program)) {
     return 0;
@@ -319,7 +319,7 @@ static inline int distribution_find(const distribution_sample *s, real *command,
 {
   real moved = (real)0.0, largest = (real)1.0;
   program_solver solver;
-  int e, k, pass, is_found = distribution_place(s, m);
+  int e, k, pass, is_found = distribution_set_geometry(s, m);
   m->program.iterations = m->iterations = 0;
   if (is_found) {
     distribution_limit(s, m);

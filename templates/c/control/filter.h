@@ -21,7 +21,7 @@ static inline int filter_rate(const real *state, const real *input, const real *
 }
 
 /* Accelerations (work.push) that the disturbance forces cause at a state; returns whether they are finite. */
-static inline int filter_push(const real *state, scene_control *c)
+static inline int filter_accelerate_by_disturbance(const real *state, scene_control *c)
 {
   int i;
   for (i = 0; i < N_Q; ++i) {
@@ -43,7 +43,7 @@ static inline int filter_step(real step, scene_control *c)
 {
   real *x = c->work.state, *stage = c->work.stage, *rate = c->work.rate;
   int i, k;
-  if (!filter_push(x, c) || !filter_rate(x, c->input, c->work.push, rate)) {
+  if (!filter_accelerate_by_disturbance(x, c) || !filter_rate(x, c->input, c->work.push, rate)) {
     return 0;
   }
   for (k = 1; k < 4; ++k) {

@@ -61,10 +61,10 @@ def parse_condition(text: str) -> ast.expr:
             "not a valid expression", where=WHERE, given=text[:200], allowed=ALLOWED
         ) from error
     _check_depth(body)
-    body = cast(ast.expr, _Quote().visit(body))
+    body = cast(ast.expr, _QuoteNames().visit(body))
     try:
-        for part in _compared(body):
-            _check(part)
+        for part in _list_compared_parts(body):
+            _check_part(part)
     except NonFiniteError as error:
         error.given = name_part(str(error.given), text.strip())
         raise
@@ -81,7 +81,7 @@ def name_part(part: str, text: str) -> str:
     return text if part == text else f"{part}, in {text}"
 
 
-class _Quote(ast.NodeTransformer):
+class _QuoteNames(ast.NodeTransformer):
     """Names in brackets become texts: member_length[c1] is member_length["c1"]."""
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.Subscript:
@@ -92,7 +92,7 @@ class _Quote(ast.NodeTransformer):
         return ast.Subscript(node.value, whole, node.ctx)
 
 
-def _compared(body: ast.expr) -> tuple[ast.expr, ...]:
+def _list_compared_parts(body: ast.expr) -> tuple[ast.expr, ...]:
     """Return the two sides of a comparison, else the whole expression."""
     if isinstance(body, ast.Compare) and len(body.ops) == 1 and isinstance(body.ops[0], COMPARISONS):
         return body.left, body.comparators[0]
@@ -113,11 +113,11 @@ def _check_depth(body: ast.expr) -> None:
     )
 
 
-def _check(node: ast.expr) -> np.float64 | None:
+def _check_part(node: ast.expr) -> np.float64 | None:
     """Check one part and all within it; return its value if it is constant."""
     value: np.float64 | None = None
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        value = _constant(node.value)
+        value = _to_number(node.value)
     elif isinstance(node, ast.Name):
         _check_name(node.id)
     elif isinstance(node, ast.UnaryOp | ast.BinOp) and type(node.op) in OPERATORS:
@@ -125,9 +125,9 @@ def _check(node: ast.expr) -> np.float64 | None:
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         value = _check_call(node, node.func.id)
     elif isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
-        _check_entry(node, node.value.id)
+        _check_quantity_entry(node, node.value.id)
     elif not (isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)):
-        raise _refuse("not allowed in a condition", node, ALLOWED)
+        raise _build_error("not allowed in a condition", node, ALLOWED)
     if value is not None and not math.isfinite(value):
         raise NonFiniteError(
             "this part of the condition is not a finite number", where=WHERE, given=shorten_part(node),
@@ -136,7 +136,7 @@ def _check(node: ast.expr) -> np.float64 | None:
     return value
 
 
-def _constant(number: Any) -> np.float64:
+def _to_number(number: Any) -> np.float64:
     try:
         return np.float64(float(number))
     except OverflowError:  # an integer of hundreds of digits
@@ -159,10 +159,10 @@ def _check_name(name: str) -> None:
 def _check_operation(node: ast.UnaryOp | ast.BinOp) -> np.float64 | None:
     operate = OPERATORS[type(node.op)]
     operands = [node.operand] if isinstance(node, ast.UnaryOp) else [node.left, node.right]
-    values = [_check(operand) for operand in operands]
+    values = [_check_part(operand) for operand in operands]
     if isinstance(node.op, ast.Div) and values[1] == 0:
         raise NonFiniteError("division by zero", where=WHERE, given=shorten_part(node))
-    return _fold(operate, values)
+    return _apply_to_constants(operate, values)
 
 
 def _check_call(node: ast.Call, name: str) -> np.float64 | None:
@@ -172,12 +172,12 @@ def _check_call(node: ast.Call, name: str) -> np.float64 | None:
         )
     if not node.args or (name in UNARY_FUNCTIONS and len(node.args) > 1):
         count = "one argument" if name in UNARY_FUNCTIONS else "one argument or more"
-        raise _refuse(f"{name} takes {count}, not {len(node.args)}", node, f"{name}(...) of {count}")
-    function, values = FUNCTIONS[name], [_check(part) for part in node.args]
-    return _fold(lambda *numbers: function(numbers if len(numbers) > 1 else numbers[0]), values)
+        raise _build_error(f"{name} takes {count}, not {len(node.args)}", node, f"{name}(...) of {count}")
+    function, values = FUNCTIONS[name], [_check_part(part) for part in node.args]
+    return _apply_to_constants(lambda *numbers: function(numbers if len(numbers) > 1 else numbers[0]), values)
 
 
-def _fold(function: Callable[..., Any], values: list[np.float64 | None]) -> np.float64 | None:
+def _apply_to_constants(function: Callable[..., Any], values: list[np.float64 | None]) -> np.float64 | None:
     """Return the value of a part whose parts are constant, else None."""
     if any(value is None for value in values):
         return None
@@ -185,17 +185,17 @@ def _fold(function: Callable[..., Any], values: list[np.float64 | None]) -> np.f
         return np.float64(function(*values))
 
 
-def _check_entry(node: ast.Subscript, quantity: str) -> None:
+def _check_quantity_entry(node: ast.Subscript, quantity: str) -> None:
     if quantity in FUNCTIONS or quantity == "time":
         kind = "a function" if quantity in FUNCTIONS else "a single number"
-        raise _refuse(f"{quantity} is {kind} and has no entries", node, "an entry of a quantity")
+        raise _build_error(f"{quantity} is {kind} and has no entries", node, "an entry of a quantity")
     _check_name(quantity)
     for part in node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]:
         inner = part.operand if isinstance(part, ast.UnaryOp) and isinstance(part.op, ast.USub) else part
         types = (int,) if inner is not part else (int, str)
         if not isinstance(inner, ast.Constant) or type(inner.value) not in types:
-            raise _refuse("not a valid index", part, 'a name in quotes or a number, as ["c1"] or [0]')
+            raise _build_error("not a valid index", part, 'a name in quotes or a number, as ["c1"] or [0]')
 
 
-def _refuse(problem: str, node: ast.AST, allowed: str) -> InvalidValueError:
+def _build_error(problem: str, node: ast.AST, allowed: str) -> InvalidValueError:
     return InvalidValueError(problem, where=WHERE, given=shorten_part(node), allowed=allowed)

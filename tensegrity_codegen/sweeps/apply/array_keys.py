@@ -16,21 +16,21 @@ from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError,
 
 INPUT = "input"
 POSITIVE, NOT_NEGATIVE = Bounds(0.0, lower_is_open=True), Bounds(0.0)
-OF_MEMBERS = {
+MEMBER_BOUNDS = {
     "rest_length": POSITIVE,
     "spring_constant": POSITIVE,
     "axial_stiffness": POSITIVE,
     "damping": NOT_NEGATIVE,
 }
-OF_NODES = {
+NODE_BOUNDS = {
     "node_mass": POSITIVE,
     "node_load": Bounds(),
     "node_position": Bounds(),
     "anchor_position": Bounds(),
     "node_velocity": Bounds(),
 }
-OF_COORDINATES = {"coordinate": Bounds(), "velocity": Bounds()}  # of bodies, by the names of coordinates
-ARRAYS = (INPUT, *OF_MEMBERS, *OF_NODES, *OF_COORDINATES)
+COORDINATE_BOUNDS = {"coordinate": Bounds(), "velocity": Bounds()}  # of bodies, by the names of coordinates
+ARRAYS = (INPUT, *MEMBER_BOUNDS, *NODE_BOUNDS, *COORDINATE_BOUNDS)
 VECTORS = ("node_load", "node_position", "anchor_position", "node_velocity")
 
 
@@ -79,7 +79,7 @@ def find_array_key(text: str, steps: Steps, subject: Subject, where: str) -> Arr
     member, node or axis does not have).
     """
     array = str(steps[0])
-    known = _known(array, subject)
+    known = _list_names(array, subject)
     if not known:
         words = "a scene of bodies" if isinstance(subject, BodySystem) else "a scene of nodes"
         is_input = array == "input"
@@ -100,18 +100,18 @@ def find_array_key(text: str, steps: Steps, subject: Subject, where: str) -> Arr
         )
     rows = known[str(steps[1])]
     axis = _find_axis(text, steps, array, where)
-    bounds = {**OF_MEMBERS, **OF_NODES, **OF_COORDINATES}.get(array, Bounds())
+    bounds = {**MEMBER_BOUNDS, **NODE_BOUNDS, **COORDINATE_BOUNDS}.get(array, Bounds())
     field = "node_position" if array == "anchor_position" else array
-    _check_has(text, field, rows, axis, subject, where)
+    _check_entries_exist(text, field, rows, axis, subject, where)
     return ArrayKey(text, field, rows, axis, bounds)
 
 
-def _known(array: str, subject: Subject) -> Mapping[str, tuple[int, ...]]:
+def _list_names(array: str, subject: Subject) -> Mapping[str, tuple[int, ...]]:
     """Return what may be named of an array, with its rows; nothing if the structure has no such array."""
     if array == INPUT:
         names = [item.name for item in subject.inputs]
         return {name: (row,) for row, name in enumerate(names)}
-    if array in OF_MEMBERS:
+    if array in MEMBER_BOUNDS:
         classes = dict.fromkeys(subject.member_class)
         of_class = {
             word: tuple(e for e, other in enumerate(subject.member_class) if other == word)
@@ -120,10 +120,10 @@ def _known(array: str, subject: Subject) -> Mapping[str, tuple[int, ...]]:
         single = {name: (row,) for row, name in enumerate(subject.member_name)}
         return {**{name: rows for name, rows in of_class.items() if name}, **subject.groups, **single}
     if isinstance(subject, BodySystem):
-        if array in OF_COORDINATES:
+        if array in COORDINATE_BOUNDS:
             return {name: (row,) for row, name in enumerate(subject.coordinate_name)}
         return {name: (row,) for row, name in enumerate(subject.node_name)} if array == "node_load" else {}
-    return {name: (row,) for row, name in enumerate(subject.node_name)} if array in OF_NODES else {}
+    return {name: (row,) for row, name in enumerate(subject.node_name)} if array in NODE_BOUNDS else {}
 
 
 def _find_axis(text: str, steps: Steps, array: str, where: str) -> int:
@@ -138,7 +138,9 @@ def _find_axis(text: str, steps: Steps, array: str, where: str) -> int:
     )
 
 
-def _check_has(text: str, field: str, rows: tuple[int, ...], axis: int, subject: Subject, where: str) -> None:
+def _check_entries_exist(
+    text: str, field: str, rows: tuple[int, ...], axis: int, subject: Subject, where: str
+) -> None:
     """Raise InvalidValueError for a stiffness that a member does not have, an axis that a node cannot use."""
     if field in ("spring_constant", "axial_stiffness"):
         lacking = [e for e in rows if not getattr(subject, field)[e] > 0]

@@ -26,10 +26,10 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 @dataclass(frozen=True)
 class FileKey:
-    """A number of the scene; is_late: of nodes or members that the scene's shape makes."""
+    """A number of the scene; is_from_shape: of nodes or members that the scene's shape makes."""
 
     path: KeyPath
-    is_late: bool = False
+    is_from_shape: bool = False
 
     @property
     def text(self) -> str:
@@ -108,12 +108,12 @@ class CaseAssembler:
         pairs = [(key, float(value)) for key, value in zip(self.keys, values, strict=True)]
         document: Mapping[str, Any] = self.document
         for key, value in pairs:
-            if isinstance(key, FileKey) and not key.is_late:
+            if isinstance(key, FileKey) and not key.is_from_shape:
                 document = key.path.write(document, value)
-        late = [(key, value) for key, value in pairs if isinstance(key, FileKey) and key.is_late]
-        if late:
+        from_shape = [(key, value) for key, value in pairs if isinstance(key, FileKey) and key.is_from_shape]
+        if from_shape:
             document = expand_document(document, self.where)
-            for key, value in late:
+            for key, value in from_shape:
                 document = key.path.write(document, value)
         return document
 
@@ -194,7 +194,7 @@ def _find_key(text: str, document: dict[str, Any], subject: Subject, where: str)
     except UnknownKeyError:
         if "shape" not in document or steps[0] not in ("nodes", "members"):
             raise
-    return FileKey(KeyPath.find(text, expand_document(document, where), where), is_late=True)
+    return FileKey(KeyPath.find(text, expand_document(document, where), where), is_from_shape=True)
 
 
 def _check_different(keys: Sequence[FileKey | ArrayKey], where: str) -> None:

@@ -94,19 +94,21 @@ class FindEquilibrium(Operation):
         return parse_kept(self.keep or DEFAULT_RESULTS, (*RESULTS, COORDINATE))
 
     def compute(
-        self, model: CompiledModel, given: CaseArguments, outcomes: Outcomes, threads: int
+        self, model: CompiledModel, case_arguments: CaseArguments, outcomes: Outcomes, threads: int
     ) -> Mapping[str, NDArray[Any]]:
         """Find the equilibria; a case without one has the status that `find_equilibrium` gives it."""
-        count = given.count
-        found = find_case_equilibria(model, given, threads, **self.options)
+        count = case_arguments.count
+        found = find_case_equilibria(model, case_arguments, threads, **self.options)
         outcomes.mark_ok(found.status, found.message)
         bound = _bind(self._texts(), model.manifest)
         names = dict.fromkeys(name for item in bound.values() for name in item.names)
-        values = _compute_at(model, found, given, tuple(names), threads)
+        values = _compute_at(model, found, case_arguments, tuple(names), threads)
         return {
             text.name: bound[text.name].evaluate(values, (count,))
             if text.name in bound
-            else compute_limit_use(model, given, slice(count), found.member_tension, found.member_length)
+            else compute_limit_use(
+                model, case_arguments, slice(count), found.member_tension, found.member_length
+            )
             if text.expression == LIMIT_USE
             else getattr(found, text.expression)
             for text in self._texts()
@@ -131,13 +133,17 @@ def _describe_result(text: KeptText, manifest: Manifest) -> Output:
 
 
 def _compute_at(
-    model: CompiledModel, found: Equilibria, given: CaseArguments, names: tuple[str, ...], threads: int
+    model: CompiledModel,
+    found: Equilibria,
+    case_arguments: CaseArguments,
+    names: tuple[str, ...],
+    threads: int,
 ) -> dict[str, NDArray[Any]]:
     """Return quantities at rest in the equilibria, (count, ...)."""
     others = [name for name in names if name not in HELD]
-    rows = {**given.rows, COORDINATE: found.coordinate, "velocity": np.zeros_like(found.coordinate)}
-    shared = {name: array for name, array in given.shared.items() if name not in rows}
-    computed = compute_values(model, others, rows, shared, given.count, threads)
+    rows = {**case_arguments.rows, COORDINATE: found.coordinate, "velocity": np.zeros_like(found.coordinate)}
+    shared = {name: array for name, array in case_arguments.shared.items() if name not in rows}
+    computed = compute_values(model, others, rows, shared, case_arguments.count, threads)
     values = {name: value for name, (value, _) in computed.items()}
     return values | {name: getattr(found, name) for name in names if name in HELD}
 

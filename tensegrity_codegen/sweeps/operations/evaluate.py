@@ -49,12 +49,12 @@ class Evaluate(Operation):
         return bind_kept(parse_kept(texts), manifest)
 
     def compute(
-        self, model: CompiledModel, given: CaseArguments, outcomes: Outcomes, threads: int
+        self, model: CompiledModel, case_arguments: CaseArguments, outcomes: Outcomes, threads: int
     ) -> Mapping[str, NDArray[Any]]:
         """Compute what is kept; a case where it is not finite has the status "non_finite_result"."""
-        kept, count = self._bind(model.manifest), given.count
+        kept, count = self._bind(model.manifest), case_arguments.count
         names = dict.fromkeys(name for item in kept for name in item.names)
-        found = compute_values(model, names, given.rows, given.shared, count, threads)
+        found = compute_values(model, names, case_arguments.rows, case_arguments.shared, count, threads)
         values = {name: value for name, (value, _) in found.items()}
         arrays: dict[str, NDArray[Any]] = {}
         for item in kept:

@@ -136,17 +136,17 @@ class Simulate(Operation):
         return {item.text.name: item for item in kept}
 
     def compute(
-        self, model: CompiledModel, given: CaseArguments, outcomes: Outcomes, threads: int
+        self, model: CompiledModel, case_arguments: CaseArguments, outcomes: Outcomes, threads: int
     ) -> Mapping[str, NDArray[Any]]:
         """Integrate the motions, in blocks whose samples fit into little memory."""
         require_double(model.manifest, "an integration from Python")
         bound = self._bind(model.manifest)
-        arrays = {item.name: item.full_of_nan(given.count) for item in self.outputs(model.manifest)}
+        arrays = {item.name: item.full_of_nan(case_arguments.count) for item in self.outputs(model.manifest)}
         size = self._block(model.manifest, tuple(bound.values()))
-        for first in range(0, given.count, size):
-            rows = slice(first, min(first + size, given.count))
-            batch = self._integrate(model, given, rows, threads)
-            self._keep(model, batch, given, rows, bound, arrays, threads)
+        for first in range(0, case_arguments.count, size):
+            rows = slice(first, min(first + size, case_arguments.count))
+            batch = self._integrate(model, case_arguments, rows, threads)
+            self._keep(model, batch, case_arguments, rows, bound, arrays, threads)
             outcomes.mark_ok(batch.status, batch.message, first)
         return arrays
 
@@ -159,16 +159,20 @@ class Simulate(Operation):
         return width * max(1, MOST_BYTES // (8 * numbers * self.samples * width))
 
     def _integrate(
-        self, model: CompiledModel, given: CaseArguments, rows: slice, threads: int
+        self, model: CompiledModel, case_arguments: CaseArguments, rows: slice, threads: int
     ) -> BatchTrajectory:
-        own = {name: array[rows] for name, array in given.rows.items()}
-        start = {name: given.shared[name] for name in ("coordinate", "velocity") if name in given.shared}
+        own = {name: array[rows] for name, array in case_arguments.rows.items()}
+        start = {
+            name: case_arguments.shared[name]
+            for name in ("coordinate", "velocity")
+            if name in case_arguments.shared
+        }
         start |= {name: own.pop(name) for name in ("coordinate", "velocity") if name in own}
-        if not (own or any(name in given.rows for name in start)):  # all motions are the same
+        if not (own or any(name in case_arguments.rows for name in start)):  # all motions are the same
             start["coordinate"] = np.tile(
                 start.get("coordinate", model.nominal("coordinate")), (rows.stop - rows.start, 1)
             )
-        shared = {name: array for name, array in given.shared.items() if name not in start}
+        shared = {name: array for name, array in case_arguments.shared.items() if name not in start}
         return simulate_batch(
             model,
             self.t_end,
@@ -186,7 +190,7 @@ class Simulate(Operation):
         self,
         model: CompiledModel,
         batch: BatchTrajectory,
-        given: CaseArguments,
+        case_arguments: CaseArguments,
         rows: slice,
         bound: Mapping[str, Kept],
         arrays: Mapping[str, NDArray[Any]],
@@ -194,7 +198,7 @@ class Simulate(Operation):
     ) -> None:
         """Write what is kept of a block of motions into its rows of the arrays."""
         names = dict.fromkeys(name for item in bound.values() for name in item.names)
-        values = _sample(model, batch, given, rows, tuple(names), threads)
+        values = _sample(model, batch, case_arguments, rows, tuple(names), threads)
         shape = (len(batch), len(batch.time))
         values["time"] = np.broadcast_to(batch.time, shape)
         for text in self._texts():
@@ -205,7 +209,9 @@ class Simulate(Operation):
                 first, second = np.array(model.manifest.connectivity, dtype=np.int64).reshape(-1, 2).T
                 apart = batch.node_position[:, :, first] - batch.node_position[:, :, second]
                 length = np.linalg.norm(apart, axis=-1)
-                arrays[text.name][rows] = compute_limit_use(model, given, rows, batch.member_tension, length)
+                arrays[text.name][rows] = compute_limit_use(
+                    model, case_arguments, rows, batch.member_tension, length
+                )
             else:
                 arrays[text.name][rows] = getattr(batch, text.expression)
 
@@ -213,7 +219,7 @@ class Simulate(Operation):
 def _sample(
     model: CompiledModel,
     batch: BatchTrajectory,
-    given: CaseArguments,
+    case_arguments: CaseArguments,
     rows: slice,
     names: tuple[str, ...],
     threads: int,
@@ -224,7 +230,9 @@ def _sample(
     others = [name for name in names if name not in (POSITION, VELOCITY, *SAMPLED)]
     states: dict[str, NDArray[Any]] = {}
     if others:
-        states = {name: np.repeat(array[rows], shape[1], axis=0) for name, array in given.rows.items()}
+        states = {
+            name: np.repeat(array[rows], shape[1], axis=0) for name, array in case_arguments.rows.items()
+        }
         for name in ("coordinate", "velocity"):
             states[name] = np.ascontiguousarray(getattr(batch, name).reshape(shape[0] * shape[1], -1))
     for name in names:
@@ -233,7 +241,7 @@ def _sample(
         elif name in (POSITION, *SAMPLED):
             values[name] = getattr(batch, name)
         else:
-            found, _ = compute_rows(model, name, states, given.shared, shape[0] * shape[1], threads)
+            found, _ = compute_rows(model, name, states, case_arguments.shared, shape[0] * shape[1], threads)
             values[name] = found.reshape(*shape, *found.shape[1:])
     return values
 

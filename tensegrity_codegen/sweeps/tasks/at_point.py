@@ -80,19 +80,21 @@ class AtPoint(Operation):
         return replace(needs, batch_width=BATCH_WIDTH)
 
     def compute(
-        self, model: CompiledModel, given: CaseArguments, outcomes: Outcomes, threads: int
+        self, model: CompiledModel, case_arguments: CaseArguments, outcomes: Outcomes, threads: int
     ) -> Mapping[str, NDArray[Any]]:
         """Analyse case by case; a case whose numbers are not finite has the status "non_finite_result"."""
         require_double(model.manifest, self.name)
-        rows = dict(given.rows)
+        rows = dict(case_arguments.rows)
         if self.about == "equilibrium":
-            found = find_case_equilibria(model, given, threads, tolerance=POINT_TOLERANCE)
+            found = find_case_equilibria(model, case_arguments, threads, tolerance=POINT_TOLERANCE)
             rows |= {COORDINATE: found.coordinate, "velocity": np.zeros_like(found.coordinate)}
             for k in np.flatnonzero(outcomes.is_ok & ~found.is_found).tolist():
                 outcomes.mark(k, found.status[k], found.message[k])
-        arrays = {output.name: output.full_of_nan(given.count) for output in self.outputs(model.manifest)}
+        arrays = {
+            output.name: output.full_of_nan(case_arguments.count) for output in self.outputs(model.manifest)
+        }
         for k in np.flatnonzero(outcomes.is_ok).tolist():
-            own = {**given.shared, **{name: array[k] for name, array in rows.items()}}
+            own = {**case_arguments.shared, **{name: array[k] for name, array in rows.items()}}
             point = own.pop(COORDINATE, None), own.pop("velocity", None)
             empty = {name: array[k] for name, array in arrays.items()}
             try:
@@ -108,12 +110,14 @@ class AtPoint(Operation):
 
 
 def find_case_equilibria(
-    model: CompiledModel, given: CaseArguments, threads: int, **options: Any
+    model: CompiledModel, case_arguments: CaseArguments, threads: int, **options: Any
 ) -> Equilibria:
     """Return the equilibria of cases; options: as of `find_equilibria`."""
     require_double(model.manifest, "the search for an equilibrium")
-    start = given.all.get(COORDINATE, model.nominal(COORDINATE))
+    start = case_arguments.all.get(COORDINATE, model.nominal(COORDINATE))
     if start.ndim == 1:
-        start = np.tile(start, (given.count, 1))
-    others = {name: array for name, array in given.all.items() if name not in (COORDINATE, "velocity")}
+        start = np.tile(start, (case_arguments.count, 1))
+    others = {
+        name: array for name, array in case_arguments.all.items() if name not in (COORDINATE, "velocity")
+    }
     return find_equilibria(model, coordinate=start, arguments=others, threads=threads, **options)

@@ -66,7 +66,7 @@ class Outcomes:
                 self.mark(k, word, message)
 
 
-def read_case_arguments(model: CompiledModel, given: Mapping[str, Any], count: int) -> CaseArguments:
+def read_case_arguments(model: CompiledModel, arguments: Mapping[str, Any], count: int) -> CaseArguments:
     """Return the arguments of `count` cases; inputs by their names become one array `input`.
 
     Raises UnknownNameError for an argument that the library does not have, InvalidValueError for a wrong
@@ -76,7 +76,7 @@ def read_case_arguments(model: CompiledModel, given: Mapping[str, Any], count: i
         raise InvalidValueError("no cases", where="count", given=count, allowed="1 or more")
     rows: dict[str, NDArray[Any]] = {}
     shared: dict[str, NDArray[Any]] = {}
-    for name, value in _merge_inputs(model, given, count).items():
+    for name, value in _merge_inputs(model, arguments, count).items():
         shape = model.nominal(name).shape
         array, is_batched = to_batch(value, shape, model.library.precision, name)
         if is_batched and len(array) != count:
@@ -87,14 +87,14 @@ def read_case_arguments(model: CompiledModel, given: Mapping[str, Any], count: i
                 allowed=f"{count} rows, or one value without a leading axis",
             )
         (rows if is_batched else shared)[name] = array
-    return _set_bad_aside(model, CaseArguments(count, rows, shared, {}))
+    return _replace_bad_rows(model, CaseArguments(count, rows, shared, {}))
 
 
-def _merge_inputs(model: CompiledModel, given: Mapping[str, Any], count: int) -> dict[str, Any]:
+def _merge_inputs(model: CompiledModel, arguments: Mapping[str, Any], count: int) -> dict[str, Any]:
     """Return the arguments with one array (count, n_inputs) for inputs by name, numbers as they are."""
-    manifest, merged = model.manifest, dict(given)
+    manifest, merged = model.manifest, dict(arguments)
     known = [item.name for item in manifest.arguments] + list(manifest.input_name)
-    for name in given:
+    for name in arguments:
         if unify_name(manifest, name) not in ARGUMENTS or name not in known:
             raise UnknownNameError(
                 "the library has no such argument",
@@ -103,10 +103,10 @@ def _merge_inputs(model: CompiledModel, given: Mapping[str, Any], count: int) ->
                 allowed=", ".join(known),
                 hint=suggest(name, known),
             )
-    named = [name for name in given if name != INPUT and unify_name(manifest, name) == INPUT]
+    named = [name for name in arguments if name != INPUT and unify_name(manifest, name) == INPUT]
     if not named:
         return merged
-    if INPUT in given:
+    if INPUT in arguments:
         raise InvalidValueError(
             "an input is given twice",
             where=f"arguments.{named[0]}",
@@ -124,7 +124,7 @@ def _merge_inputs(model: CompiledModel, given: Mapping[str, Any], count: int) ->
     return merged | {INPUT: values}
 
 
-def _set_bad_aside(model: CompiledModel, arguments: CaseArguments) -> CaseArguments:
+def _replace_bad_rows(model: CompiledModel, arguments: CaseArguments) -> CaseArguments:
     """Return the arguments with the scene's values in rows that are not finite, and messages of these."""
     messages: dict[int, str] = {}
     rows, shared = dict(arguments.rows), dict(arguments.shared)

@@ -161,7 +161,7 @@ class Operation(ABC):
 
     @abstractmethod
     def compute(
-        self, model: CompiledModel, given: CaseArguments, outcomes: Outcomes, threads: int
+        self, model: CompiledModel, case_arguments: CaseArguments, outcomes: Outcomes, threads: int
     ) -> Mapping[str, NDArray[Any]]:
         """Return the arrays of a chunk of cases by the names of outputs, and note how each case ended."""
 
@@ -194,9 +194,9 @@ class Operation(ABC):
         LibraryError, FormulationError
             The library does not serve the operation.
         """
-        given = read_case_arguments(model, arguments, count)
-        outcomes = given.outcomes()
-        arrays = self.compute(model, given, outcomes, threads)
+        case_arguments = read_case_arguments(model, arguments, count)
+        outcomes = case_arguments.outcomes()
+        arrays = self.compute(model, case_arguments, outcomes, threads)
         return build_result(arrays, outcomes.codes, outcomes.messages)
 
     def describe(self) -> dict[str, Any]:

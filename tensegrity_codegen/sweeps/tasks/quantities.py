@@ -76,12 +76,12 @@ def place_rows(
         found, is_good = compute_rows(model, POSITION, rows, shared, count, threads)
         result[..., axes] = found
         return result, is_good
-    given = {**shared, **rows}
+    case_arguments = {**shared, **rows}
     changeable = next((item for item in manifest.arguments if item.name == "anchor_position"), None)
-    if changeable is not None and "anchor_position" in given:
+    if changeable is not None and "anchor_position" in case_arguments:
         nodes = np.array([manifest.node_name.index(name) for name in changeable.over])
-        result[:, nodes[:, None], axes] = given["anchor_position"]
-    result[:, places[:, 0], places[:, 1]] = given.get("coordinate", model.nominal("coordinate"))
+        result[:, nodes[:, None], axes] = case_arguments["anchor_position"]
+    result[:, places[:, 0], places[:, 1]] = case_arguments.get("coordinate", model.nominal("coordinate"))
     return result, np.isfinite(result).all(axis=(1, 2))
 
 
@@ -132,22 +132,24 @@ LIMIT_USE_RESULT = (
 
 
 def compute_limit_use(
-    model: CompiledModel, given: CaseArguments, rows: slice, tension: FloatArray, length: FloatArray
+    model: CompiledModel, case_arguments: CaseArguments, rows: slice, tension: FloatArray, length: FloatArray
 ) -> FloatArray:
     """Return the largest use of a limit in each case, (count,); NaN with a library that was loaded alone.
 
-    rows: the cases, of those in `given`; tension, length: (count, ..., n_members) [N, m].
+    rows: the cases, of those in `case_arguments`; tension, length: (count, ..., n_members) [N, m].
     """
     structure, count = model.structure, len(tension)
     if structure is None or not structure.n_members:
         return np.full(count, np.nan)
     values = {name: getattr(structure, name) for name in OF_STIFFNESS}
     for item in model.manifest.arguments:
-        if item.name in values and item.name in given.all:
+        if item.name in values and item.name in case_arguments.all:
             array = np.tile(values[item.name], (count, 1))
             places = [structure.member_name.index(name) for name in item.over]
             array[:, places] = (
-                given.rows[item.name][rows] if item.name in given.rows else given.shared[item.name]
+                case_arguments.rows[item.name][rows]
+                if item.name in case_arguments.rows
+                else case_arguments.shared[item.name]
             )
             values[item.name] = array
     elastic = values["axial_stiffness"] + values["spring_constant"] * values["rest_length"]

@@ -56,24 +56,24 @@ int main(void)
   static equilibrium_path_memory m;
   static double force[3 * N], coordinate[3 * N], start[N];
   static scene_equilibrium_report report[3];
-  equilibrium_arguments given;
+  equilibrium_arguments arguments;
   long long n_found = 0;
   int k, status;
-  given.varied = force;
+  arguments.varied = force;
   for (k = 0; k < N; ++k) {
     start[k] = 0.5 * k;
     force[k] = 0.25;
     force[N + k] = -0.125 * k;
     force[2 * N + k] = k == 0 ? BAD : 0.0;
   }
-  status = equilibrium_follow(start, 3, &given, 1, 1e-9, 50, coordinate, report, &n_found, &m);
+  status = equilibrium_follow(start, 3, &arguments, 1, 1e-9, 50, coordinate, report, &n_found, &m);
   printf("%d %d\\n", status, (int)n_found);
   for (k = 0; k < 3 * N; ++k) {
     printf("%.17g\\n", coordinate[k]);
   }
-  printf("%d\\n", equilibrium_find(start, &given, 1, -1.0, 50, report, &m.newton));
-  printf("%d\\n", equilibrium_find(start, &given, 0, 1e-9, 50, report, &m.newton));
-  printf("%d\\n", equilibrium_find(start, &given, 1, 1e-9, 0, report, &m.newton));
+  printf("%d\\n", equilibrium_find(start, &arguments, 1, -1.0, 50, report, &m.newton));
+  printf("%d\\n", equilibrium_find(start, &arguments, 0, 1e-9, 50, report, &m.newton));
+  printf("%d\\n", equilibrium_find(start, &arguments, 1, 1e-9, 0, report, &m.newton));
   return 0;
 }
 """
