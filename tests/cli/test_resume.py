@@ -49,20 +49,20 @@ from pathlib import Path
 from tensegrity_codegen.studies.stability import report
 from tensegrity_codegen.cli.supervised import main
 
-generate, run = report.generate_cases, report._run
+generate, run = report.generate_cases, report.run_case
 chosen = []
 
 def few(structure, t_end):
     chosen[:] = list(generate(structure, t_end))[:3]
     return chosen
 
-def work(models, limits, case):
+def work(models, case, limits):
     if case.name != chosen[0].name and Path("stops").exists():
         (Path("reached") / str(os.getpid())).touch()
         time.sleep(600.0)
-    return run(models, limits, case)
+    return run(models, case, limits)
 
-report.generate_cases, report._run = few, work
+report.generate_cases, report.run_case = few, work
 main()
 """
 

@@ -31,7 +31,7 @@ def errors_of(ratio: float) -> tuple[float, float, float]:
         compile_rigid(structure, bars="all", correction=word) for word in ("none", "first_order")
     )
     springs = simulator(structure, "rk54")
-    options = {"samples": 6, "method": "rk54", "rtol": 1e-11, "atol": 1e-13}
+    options = {"samples": 6, "method": "rk54", "rtol": 1e-11, "stepping": Stepping(atol=1e-13)}
     first = simulate(corrected, 0.5, **options)
     # Springs start on the slow motion, so that no bar vibrates.
     start = {"coordinate": first.coordinate[0], "velocity": first.velocity[0]}
