@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.rigid_bars import MOST_CORRECTIONS, RigidBars
+from tensegrity_codegen.runtime.model.rigid_bars import RigidBars
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
@@ -114,22 +114,7 @@ class BarProblem(StaticProblem):
 
     def place(self, coordinate: FloatArray) -> FloatArray | None:
         """Return the nearest coordinates at which all bars have their lengths, None if none is found."""
-        placed, before = np.array(coordinate, dtype=float), np.inf
-        for _ in range(MOST_CORRECTIONS):
-            position = self.node_position(placed)
-            gap = self.bars.gap(position)
-            worst = float(np.abs(gap).max(initial=0.0))
-            if not np.isfinite(worst):
-                return None
-            least = self.bars.rounding(position)
-            if worst <= least / 4 or (worst <= least and worst >= before / 2):
-                return placed
-            before = worst
-            try:
-                placed = placed + self.bars.find_correction(position, gap)
-            except (RuntimeError, np.linalg.LinAlgError):  # dependent bars, or bars without length
-                return None
-        return None
+        return self.bars.place(self.node_position, coordinate)
 
     def move_coordinate(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Return coordinates moved by `by` and back onto the lengths, and the whole way there."""

@@ -150,7 +150,8 @@ class _Search:
         if self.waited >= MAX_STALLED_ITERATIONS:
             self.point = self.best
             return self._settle("rounding_limited", "rounding error keeps the residual above the tolerance")
-        curvature = build_curvature(stiffness, floor, self.shift)
+        path = self.problem.path_stiffness(stiffness, self.point)
+        curvature = build_curvature(path, floor, self.shift)
         moved = self._move(curvature, floor)
         self.shift = curvature.shift
         return self._look_around(moved, floor)

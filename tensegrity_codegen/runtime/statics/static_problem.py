@@ -12,6 +12,7 @@ from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
+from tensegrity_codegen.runtime.statics.stiff_members import StiffMembers, choose_stiff, find_spring_constants
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
@@ -36,6 +37,7 @@ class Point:
     energy: float  # [J]
     residual: FloatArray  # (n_coordinates,) [N], minus the gradient of the energy
     node_force: float  # [N]
+    raw_force: float  # [N]
     largest_force: float  # [N], over the members
     longest: float  # [m], longest member
     tension: FloatArray  # (n_members,) [N]
@@ -48,7 +50,8 @@ class Point:
         """
         if self.largest_force <= floor:
             return self.node_force <= floor
-        return self.node_force <= tolerance * self.largest_force
+        held = tolerance * self.largest_force
+        return self.node_force <= held and self.raw_force <= max(held, floor)
 
     @property
     def energy_scale(self) -> float:
@@ -77,6 +80,7 @@ class StaticProblem:
         self.node, self.axis = pairs[:, 0], pairs[:, 1]
         self.size = len(pairs)
         self._given = {**self.arguments, "velocity": np.zeros(self.size)}
+        self.stiff: StiffMembers | None = None
 
     @classmethod
     def list_needed_quantities(cls, model: Model) -> tuple[str, ...]:
@@ -84,7 +88,14 @@ class StaticProblem:
         return cls.quantities
 
     def to_search_coordinate(self, coordinate: FloatArray) -> FloatArray:
-        """Return the model's coordinates as the coordinates of this problem."""
+        """Return the model's coordinates as the coordinates of this problem; look for stiff members there."""
+        self.stiff = None
+        try:
+            spring_constant = find_spring_constants(self, coordinate)
+        except NonFiniteError:
+            return coordinate
+        row = choose_stiff(spring_constant)
+        self.stiff = StiffMembers(self, row, spring_constant) if len(row) else None
         return coordinate
 
     def to_model_coordinate(self, coordinate: FloatArray) -> FloatArray:
@@ -112,10 +123,14 @@ class StaticProblem:
             return None
         if not all(np.all(np.isfinite(values)) for values in (energy, residual, tension, length)):
             return None
+        left = residual
+        if self.stiff is not None:
+            left = self.stiff.balance(coordinate, residual, tension)
         return Point(
             np.array(coordinate, dtype=float),
             energy,
             residual,
+            self.largest_node_norm(left),
             self.largest_node_norm(residual),
             float(np.abs(tension).max(initial=0.0)),
             self.extent(coordinate, length),
@@ -124,7 +139,11 @@ class StaticProblem:
 
     def find_displaced_point(self, coordinate: FloatArray, step: FloatArray) -> Point | None:
         """Return the configuration a step (n_directions,) away from `coordinate`, None where not finite."""
-        return self.find_point(coordinate + step)
+        ahead = coordinate + step if self.stiff is None else self.stiff.follow(coordinate, step)
+        return None if ahead is None else self.find_point(ahead)
+
+    def path_stiffness(self, stiffness, point):
+        return stiffness if self.stiff is None else self.stiff.correct_stiffness(stiffness, point.coordinate, point.residual)
 
     def move_coordinate(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Return coordinates moved by `by`, and the displacement; None where constraints cannot be kept."""
