@@ -15,7 +15,7 @@ from tensegrity_codegen.tables.manifest import Manifest
 
 # Part of a bar's direction that the others leave free, below which it repeats them.
 DEPENDENCE_TOLERANCE = 1e-9
-DENSE_BARS = 200  # bars up to which forces and corrections are found in least squares
+DENSE_BARS = 40  # bars up to which forces and corrections are found in least squares
 MOST_CORRECTIONS = 25
 EPSILON = float(np.finfo(float).eps)
 
@@ -102,9 +102,7 @@ class RigidBars:
             return np.asarray(np.linalg.lstsq(jacobian.toarray(), -gap, rcond=DEPENDENCE_TOLERANCE)[0])
         return np.asarray(jacobian.T @ self._solve(jacobian, -gap))
 
-    def place(
-        self, locate: Callable[[FloatArray], FloatArray], coordinate: FloatArray
-    ) -> FloatArray | None:
+    def place(self, locate: Callable[[FloatArray], FloatArray], coordinate: FloatArray) -> FloatArray | None:
         """Return the nearest coordinates at which all bars have their lengths, None if none is found.
 
         locate: node positions (n_nodes, 3) [m] of coordinates.

@@ -10,7 +10,7 @@ from scipy import optimize
 from tensegrity_codegen.runtime.paths.load_path import PathEvent
 from tensegrity_codegen.runtime.paths.path_problem import Watch
 from tensegrity_codegen.runtime.paths.path_solver import MOST_EIGENVALUES, PathSolver, PathState
-from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 

@@ -8,7 +8,7 @@ from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral
 from tensegrity_codegen.runtime.statics.newton import Stability
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, Point, StaticProblem
-from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE
+from tensegrity_codegen.runtime.statics.factors import SINGULAR_TOLERANCE
 from tensegrity_codegen.system.arrays import FloatArray
 
 

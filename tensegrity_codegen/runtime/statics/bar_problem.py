@@ -19,7 +19,7 @@ import scipy
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.rigid_bars import RigidBars
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 BAR_EQUILIBRIUM_QUANTITIES = (
@@ -152,6 +152,19 @@ class BarProblem(StaticProblem):
         """Return the Hessian along the directions, sparse (n_directions, n_directions) [N/m]."""
         directions = self._at(coordinate).directions
         return scipy.sparse.csc_array(directions.T @ self._full_stiffness(coordinate) @ directions)
+
+    def watch_stiff_members(self, coordinate: FloatArray) -> None:
+        """Leave elastic members alone: rigid bars are kept already."""
+
+    @property
+    def kept_members(self) -> IntArray:
+        """Numbers of the rigid bars among the members."""
+        return self.bars.row
+
+    def find_differences(self, coordinate: FloatArray) -> Any:
+        """Return D of the directions that keep the lengths."""
+        directions = self._at(coordinate).directions
+        return self.subtract_ends(self._velocity @ directions)
 
     def row_stiffness(self, coordinate: FloatArray) -> FloatArray:
         """Return one bound for all coordinates, since masses that differ would not go along the bars.

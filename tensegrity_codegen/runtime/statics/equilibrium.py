@@ -149,6 +149,7 @@ def find_equilibrium(
     check_switch(raise_on_failure, "raise_on_failure")
     problem = build_problem(model, arguments)
     start = problem.to_search_coordinate(_start(problem, coordinate))
+    problem.watch_stiff_members(start)
     point = problem.find_point(start)
     if point is None:
         equilibrium = record_without_forces(problem, start, method)

@@ -17,6 +17,7 @@ Tensions k (l - l0) of stiff members are only known to k times the rounding of l
 balance the other forces.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -24,22 +25,26 @@ import scipy
 
 from tensegrity_codegen.runtime.model.rigid_bars import EPSILON, RigidBars
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.tables.manifest import Manifest
 
 LEAST_RATIO = 10.0  # between the stiffness of stiff members and that of the next softer one
+ROUNDING = 512 * EPSILON  # of length and distance from the origin: rounding of the length of a stiff member
 PROBE = 1e-6  # of the longest member: displacement that shows how stiff members are
 MAX_CORRECTION_RATIO = 1.0  # largest correction of a step, as part of the step
 
 
-def find_spring_constants(problem: Any, coordinate: FloatArray) -> FloatArray:
-    """Return dt/dl of each member at `coordinate` by a small displacement, (n_members,) [N/m]."""
-    tension, length = (problem.compute(name, coordinate) for name in ("member_tension", "member_length"))
-    tension, length = np.array(tension), np.array(length)
-    direction = np.random.default_rng(0).uniform(-1.0, 1.0, len(coordinate))
-    beside = coordinate + PROBE * float(length.max(initial=0.0)) * direction
-    change = np.asarray(problem.compute("member_length", beside)) - length
-    force = np.asarray(problem.compute("member_tension", beside)) - tension
-    moved = np.abs(change) > 1e-3 * PROBE * length.max(initial=0.0)
-    return np.where(moved, np.abs(force) / np.where(moved, np.abs(change), 1.0), 0.0)
+def find_spring_constants(compute: Callable[[str, FloatArray], Any], coordinate: FloatArray) -> FloatArray:
+    """Return |dt/dl| of each member by a small displacement, (n_members,) [N/m]; 0 where it moves no member.
+
+    compute: a quantity by name at coordinates; raises NonFiniteError.
+    """
+    tension, length = (np.array(compute(name, coordinate)) for name in ("member_tension", "member_length"))
+    distance = PROBE * float(length.max(initial=0.0))
+    beside = coordinate + distance * np.random.default_rng(0).uniform(-1.0, 1.0, len(coordinate))
+    change = np.abs(np.asarray(compute("member_length", beside)) - length)
+    force = np.abs(np.asarray(compute("member_tension", beside)) - tension)
+    moved = change > 1e-3 * distance
+    return np.where(moved, force / np.where(moved, change, 1.0), 0.0)
 
 
 def choose_stiff(spring_constant: FloatArray) -> IntArray:
@@ -54,40 +59,51 @@ def choose_stiff(spring_constant: FloatArray) -> IntArray:
 
 
 class StiffMembers:
-    """The stiff members of a static problem; row: their numbers, spring_constant: (n_members,) [N/m]."""
+    """The stiff members of a static problem; row: their numbers, spring_constant: theirs (n_stiff,) [N/m]."""
 
-    def __init__(self, problem: Any, row: IntArray, spring_constant: FloatArray) -> None:
-        self.problem, self.row = problem, row
-        self.spring_constant = spring_constant
-        self.lengths = RigidBars(problem.model.manifest, np.zeros(len(row)), row)
+    def __init__(self, manifest: Manifest, row: IntArray, spring_constant: FloatArray) -> None:
+        self.row, self.spring_constant = row, spring_constant
+        self.lengths = RigidBars(manifest, np.zeros(len(row)), row)
 
-    def balance(self, coordinate: FloatArray, residual: FloatArray, tension: FloatArray) -> FloatArray:
-        """Change tensions within rounding so that they balance the residual, and the residual with them."""
-        position = self.problem.node_position(coordinate)
+    def balance(
+        self, position: FloatArray, residual: FloatArray, tension: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return tensions (n_members,) and residual, tensions changed within rounding to balance it best."""
         jacobian = self.lengths.jacobian(position)
-        reach = np.abs(position).max(initial=0.0)
-        longest = np.linalg.norm(self.lengths.vectors(position), axis=1) + reach / 16
-        noise = 512 * EPSILON * self.spring_constant[self.row] * longest
+        reach = (
+            np.linalg.norm(self.lengths.vectors(position), axis=1) + np.abs(position).max(initial=0.0) / 16
+        )
+        noise = ROUNDING * self.spring_constant * reach
         change = np.clip(self.lengths.find_tension(jacobian, residual), -noise, noise)
-        tension[self.row] += change
-        return residual - jacobian.T @ change
+        changed = tension.copy()
+        changed[self.row] += change
+        return changed, residual - jacobian.T @ change
 
-    def correct_stiffness(self, stiffness: Any, coordinate: FloatArray, residual: FloatArray) -> Any:
-        """Return the Hessian K* along curves."""
-        position = self.problem.node_position(coordinate)
+    def balance_tension(self, position: FloatArray, residual: FloatArray, tension: FloatArray) -> FloatArray:
+        """Return tensions t* (n_members,) [N], those of stiff members as they balance the residual best."""
+        changed = tension.copy()
+        changed[self.row] += self.lengths.find_tension(self.lengths.jacobian(position), residual)
+        return changed
+
+    def correct_stiffness(self, stiffness: Any, position: FloatArray, residual: FloatArray) -> Any:
+        """Return the Hessian K* along curves, sparse (n_coordinates, n_coordinates) [N/m]."""
         jacobian = self.lengths.jacobian(position)
         length = np.linalg.norm(self.lengths.vectors(position), axis=1)
         density = self.lengths.find_tension(jacobian, residual) / length
         along = jacobian.T @ scipy.sparse.diags_array(density) @ jacobian
         return scipy.sparse.csc_array(stiffness + self.lengths.stiffness(density) - along)
 
-    def follow(self, coordinate: FloatArray, step: FloatArray) -> FloatArray | None:
-        """Return the coordinates nearest to the end of a step at which stiff members have their lengths."""
-        position = self.problem.node_position(coordinate)
+    def follow(
+        self, coordinate: FloatArray, step: FloatArray, locate: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray | None:
+        """Return the coordinates nearest to the end of a step at which stiff members have their lengths.
+
+        locate: positions of nodes (n_nodes, 3) [m] of coordinates. None where there are none nearby.
+        """
+        position, ahead = locate(coordinate), coordinate + step
         length = np.linalg.norm(self.lengths.vectors(position), axis=1)
         self.lengths.length = length + self.lengths.jacobian(position) @ step
-        ahead = coordinate + step
-        placed = self.lengths.place(self.problem.node_position, ahead)
+        placed = self.lengths.place(locate, ahead)
         if placed is None or np.linalg.norm(placed - ahead) > MAX_CORRECTION_RATIO * np.linalg.norm(step):
             return None
         return placed

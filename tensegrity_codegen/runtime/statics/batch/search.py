@@ -11,13 +11,13 @@ from tensegrity_codegen.runtime.statics.batch.trust_region import Steps, find_st
 from tensegrity_codegen.runtime.statics.newton import (
     ENERGY_DIGITS,
     MAX_MOTION_RATIO,
-    MAX_RESIDUAL_GROWTH,
     MAX_STALLED_ITERATIONS,
     MIN_STEP_RATIO,
-    MOST_RESTORATIONS,
 )
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
+MOST_RESTORATIONS = 5
+MAX_RESIDUAL_GROWTH = 3.0  # a trial whose residual grows more than that has strained stiff members
 MOVING, LEFT = "", "left"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
 from tensegrity_codegen.runtime.statics.rigid_motion import RANK_TOLERANCE, ROUNDING, build_all_motions
-from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE
+from tensegrity_codegen.runtime.statics.factors import SINGULAR_TOLERANCE
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
 

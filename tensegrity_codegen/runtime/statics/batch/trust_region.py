@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE
+from tensegrity_codegen.runtime.statics.factors import SINGULAR_TOLERANCE
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 MOST_TRIALS = 80  # of the search for a shift, which takes about six
