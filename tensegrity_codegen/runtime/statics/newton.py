@@ -74,19 +74,32 @@ class Outcome:
     saddles_left: int = 0
 
 
-def find_stability(problem: StaticProblem, point: Point) -> Stability:
-    """Return the smallest eigenvalue of the tangent stiffness with neutral rigid motions projected off."""
-    stiffness = problem.stiffness(point.coordinate)
+def find_idle_motions(problem: StaticProblem, point: Point, stiffness: Any) -> tuple[FloatArray, float]:
+    """Return the neutral rigid motions, (n_directions, k), and what may count as no stiffness of them [N/m].
+
+    Forces that are not in balance change where they turn with the structure.
+    """
     position = problem.node_position(point.coordinate)
     spread = float(np.linalg.norm(position - position.mean(axis=0)))
     turned = 10 * float(np.linalg.norm(point.residual)) / max(spread, 1e-300)
     motions = problem.rigid_motions(point.coordinate)
-    neutral = find_neutral_motions(stiffness, motions, turned)
+    return find_neutral_motions(stiffness, motions, turned), turned
+
+
+def find_stability(problem: StaticProblem, point: Point) -> Stability:
+    """Return the smallest eigenvalue of the tangent stiffness with neutral rigid motions projected off."""
+    stiffness = problem.stiffness(point.coordinate)
+    neutral, turned = find_idle_motions(problem, point, stiffness)
     lowest, direction = find_lowest_curvature(stiffness, neutral)
     # What is left of the forces blurs eigenvalues too.
     rounding = SINGULAR_TOLERANCE * float(abs(stiffness).sum(axis=0).max(initial=0.0)) + turned
     reported = problem.smallest_eigenvalue(point.coordinate, lowest, neutral)
     return Stability(lowest, direction, neutral.shape[1], rounding, reported, neutral, turned)
+
+
+def _project(vector: FloatArray, motions: FloatArray) -> FloatArray:
+    """Return a vector without its part along orthonormal motions (n, k)."""
+    return vector - motions @ (motions.T @ vector)
 
 
 def find_minimum(
@@ -206,13 +219,14 @@ class _Search:
         problem, point, damping = self.problem, self.point, self.damping
         path = problem.find_path_stiffness(stiffness, point)
         difference = problem.find_differences(point.coordinate)
-        force = problem.directional_residual(point)
+        neutral = self._find_undriven_motions(stiffness, floor)
+        force = _project(problem.directional_residual(point), neutral)
         here = damping.locate(point)
         for attempt in range(MOST_ATTEMPTS):
             solve = damping.factorise(path, difference, point, here)
             if solve is None:
                 return False
-            step = solve(force)
+            step = _project(solve(force), neutral)
             if not np.linalg.norm(step) > MIN_STEP_RATIO * self.extent:
                 return False
             turn = damping.find_turn(difference, step, here)
@@ -235,6 +249,14 @@ class _Search:
                 return False
             damping.refuse(need, point, here, attempt)
         return False
+
+    def _find_undriven_motions(self, stiffness: Any, floor: float) -> FloatArray:
+        """Return the rigid motions that no force drives and that cost none, (n_directions, k) orthonormal."""
+        motions = self.problem.rigid_motions(self.point.coordinate)
+        force = motions.T @ self.problem.directional_residual(self.point)
+        if not motions.shape[1] or np.abs(force).max() > floor * np.sqrt(self.problem.size):
+            return motions[:, :0]
+        return find_idle_motions(self.problem, self.point, stiffness)[0]
 
     def _saving(self, trial: Point, *, by_force: bool) -> float:
         if by_force:
