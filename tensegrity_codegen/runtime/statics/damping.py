@@ -21,6 +21,7 @@ from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProbl
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 MOST_TURN = 1.0  # largest difference of the ends of a member in one step, as part of its length
+LEAST_LENGTH = 0.1  # of the longest member: shorter ones count as so long where turns are measured
 SMALL_TURN = 0.02  # below it, rounding and not the model decides about the energy of a member
 LEAST_PART = 0.125  # smallest part of the compression that is damped
 FIRST_DAMPING = 0.1  # of the largest force over the length: damping of members that were not damped before
@@ -54,10 +55,26 @@ class MemberDamping:
         vector = position[self.problem.ends[:, 0]] - position[self.problem.ends[:, 1]]
         return Members(vector, np.linalg.norm(vector, axis=1))
 
-    def find_turn(self, difference: Any, step: FloatArray, members: Members) -> FloatArray:
-        """Return by how much of its length the ends of each member part along a step, (n_members,)."""
+    def find_turn(
+        self, difference: Any, step: FloatArray, members: Members, point: Point, trial: Point | None
+    ) -> FloatArray:
+        """Return by how much of its length the ends of each member part along a step, (n_members,).
+
+        That of cables that are slack before and after does not matter.
+        """
         moved = np.linalg.norm((difference @ step).reshape(-1, 3), axis=1)
-        return np.asarray(moved / np.maximum(members.length, 1e-300))
+        if trial is not None:
+            moved[(point.tension == 0.0) & (trial.tension == 0.0)] = 0.0
+        return np.asarray(moved / np.maximum(members.length, LEAST_LENGTH * point.longest))
+
+    def find_lengthening(self, trial: Point, difference: Any, step: FloatArray, here: Members) -> FloatArray:
+        """Return the forces, (n_directions,) [N], of what taut members are longer than along the tangent."""
+        there = self.locate(trial)
+        unit = here.vector / here.length[:, None]
+        along = (unit * (difference @ step).reshape(-1, 3)).sum(axis=1)
+        gap = np.where(trial.tension != 0.0, there.length - here.length - along, 0.0)
+        pull = (self.spring_constant * gap)[:, None] * unit
+        return np.asarray(difference.T @ pull.ravel())
 
     def factorise(self, stiffness: Any, difference: Any, point: Point, members: Members) -> Solve | None:
         """Return the solution with the damped stiffness; more damping where it is not positive definite.
@@ -89,7 +106,8 @@ class MemberDamping:
 
     def refuse(self, need: FloatArray, point: Point, members: Members, attempt: int) -> None:
         """Damp more after a step that did not lower the energy as it should have."""
-        self.sigma = np.maximum(2 * self.sigma, need)
+        between = need ** (1 / 3) * np.maximum(self.sigma, need / 30) ** (2 / 3)
+        self.sigma = np.maximum(2 * self.sigma, between)
         if attempt >= 8:
             force = max(point.largest_force, point.node_force)
             self.sigma = 4 * self.sigma + FIRST_DAMPING * force / members.length
@@ -98,7 +116,7 @@ class MemberDamping:
     def relax(self, need: FloatArray, turn: FloatArray, ratio: float, is_first: bool) -> None:
         """Damp less after a step that lowered the energy by `ratio` of what the undamped model says."""
         largest = float(turn.max(initial=0.0))
-        self.sigma = self.sigma / np.clip(0.2 / max(largest, 1e-300), 4.0, 100.0)
+        self.sigma = self.sigma / (np.clip(0.2 / max(largest, 1e-300), 4.0, 100.0) if is_first else 2.0)
         self.shift = self.shift / 4 if self.shift > 0 else 0.0
         if ratio < 0.75:
             self.sigma = np.maximum(self.sigma, np.where(turn > SMALL_TURN, 0.5 * need, 0.0))

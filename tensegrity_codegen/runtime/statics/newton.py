@@ -229,17 +229,21 @@ class _Search:
             step = _project(solve(force), neutral)
             if not np.linalg.norm(step) > MIN_STEP_RATIO * self.extent:
                 return False
-            turn = damping.find_turn(difference, step, here)
-            trial = None
-            if turn.max(initial=0.0) <= MOST_TURN:
-                trial = problem.find_displaced_point(point.coordinate, step)
-            if trial is None:
+            trial = problem.find_displaced_point(point.coordinate, step)
+            turn = damping.find_turn(difference, step, here, point, trial)
+            if trial is None or turn.max(initial=0.0) > MOST_TURN:
                 damping.hold(turn, point, here)
                 continue
             damped, predicted = float(force @ step) / 2, float(force @ step - step @ (path @ step) / 2)
             by_force = predicted <= ENERGY_DIGITS * point.energy_scale
             saved = self._saving(trial, by_force=by_force)
             need = damping.find_need(point, trial, difference, step, here, damping.locate(trial))
+            if saved < 0.5 * damped and not by_force:
+                correction = solve(damping.find_lengthening(trial, difference, step, here))
+                better = problem.find_displaced_point(point.coordinate, step - correction)
+                if better is not None and better.energy < trial.energy:
+                    trial, saved = better, self._saving(better, by_force=by_force)
+                    need = damping.find_need(point, trial, difference, step, here, damping.locate(trial))
             if saved >= LEAST_SAVING * damped or (by_force and trial.node_force < 0.9 * point.node_force):
                 damping.relax(need, turn, saved / max(predicted, 1e-300), attempt == 0)
                 damping.forget_small(point, here)
