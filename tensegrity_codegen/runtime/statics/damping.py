@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, SINGULAR_TOLERANCE, Factoriser, Solve
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, Factoriser, Solve
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
@@ -82,9 +82,10 @@ class MemberDamping:
         None where even MOST_FACTORS factorisations do not find one.
         """
         matrix = stiffness.toarray() if stiffness.shape[0] <= DENSE_LIMIT else stiffness
-        norm = float(abs(matrix).sum(axis=0).max(initial=0.0))
         force = max(point.largest_force, point.node_force)
-        least = 2 * SINGULAR_TOLERANCE * norm + 1e-12 * force / max(point.longest, 1e-300)
+        least = 2 * self.problem.bound_rounding(stiffness, point.coordinate) + 1e-12 * force / max(
+            point.longest, 1e-300
+        )
         compression = np.maximum(-self.problem.find_stiff_tension(point), 0.0) / members.length
         for _ in range(MOST_FACTORS):
             weight = self.sigma + self.compression_part * compression

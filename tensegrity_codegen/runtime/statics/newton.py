@@ -14,7 +14,6 @@ import numpy as np
 
 from tensegrity_codegen.runtime.statics.curvature import find_lowest_curvature
 from tensegrity_codegen.runtime.statics.damping import MOST_TURN, MemberDamping
-from tensegrity_codegen.runtime.statics.factors import SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
@@ -92,7 +91,7 @@ def find_stability(problem: StaticProblem, point: Point) -> Stability:
     neutral, turned = find_idle_motions(problem, point, stiffness)
     lowest, direction = find_lowest_curvature(stiffness, neutral)
     # What is left of the forces blurs eigenvalues too.
-    rounding = SINGULAR_TOLERANCE * float(abs(stiffness).sum(axis=0).max(initial=0.0)) + turned
+    rounding = problem.bound_rounding(stiffness, point.coordinate) + turned
     reported = problem.smallest_eigenvalue(point.coordinate, lowest, neutral)
     return Stability(lowest, direction, neutral.shape[1], rounding, reported, neutral, turned)
 

@@ -12,7 +12,7 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_quantities
-from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.runtime.statics.stiff_members import (
     StiffMembers,
@@ -174,6 +174,17 @@ class StaticProblem:
         if self.stiff is None:
             return point.tension
         return self.stiff.balance_tension(self.node_position(point.coordinate), point.residual, point.tension)
+
+    def bound_rounding(self, stiffness: Any, coordinate: FloatArray) -> float:
+        """Return the eigenvalue of the stiffness below which it is rounding [N/m].
+
+        Stiff members, whose lengths steps keep, count with the rounding of their entries alone.
+        """
+        column = np.asarray(abs(stiffness).sum(axis=0)).ravel()
+        whole = float(column.max(initial=0.0))
+        if self.stiff is not None:
+            column = column - self.stiff.sum_columns(self.node_position(coordinate))
+        return SINGULAR_TOLERANCE * float(column.max(initial=0.0)) + 4 * EPSILON * whole
 
     def find_differences(self, coordinate: FloatArray) -> Any:
         """Return D: s_i - s_j of each member for directions s, (3 n_members, n_directions), dense if small."""

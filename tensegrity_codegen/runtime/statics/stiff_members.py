@@ -93,6 +93,11 @@ class StiffMembers:
         along = jacobian.T @ scipy.sparse.diags_array(density) @ jacobian
         return scipy.sparse.csc_array(stiffness + self.lengths.stiffness(density) - along)
 
+    def sum_columns(self, position: FloatArray) -> FloatArray:
+        """Return the column sums of moduli of their part of the stiffness, (n_coordinates,) [N/m]."""
+        jacobian = abs(self.lengths.jacobian(position))
+        return np.asarray(jacobian.T @ (self.spring_constant * jacobian.sum(axis=1)))
+
     def follow(
         self, coordinate: FloatArray, step: FloatArray, locate: Callable[[FloatArray], FloatArray]
     ) -> FloatArray | None:
