@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.runtime.statics.curvature import find_lowest_curvature
-from tensegrity_codegen.runtime.statics.damping import MOST_TURN, MemberDamping
+from tensegrity_codegen.runtime.statics.damping import MOST_TURN, MemberDamping, find_turn
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
@@ -229,28 +229,31 @@ class _Search:
             if not np.linalg.norm(step) > MIN_STEP_RATIO * self.extent:
                 return False
             trial = problem.find_displaced_point(point.coordinate, step)
-            turn = damping.find_turn(difference, step, here, point, trial)
-            if trial is None or turn.max(initial=0.0) > MOST_TURN:
-                damping.hold(turn, point, here)
+            moved = (difference @ step).reshape(-1, 3)
+            there = None if trial is None else damping.locate(trial)
+            turn = find_turn(moved, here, there)
+            if trial is None or there is None or turn.max(initial=0.0) > MOST_TURN:
+                damping.hold(turn, here)
                 continue
             damped, predicted = float(force @ step) / 2, float(force @ step - step @ (path @ step) / 2)
             by_force = predicted <= ENERGY_DIGITS * point.energy_scale
             saved = self._saving(trial, by_force=by_force)
-            need = damping.find_need(point, trial, difference, step, here, damping.locate(trial))
+            need = damping.find_need(moved, here, there, problem.kept_members)
             if saved < 0.5 * damped and not by_force:
-                correction = solve(damping.find_lengthening(trial, difference, step, here))
+                pull = damping.find_lengthening(moved, here, there)
+                correction = solve(np.asarray(difference.T @ pull.ravel()))
                 better = problem.find_displaced_point(point.coordinate, step - correction)
                 if better is not None and better.energy < trial.energy:
                     trial, saved = better, self._saving(better, by_force=by_force)
-                    need = damping.find_need(point, trial, difference, step, here, damping.locate(trial))
+                    need = damping.find_need(moved, here, damping.locate(trial), problem.kept_members)
             if saved >= LEAST_SAVING * damped or (by_force and trial.node_force < 0.9 * point.node_force):
                 damping.relax(need, turn, saved / max(predicted, 1e-300), attempt == 0)
-                damping.forget_small(point, here)
+                damping.forget_small(here)
                 self.point = trial
                 return True
             if by_force and point.node_force <= floor:
                 return False
-            damping.refuse(need, point, here, attempt)
+            damping.refuse(need, here, attempt)
         return False
 
     def _find_undriven_motions(self, stiffness: Any, floor: float) -> FloatArray:

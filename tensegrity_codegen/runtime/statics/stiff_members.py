@@ -24,7 +24,7 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.runtime.model.rigid_bars import EPSILON, RigidBars
-from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.tables.manifest import Manifest
 
 LEAST_RATIO = 10.0  # between the stiffness of stiff members and that of the next softer one
@@ -34,13 +34,13 @@ MAX_CORRECTION_RATIO = 1.0  # largest correction of a step, as part of the step
 
 
 def find_spring_constants(compute: Callable[[str, FloatArray], Any], coordinate: FloatArray) -> FloatArray:
-    """Return |dt/dl| of each member by a small displacement, (n_members,) [N/m]; 0 where it moves no member.
+    """Return |dt/dl| of each member by a small displacement, (..., n_members) [N/m]; 0 where it moves no member.
 
-    compute: a quantity by name at coordinates; raises NonFiniteError.
+    compute: a quantity by name at coordinates (..., n_coordinates); raises NonFiniteError.
     """
     tension, length = (np.array(compute(name, coordinate)) for name in ("member_tension", "member_length"))
-    distance = PROBE * float(length.max(initial=0.0))
-    beside = coordinate + distance * np.random.default_rng(0).uniform(-1.0, 1.0, len(coordinate))
+    distance = PROBE * length.max(axis=-1, initial=0.0, keepdims=True)
+    beside = coordinate + distance * np.random.default_rng(0).uniform(-1.0, 1.0, coordinate.shape[-1])
     change = np.abs(np.asarray(compute("member_length", beside)) - length)
     force = np.abs(np.asarray(compute("member_tension", beside)) - tension)
     moved = change > 1e-3 * distance
@@ -49,13 +49,19 @@ def find_spring_constants(compute: Callable[[str, FloatArray], Any], coordinate:
 
 def choose_stiff(spring_constant: FloatArray) -> IntArray:
     """Return the numbers of the members above the widest gap between spring constants, none if it is narrow."""
-    order = np.argsort(spring_constant)
-    order = order[spring_constant[order] > 0.0]
-    if len(order) < 2:
-        return np.zeros(0, dtype=np.int64)
-    ratio = spring_constant[order[1:]] / spring_constant[order[:-1]]
-    widest = int(ratio.argmax())
-    return np.sort(order[widest + 1 :]) if ratio[widest] >= LEAST_RATIO else np.zeros(0, dtype=np.int64)
+    return np.flatnonzero(are_stiff(spring_constant))
+
+
+def are_stiff(spring_constant: FloatArray) -> BoolArray:
+    """Return which members of each case are above the widest gap between its spring constants."""
+    order = np.sort(spring_constant, axis=-1)
+    below = order[..., :-1]
+    ratio = np.where(below > 0.0, order[..., 1:] / np.where(below > 0.0, below, 1.0), 0.0)
+    if not ratio.shape[-1]:
+        return np.zeros(spring_constant.shape, dtype=np.bool_)
+    widest = ratio.argmax(axis=-1)[..., None]
+    is_wide = np.take_along_axis(ratio, widest, axis=-1) >= LEAST_RATIO
+    return np.asarray(is_wide & (spring_constant >= np.take_along_axis(order, widest + 1, axis=-1)))
 
 
 class StiffMembers:
