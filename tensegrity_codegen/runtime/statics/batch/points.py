@@ -1,8 +1,8 @@
 """Configurations of many cases: coordinates with their energies and forces, as arrays over cases."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,20 +12,20 @@ from tensegrity_codegen.runtime.statics.factors import SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, ORIGIN_DISTANCE_WEIGHT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
-Record = TypeVar("Record")
-
-
-def take(record: Record, rows: Any) -> Record:
-    """Return some of the rows of an array, or of all arrays of a data class."""
-    if not is_dataclass(record):
-        return record[rows]  # type: ignore[index, no-any-return]
-    return type(record)(*(take(getattr(record, item.name), rows) for item in fields(record)))  # type: ignore[return-value]
+def take(record: Any, rows: Any) -> Any:
+    """Return some rows, by a mask or rising numbers, of arrays of a data class; itself where these are all."""
+    if isinstance(record, np.ndarray):
+        return record[rows]
+    rows = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
+    arrays = vars(record).values()
+    first = next(iter(arrays))
+    return record if len(rows) == len(first) else type(record)(*[take(array, rows) for array in arrays])
 
 
 def put(record: Any, rows: Any, other: Any) -> None:
     """Replace some of the rows of all arrays of a data class."""
-    for item in fields(record):
-        getattr(record, item.name)[rows] = getattr(other, item.name)
+    for array, new in zip(vars(record).values(), vars(other).values(), strict=True):
+        array[rows] = new
 
 
 @dataclass(frozen=True)
@@ -150,12 +150,13 @@ class BatchProblem:
         """Return the symmetric tangent stiffness of each case [N/m], and whether it is finite."""
         found, is_finite = self.compute("tangent_stiffness", coordinate, rows)
         pattern = self.model.function("tangent_stiffness").spec.pattern
-        if pattern is not None:
-            dense = np.zeros((len(rows), self.size, self.size))
-            column = np.repeat(np.arange(self.size), np.diff(pattern.column_start))
-            dense[:, pattern.row, column] = found
-            found = dense
-        return (found + found.transpose(0, 2, 1)) / 2, is_finite
+        if pattern is None:
+            return (found + found.transpose(0, 2, 1)) / 2, is_finite
+        column = np.repeat(np.arange(self.size), np.diff(pattern.column_start))
+        place, mirrored = pattern.row * self.size + column, column * self.size + pattern.row
+        dense = np.zeros((len(rows), self.size**2))
+        dense[:, place] = (found + found[:, np.searchsorted(mirrored, place)]) / 2
+        return dense.reshape(-1, self.size, self.size), is_finite
 
     def find_path(self, stiffness: FloatArray, point: Points) -> tuple[FloatArray, FloatArray]:
         """Return the Hessian along the curves that steps follow [N/m], tensions as stiff members balance [N]."""

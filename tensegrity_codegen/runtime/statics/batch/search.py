@@ -5,6 +5,7 @@ of every case. What is rare is left to the search for one case: leaving a saddle
 finite, and where no step helps.
 """
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points, put, take
-from tensegrity_codegen.runtime.statics.batch.stability import find_idle_motions, find_rigid_motions
+from tensegrity_codegen.runtime.statics.batch.stability import carry_motions, find_idle_motions, find_rigid_motions
 from tensegrity_codegen.runtime.statics.damping import (
     MOST_FACTORS,
     MOST_TURN,
@@ -84,8 +85,9 @@ class BatchSearch:
     def __init__(self, problem: BatchProblem, start: Points) -> None:
         self.problem, self.start = problem, start
         count, members, size = len(start.energy), len(problem.ends), problem.size
-        self.point, self.best = (take(start, np.arange(count)) for _ in range(2))
+        self.point, self.best = deepcopy(start), deepcopy(start)
         self.extent = np.maximum(np.ptp(start.position, axis=1).max(axis=1), start.longest)
+        self.twist, self.middle = find_rigid_motions(problem, start.position)[1], start.position.mean(axis=1)
         self.damping = Damping.start(count, members)
         shapes = ((size, size), (size,), (size, 6), (members,), (1,), ())
         self.ground = _Ground(*(np.zeros((count, *shape)) for shape in shapes))
@@ -131,18 +133,23 @@ class BatchSearch:
         """Note what all attempts from the points have in common."""
         problem, here = self.problem, self._locate(point)
         path, tension = problem.find_path(stiffness, point)
-        motions, _ = find_rigid_motions(problem, point.position)
-        drive = np.abs(motions.transpose(0, 2, 1) @ point.residual[:, :, None]).max(axis=(1, 2), initial=0.0)
         undriven = np.zeros((len(rows), problem.size, 6))
-        idle = np.flatnonzero(drive <= floor * np.sqrt(problem.size)) if motions.shape[2] else rows[:0]
-        if len(idle):
-            found, _, _ = find_idle_motions(stiffness[idle], motions[idle], take(point, idle))
-            undriven[idle, :, : found.shape[2]] = found
+        if self.twist.shape[2]:
+            undriven = self._find_undriven_motions(rows, point, stiffness, floor)
         force = _project(point.residual, undriven)
         compression = np.maximum(-tension, 0.0) / here.length
         least = find_least_shift(problem.bound_rounding(path, point, rows)[:, None], here)
         put(self.ground, rows, _Ground(path, force, undriven, compression, least, floor))
         self.is_new[rows] = False
+
+    def _find_undriven_motions(
+        self, rows: IntArray, point: Points, stiffness: FloatArray, floor: FloatArray
+    ) -> FloatArray:
+        """Return the rigid motions that no force drives and that cost none, (count, n, 6)."""
+        motions = carry_motions(self.problem, point.position, self.twist[rows], self.middle[rows])
+        drive = np.abs(point.residual[:, None, :] @ motions).max(axis=(1, 2))
+        motions[drive > floor * np.sqrt(self.problem.size)] = 0.0
+        return find_idle_motions(stiffness, motions, point)[0]
 
     def _try(self, rows: IntArray) -> None:
         """Make one attempt of each case in rows."""

@@ -96,6 +96,8 @@ def _say_unheld(axis: int, total: float) -> str:
 def _record(search: BatchSearch, message: list[str], floor: FloatArray, table: EquilibriaTable) -> IntArray:
     """Fill rows of the table; return the numbers of cases, within the search, that are left."""
     problem, rows = search.problem, np.flatnonzero(search.status != LEFT)
+    if not len(rows):
+        return np.arange(len(search.status))
     point, start, status = (take(record, rows) for record in (search.best, search.start, search.status))
     stability = find_stabilities(problem, point, rows)
     is_found = np.isin(status, ("converged", "rounding_limited"))

@@ -8,6 +8,8 @@ from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
 from tensegrity_codegen.runtime.statics.rigid_motion import RANK_TOLERANCE, ROUNDING, build_all_motions
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
+HELD = 1e-9  # of the size of a motion: what may move of held coordinates
+
 
 @dataclass(frozen=True)
 class Stabilities:
@@ -73,12 +75,13 @@ def find_idle_motions(
         return motions, np.zeros((len(motions), 0, 0)), turned
     size = np.abs(stiffness).sum(axis=1).max(axis=1)
     limit = ROUNDING * size * np.sqrt(stiffness.shape[1]) + turned
-    is_none = ~motions.any(axis=1)
-    held = np.eye(motions.shape[2]) * np.where(is_none, 2 * limit[:, None] + 1.0, 0.0)[:, None, :]
-    _, singular, right = np.linalg.svd(
-        np.concatenate([stiffness @ motions, held], axis=1), full_matrices=False
-    )
-    parts = np.where((singular <= limit[:, None])[:, :, None], right, 0.0)
+    image, is_none = stiffness @ motions, ~motions.any(axis=1)
+    parts = np.eye(motions.shape[2]) * ~is_none[:, None, :]
+    some = ~(np.sqrt((image**2).sum(axis=(1, 2))) <= limit)
+    if some.any():
+        held = np.eye(motions.shape[2]) * np.where(is_none, 2 * limit[:, None] + 1.0, 0.0)[some, None, :]
+        _, singular, right = np.linalg.svd(np.concatenate([image[some], held], axis=1), full_matrices=False)
+        parts[some] = np.where((singular <= limit[some, None])[:, :, None], right, 0.0)
     return motions @ parts.transpose(0, 2, 1), parts, turned
 
 
@@ -107,3 +110,23 @@ def find_rigid_motions(problem: BatchProblem, position: FloatArray) -> tuple[Flo
     twist = fields @ turn.transpose(0, 2, 1)
     scale = np.where(kept, singular[:, None, :], 1.0)
     return np.where(kept, left, 0.0), np.where(kept, twist / scale, 0.0)
+
+
+def carry_motions(problem: BatchProblem, position: FloatArray, twist: FloatArray, middle: FloatArray) -> FloatArray:
+    """Return the rigid motions that the anchors permit, as `find_rigid_motions`, of twists found elsewhere.
+
+    twist: (count, 6, k): turn, and velocity of the point `middle` (count, 3).
+    """
+    count, k = len(position), twist.shape[2]
+    turn, shift = (twist[:, part].transpose(0, 2, 1)[:, :, None] for part in (slice(3), slice(3, 6)))
+    field = np.cross(turn, (position - middle[:, None])[:, None]) + shift  # (count, k, n_nodes, 3)
+    motions = np.zeros((count, problem.size, 6))
+    motions[:, :, :k], upper = np.linalg.qr(field[:, :, problem.node, problem.axis].transpose(0, 2, 1))
+    field[:, :, problem.node, problem.axis] = 0.0
+    least = np.abs(np.diagonal(upper, axis1=1, axis2=2)).min(axis=1, initial=np.inf)
+    other = np.abs(field).max(axis=(1, 2, 3), initial=0.0) > HELD * least
+    if other.any():
+        found, _ = find_rigid_motions(problem, position[other])
+        motions[other] = 0.0
+        motions[other, :, : found.shape[2]] = found
+    return motions
