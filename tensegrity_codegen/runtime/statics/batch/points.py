@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -76,8 +77,12 @@ class BatchProblem:
         self.of_node = np.zeros((self.size, len(self.manifest.node_name)))
         self.of_node[np.arange(self.size), self.node] = 1.0
         self.ends = np.array(self.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
-        self.blocks = MemberBlocks(self.manifest, np.arange(len(self.ends)))
         self.stiff: StiffRows | None = None
+
+    @cached_property
+    def blocks(self) -> MemberBlocks:
+        """How members add to matrices over the free coordinates."""
+        return MemberBlocks(self.manifest, np.arange(len(self.ends)))
 
     def watch_stiff_members(self, row: IntArray, spring_constant: FloatArray) -> None:
         """From here on let steps keep the lengths of members; spring_constant: (n_cases, n_members) [N/m]."""
