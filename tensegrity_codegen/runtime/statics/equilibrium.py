@@ -195,7 +195,9 @@ def _search(
     )
     spent = found.iterations + relaxed.iterations + polished.iterations
     left = found.saddles_left + polished.saddles_left
-    return "relaxation", Outcome(polished.status, polished.point, spent, polished.message, left)
+    return "relaxation", Outcome(
+        polished.status, polished.point, spent, polished.message, left, polished.stability
+    )
 
 
 def _find_unheld(problem: StaticProblem, start: Point) -> Outcome | None:

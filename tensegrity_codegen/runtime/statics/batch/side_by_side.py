@@ -11,8 +11,8 @@ from tensegrity_codegen.runtime.statics.batch.node_distances import find_distanc
 from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
 from tensegrity_codegen.runtime.statics.batch.search import LEFT, MOVING, BatchSearch
 from tensegrity_codegen.runtime.statics.batch.stability import Stabilities, find_stabilities
-from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.runtime.statics.equilibrium_record import START_RESIDUAL_TOLERANCE
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation

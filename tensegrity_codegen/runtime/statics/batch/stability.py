@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
-from tensegrity_codegen.runtime.statics.rigid_motion import RANK_TOLERANCE, ROUNDING, build_all_motions
 from tensegrity_codegen.runtime.statics.factors import SINGULAR_TOLERANCE
+from tensegrity_codegen.runtime.statics.rigid_motion import RANK_TOLERANCE, ROUNDING, build_all_motions
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
 
