@@ -110,7 +110,7 @@ def find_equilibrium(
     max_iterations : int
         Largest number of iterations.
     method : str
-        ``"newton"`` in a trust region, ``"relaxation"`` (dynamic, up to 40 steps per iteration), or
+        ``"newton"`` with damped members, ``"relaxation"`` (dynamic, 40 steps per iteration), or
         ``"auto"``: Newton, and where it fails relaxation followed by Newton.
     progress : callable, optional
         Called with the iteration and the largest node residual [N].

@@ -1,4 +1,4 @@
-"""Cholesky factors of symmetric matrices: dense by LAPACK; sparse by CHOLMOD where it is installed, or SuperLU."""
+"""Cholesky factors of symmetric matrices: by LAPACK; of sparse ones by CHOLMOD, if installed, or SuperLU."""
 
 from collections.abc import Callable
 from typing import Any
@@ -72,7 +72,8 @@ class _Cholmod(_Pattern):
     def __init__(self, cholmod: Any, matrix: Any) -> None:
         super().__init__(matrix)
         self.error = cholmod.CholmodNotPositiveDefiniteError
-        self.ordered = cholmod.analyze(_shorten(matrix))
+        # Supernodal factors are L L^T, which tell indefinite matrices; simplicial ones are L D L^T.
+        self.ordered = cholmod.analyze(_shorten(matrix), mode="supernodal")
 
     def factorise(self, matrix: Any) -> Solve | None:
         try:
@@ -89,7 +90,7 @@ def _shorten(matrix: Any) -> Any:
 
 
 class _SuperLU(_Pattern):
-    """LU with pivots on the diagonal, whose signs are those of the eigenvalues (Sylvester's law of inertia)."""
+    """LU with pivots on the diagonal: as many are negative as eigenvalues are (Sylvester)."""
 
     def __init__(self, matrix: Any) -> None:
         super().__init__(matrix)

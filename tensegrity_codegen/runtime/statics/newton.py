@@ -1,9 +1,9 @@
 """Minimum of the potential energy by Newton's method with damping of single members.
 
-Each step solves (K* + damping) s = f, see `damping` and `stiff_members`. Where the residual vanishes and the
-energy still curves down, the search leaves the saddle along the lowest eigenvector, so that it ends in minima.
-Savings too small to show in the energy, through rounding, are taken from the forces instead: half the sum of
-residuals at both ends times the step.
+Each step solves (K* + damping) s = f, see `damping` and `stiff_members`. Where the residual vanishes and
+the energy still curves down, the search leaves the saddle along the lowest eigenvector, so that it ends in
+minima. Savings too small to show in the energy, through rounding, are taken from the forces instead: half
+the sum of residuals at both ends times the step.
 """
 
 from collections.abc import Callable
@@ -219,7 +219,7 @@ class _Search:
         return False
 
     def _move(self, stiffness: Any, floor: float) -> bool:
-        """Take a step, with more and more damping until the energy falls as it should; say whether one did."""
+        """Take a step, with more damping until the energy falls as it should; say whether one did."""
         problem, point, damping = self.problem, self.point, self.damping
         path = problem.find_path_stiffness(stiffness, point)
         difference = problem.find_differences(point.coordinate)

@@ -164,7 +164,7 @@ class StaticProblem:
         return np.zeros(0, dtype=np.int64) if self.stiff is None else self.stiff.row
 
     def find_path_stiffness(self, stiffness: Any, point: Point) -> Any:
-        """Return the Hessian of the energy along the curves that steps follow, of the shape of `stiffness`."""
+        """Return the Hessian of the energy along the curves that steps follow."""
         if self.stiff is None:
             return stiffness
         return self.stiff.correct_stiffness(stiffness, self.node_position(point.coordinate), point.residual)
@@ -187,7 +187,7 @@ class StaticProblem:
         return SINGULAR_TOLERANCE * float(column.max(initial=0.0)) + 4 * EPSILON * whole
 
     def find_differences(self, coordinate: FloatArray) -> Any:
-        """Return D: s_i - s_j of each member for directions s, (3 n_members, n_directions), dense if small."""
+        """Return D: s_i - s_j of members for directions s, (3 n_members, n_directions), dense if small."""
         return self.subtract_ends(self._velocity)
 
     def subtract_ends(self, velocity: Any) -> Any:
