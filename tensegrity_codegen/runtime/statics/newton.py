@@ -123,7 +123,8 @@ def find_minimum(
         ended = search.find_overwork() or search.advance(tolerance)
         if ended is not None:
             known = search.stability if search.stable_point is search.best else None
-            return Outcome(ended[0], search.best, iteration, ended[1], search.escapes, known)
+            point = problem.state_tensions(search.best, tolerance)
+            return Outcome(ended[0], point, iteration, ended[1], search.escapes, known)
     message = "no convergence within the allowed iterations"
     return Outcome("iteration_limit", search.best, max_iterations, message, search.escapes)
 

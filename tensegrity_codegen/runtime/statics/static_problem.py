@@ -1,7 +1,7 @@
 """The static problem at fixed loads and parameters: energy, residual and stiffness over the coordinates."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -157,6 +157,13 @@ class StaticProblem:
             return
         row = choose_stiff(spring_constant)
         self.stiff = StiffMembers(self.model.manifest, row, spring_constant[row]) if len(row) else None
+
+    def state_tensions(self, point: Point, tolerance: float) -> Point:
+        """Return a point with the tensions that the laws of stiff members state, where these balance too."""
+        if self.stiff is None or point.unrounded_force > tolerance * point.largest_force:
+            return point
+        tension = np.array(self.forces(point.coordinate)[1])
+        return replace(point, tension=tension, node_force=point.unrounded_force)
 
     @property
     def kept_members(self) -> IntArray:
