@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.tables.request import ModelRequest
 
 MOST_DRAWN = 100  # rows, up to which Rich draws a table
-UNLIMITED = 100_000  # columns of a table that is cut, in a file or pipe: rows do not fold
 MOST_WARNINGS = 20
 MOST_NAMES = 10  # of a longer list in a sentence
 _LONG_LIST = re.compile(r"[^\s,;:]+(?:, [^\s,;:]+){20,}")
@@ -90,11 +89,9 @@ class Output:
         """Print a table: whole, or its `most` most important rows and how to see the others."""
         if not self.whole and is_cut(table.count, most):
             title = f"{table.describe_cut(most)} with --all, and in --json"
-            self.human.print(title, soft_wrap=True, markup=False, emoji=False)
-            width = None if self.human.is_terminal else UNLIMITED
-            self.human.print(table.draw(table.pick(most)), width=width, markup=False, emoji=False)
+            print_text(table.write(table.pick(most), title))
         elif table.count > MOST_DRAWN:
-            print_text(table.write())
+            print_text(table.write(range(table.count), table.title))
         else:
             self.human.print(table, markup=False, emoji=False)
 

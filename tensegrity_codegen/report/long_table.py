@@ -1,6 +1,6 @@
 """Tables for the terminal whose rows are as many as a structure has nodes, members or modes."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
@@ -67,37 +67,32 @@ class LongTable:
         cut = f"{shown} of {self.count:,} {self.things} ({why}), {self.count - shown:,} more"
         return f"{self.title}; {cut}" if self.title else cut
 
-    def draw(self, rows: Iterable[int], title: str = "") -> "Table":
-        """Return a table of some rows."""
+    def __rich__(self) -> "Table":
         from rich.text import Text
 
-        table = new_table(title)
+        table = new_table(self.title)
         for head, side in zip(self.heads, self.sides, strict=True):
             justify: Any = SIDES[side]
             folds = side == "f"
             table.add_column(
                 Text(head), justify=justify, no_wrap=not folds, overflow="fold" if folds else "ellipsis"
             )
-        for place in rows:
+        for place in range(self.count):
             add_row(table, *self.row(place))
         if self.caption:
             table.caption, table.caption_justify = Text(self.caption), "left"
         return table
 
-    def __rich__(self) -> "Table":
-        return self.draw(range(self.count), self.title)
-
-    def write(self) -> str:
-        """Return all rows as text in columns, which takes far less time than drawing them."""
-        heads = list(zip_longest(*(head.split("\n") for head in self.heads), fillvalue=""))
-        rows = [*heads, *map(self.row, range(self.count))]
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        form = "  ".join(
-            f"{{:{'>' if side == 'r' else '<'}{width}}}"
-            for side, width in zip(self.sides, widths, strict=True)
-        )
-        lines = [form.format(*row).rstrip() for row in rows]
-        return "\n".join([*filter(None, [self.title]), *lines, *filter(None, [self.caption])]) + "\n\n"
+    def write(self, rows: Sequence[int], title: str) -> str:
+        """Return rows as text in columns, a line each, which takes far less time than to draw them."""
+        upward = zip_longest(*(head.split("\n")[::-1] for head in self.heads), fillvalue="")
+        heads, texts = [*upward][::-1], [*map(self.row, rows)]
+        widths = [max(map(len, column)) for column in zip(*heads, *texts, strict=True)]
+        columns = zip(self.sides, widths, strict=True)
+        form = "  ".join(f"{{:{'>' if side == 'r' else '<'}{width}}}" for side, width in columns)
+        rule = "-" * (sum(widths) + 2 * len(widths) - 2)
+        lines = [title, *(form.format(*row) for row in heads), rule, *(form.format(*row) for row in texts)]
+        return "\n".join(line.rstrip() for line in [*lines, self.caption] if line) + "\n\n"
 
 
 def find_most_rows(counts: Sequence[int]) -> int:
