@@ -14,7 +14,7 @@ import typer
 
 from tensegrity_codegen.cli.streams import ProgressBar, drop_output, name_duration, print_aside, print_text
 from tensegrity_codegen.cli.verb import name_options, name_options_in_error
-from tensegrity_codegen.report.long_table import LongTable, find_most_rows, is_cut
+from tensegrity_codegen.report.long_table import AROUND, LongTable, find_most_rows, is_cut
 from tensegrity_codegen.system.errors import FormulationError, OutputError, TensegrityError
 from tensegrity_codegen.system.files import plain
 from tensegrity_codegen.system.progress import watched_passes, work_pass
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.system.journal import Resumption
     from tensegrity_codegen.tables.request import ModelRequest
 
+MOST_LINES = 60  # of a result in which tables are cut
 MOST_DRAWN = 100  # rows, up to which Rich draws a table
 MOST_WARNINGS = 20
 MOST_NAMES = 10  # of a longer list in a sentence
@@ -76,8 +77,10 @@ class Output:
             own = {"took_seconds": seconds} if "seconds" in data else {"seconds": seconds}
             print_json({**data, **warned, **own})
         else:
-            most = find_most_rows([item.count for item in readable if isinstance(item, LongTable)])
-            for item in (item() if callable(item) else item for item in readable):
+            items = [item() if callable(item) else item for item in readable]
+            counts = [item.count for item in items if isinstance(item, LongTable)]
+            most = find_most_rows(counts, MOST_LINES - sum(map(_count_lines, items)))
+            for item in items:
                 if isinstance(item, LongTable):
                     self._print_long(item, most)
                     continue
@@ -172,7 +175,7 @@ class Output:
         """End the bar, and say on stderr how many warnings are not printed, and how long the verb took."""
         self._end_bar()
         if not self.whole and len(self.warned) > MOST_WARNINGS:
-            print_aside(f"{len(self.warned) - MOST_WARNINGS} more warnings with --json")
+            print_aside(f"{len(self.warned) - MOST_WARNINGS} more warnings; --json has all")
         if not self.as_json:
             self._say_time()
 
@@ -248,6 +251,13 @@ def _open_console(*, stderr: bool) -> "Console":
             drop_output(self.file)
 
     return PipeConsole(stderr=stderr, highlight=False)
+
+
+def _count_lines(item: Any) -> int:
+    """Return how many lines a part of a result takes, none for a long table."""
+    if isinstance(item, str):
+        return item.count("\n") + 1
+    return 0 if isinstance(item, LongTable) else int(item.row_count) + AROUND
 
 
 def _cut_list(found: re.Match[str]) -> str:

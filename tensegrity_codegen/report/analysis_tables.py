@@ -5,7 +5,7 @@ import math
 import numpy as np
 from rich.table import Table
 
-from tensegrity_codegen.report.long_table import LongTable, add_row, new_table
+from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.tables import rank_members
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
@@ -169,7 +169,7 @@ def certificate_table(found: Analysis, subject: Subject) -> LongTable | None:
         len(subject.node_name),
         lambda n: [subject.node_name[n], *(f"{motion[n, axis]:+.9f}" for axis in axes)],
         "nodes",
-        (("largest displacement", np.argsort(-size, kind="stable")),),
+        (("largest displacement", rank_rows(-size)),),
         f"{len(proof.shortening)} cables shorten by {proof.least_shortening:.9g} to 1; all bars and the "
         f"other cables change by {proof.error:.1e} at most",
     )

@@ -11,9 +11,10 @@ if TYPE_CHECKING:
 # Reasons why rows matter, each with the rows' numbers, the most important first.
 Ranking = tuple[tuple[str, Sequence[int]], ...]
 
-MOST_WHOLE = 24  # rows of all tables of a result, up to which all are printed
+MOST_WHOLE = 30  # rows of all tables of a result, up to which all are printed if they fit
 MOST_TOGETHER = 20  # rows of all tables, where there are more
 MOST_ROWS = 10  # of one table then; a table with a fifth more is printed whole
+AROUND = 7  # lines of a table besides its rows
 SIDES = {"f": "left", "l": "left", "r": "right"}
 
 
@@ -54,10 +55,10 @@ class LongTable:
     def pick(self, most: int) -> list[int]:
         """Return the numbers of at most `most` rows: the first of each reason in turn, reason by reason."""
         picked: dict[int, int] = {}
-        for places in zip_longest(*(list(order[:most]) for _, order in self.ranking)):
+        for places in zip_longest(*(order[:most] for _, order in self.ranking)):
             for reason, place in enumerate(places):
                 if place is not None and len(picked) < most:
-                    picked.setdefault(int(place), reason)
+                    picked.setdefault(place, reason)
         return sorted(picked, key=lambda place: picked[place])
 
     def describe_cut(self, most: int) -> str:
@@ -95,31 +96,40 @@ class LongTable:
         return "\n".join(line.rstrip() for line in [*lines, self.caption] if line) + "\n\n"
 
 
-def find_most_rows(counts: Sequence[int]) -> int:
+def find_most_rows(counts: Sequence[int], lines: int = 55) -> int:
     """Return how many rows a table of a result may have.
 
     Parameters
     ----------
     counts : sequence of int
         Numbers of rows of the result's tables.
+    lines : int
+        Lines that these tables may take.
 
     Returns
     -------
     int
-        The largest number of rows where all are few enough; otherwise as many as leave the result shorter
-        than 60 lines.
+        The largest number of rows where all are few enough; otherwise as many as fit, ten at most.
 
     Examples
     --------
     >>> find_most_rows([6, 12]), find_most_rows([4000, 9384]), find_most_rows([30, 30, 30])
     (12, 10, 6)
     """
-    if sum(counts) <= MOST_WHOLE:
+    room = lines - AROUND * len(counts)
+    if sum(counts) <= min(room, MOST_WHOLE):
         return max(counts, default=0)
-    fitting = (
-        most for most in range(MOST_ROWS, 1, -1) if sum(min(count, most) for count in counts) <= MOST_TOGETHER
-    )
+    room = min(room, MOST_TOGETHER)
+    fitting = (most for most in range(MOST_ROWS, 1, -1) if sum(min(count, most) for count in counts) <= room)
     return next(fitting, 1)
+
+
+def rank_rows(values: Any) -> list[int]:
+    """Return the numbers of rows in the order of their values, the smallest first, NaN last."""
+    import numpy as np  # which --help does without
+
+    order: list[int] = np.argsort(values, kind="stable").tolist()
+    return order
 
 
 def is_cut(count: int, most: int) -> bool:

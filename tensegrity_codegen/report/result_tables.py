@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from tensegrity_codegen.report.long_table import LongTable, add_row, new_table
+from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.pages.page import Page
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
@@ -170,8 +170,8 @@ def columns_table(columns: Mapping[str, Mapping[str, Any]]) -> LongTable:
         ("of", "node", "moves [mm]", "rises", "[N]", "falls", "[N]"), "ffrfrfr", len(names), describe,
         "rest lengths",
         (
-            ("those that move a node most", np.argsort(-motion, kind="stable")),
-            ("those that change a tension most", np.argsort(-change, kind="stable")),
+            ("those that move a node most", rank_rows(-motion)),
+            ("those that change a tension most", rank_rows(-change)),
         ),
     )  # fmt: skip
 

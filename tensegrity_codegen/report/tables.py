@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tensegrity_codegen.report.long_table import LongTable, Ranking, add_row, new_table
+from tensegrity_codegen.report.long_table import LongTable, Ranking, add_row, new_table, rank_rows
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MemberChecks
 from tensegrity_codegen.structure.structure import Structure
@@ -107,7 +107,7 @@ def nodes_table(structure: Structure, node_position: FloatArray) -> LongTable:
     return LongTable(
         f"{structure.name}: nodes", ("node", *(f"{letter} [m]" for letter in letters), "moved [m]", "held"),
         f"f{'r' * len(letters)}rl", structure.n_nodes, describe, "nodes",
-        (("moved farthest", np.argsort(-moved, kind="stable")),),
+        (("moved farthest", rank_rows(-moved)),),
     )  # fmt: skip
 
 
@@ -158,7 +158,7 @@ def rank_members(
 
     Returns
     -------
-    tuple of (str, ndarray of int)
+    tuple of (str, sequence of int)
         Reasons and numbers of members, the most important first.
     """
     unknown = np.full(len(member_tension), np.nan)
@@ -172,7 +172,7 @@ def rank_members(
         ("bars with most compression", bars if not len(limited) else bars[:0], member_tension),
     ]
     return tuple(
-        (reason, rows[np.argsort(value[rows], kind="stable")]) for reason, rows, value in found if len(rows)
+        (reason, rows[rank_rows(value[rows])].tolist()) for reason, rows, value in found if len(rows)
     )
 
 

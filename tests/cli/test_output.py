@@ -305,5 +305,5 @@ def test_many_warnings_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
         output.warn(*(f"the input {k} is in newtons" for k in range(500)))
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == MOST_WARNINGS + 2
-    assert lines[-2] == f"{500 - MOST_WARNINGS} more warnings with --json"
+    assert lines[-2] == f"{500 - MOST_WARNINGS} more warnings; --json has all"
     assert len(output.warned) == 500

@@ -8,7 +8,7 @@ from rich.table import Table
 from tensegrity_codegen.control.feedback.study.control_study import LOOP_NAMES, ControlStudy, count_worse
 from tensegrity_codegen.control.feedback.study.linear_loop import MOST_SAMPLES, Margins
 from tensegrity_codegen.control.feedback.study.loop_result import LoopResult
-from tensegrity_codegen.report.long_table import LongTable, add_row, new_table
+from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 
 LIMIT_NAMES = {"least_tension": "least tension", "most_tension": "largest tension", "clearance": "clearance"}
 STEP_NAMES = {
@@ -108,8 +108,8 @@ def actuators_table(study: ControlStudy, name: str) -> LongTable:
         f"{name}: actuators with feedback, draw {study.worst_draw}", ("actuator", *heads), "frrrrr",
         len(uses), describe, "actuators",
         (
-            ("nearest to their rate", np.argsort(part, kind="stable")),
-            ("fastest", np.argsort([-use["peak_rate"] for _, use in uses], kind="stable")),
+            ("nearest to their rate", rank_rows(part)),
+            ("fastest", rank_rows([-use["peak_rate"] for _, use in uses])),
         ),
     )  # fmt: skip
 

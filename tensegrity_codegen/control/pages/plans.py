@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tensegrity_codegen.report.long_table import LongTable, add_row, new_table
+from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.joined_series import join_names
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
@@ -71,7 +71,7 @@ def actuators_table(found: PlanResult, name: str) -> LongTable | None:
         f"{name}: rest lengths", ("actuator", "start\n[m]", "end\n[m]", "change\n[mm]"), "frrr",
         len(found.actuator_name),
         lambda k: (found.actuator_name[k], f"{start[k]:.6f}", f"{end[k]:.6f}", f"{own[k]:+.3f}"),
-        "actuators", (("largest change", np.argsort(-np.abs(own), kind="stable")),),
+        "actuators", (("largest change", rank_rows(-np.abs(own))),),
     )  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def binding_table(found: PlanResult, name: str) -> LongTable | None:
         value, gained = f"{item.bound:.6g} {item.unit}", f"{item.multiplier:.4g} {unit}"
         return LIMIT_WORDS[item.limit], item.name, value, gained
 
-    order = np.argsort([-abs(item.multiplier) for item in binding], kind="stable")
+    order = rank_rows([-abs(item.multiplier) for item in binding])
     return LongTable(
         f"{name}: limits that bind", ("limit", "of", "value", "progress for a unit"), "ffrr", len(binding),
         describe, "limits", (("most progress for a unit", order),),
@@ -103,7 +103,7 @@ def certificate_table(found: PlanResult, name: str) -> LongTable | None:
     return LongTable(
         f"{name}: displacements that prove it", ("member", "change of length"), "fr",
         len(found.member_name), lambda e: (found.member_name[e], f"{change[e]:+.3g}"), "members",
-        (("largest change of length", np.argsort(-np.abs(change), kind="stable")),),
+        (("largest change of length", rank_rows(-np.abs(change))),),
     )  # fmt: skip
 
 

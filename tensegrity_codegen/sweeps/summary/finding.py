@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from tensegrity_codegen.report.long_table import LongTable
+from tensegrity_codegen.report.long_table import LongTable, rank_rows
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
@@ -117,8 +117,8 @@ def list_tables(summary: SweepSummary) -> Iterator[LongTable | str]:
         yield _table(heads, failing, "keys", "largest distance")
     if not summary.chosen:
         return
-    heads = ("result", "unit", "least", "5 %", "median", "mean", "95 %", "largest")
-    yield _table(heads, [_describe_spread(item) for item in summary.chosen], "results")
+    columns = ("result", "unit", "least", "5 %", "median", "mean", "95 %", "largest")
+    yield _table(columns, [_describe_spread(item) for item in summary.chosen], "results")
     yield from _causes(summary)
 
 
@@ -144,7 +144,7 @@ def _causes(summary: SweepSummary) -> Iterator[LongTable | str]:
                     f"{found.total[place]:.3f} ± {found.total_error[place]:.3f}",
                 )
             rows.append((item.result.name, key, *words, f"{item.correlation[place]:.2f}"))
-    order = np.argsort(-np.concatenate([item.strength for item in summary.chosen]), kind="stable")
+    order = rank_rows(-np.concatenate([item.strength for item in summary.chosen]))
     heads = ("result", "key", "first order", "total", "rank correlation")
     yield _table(heads, rows, "pairs of result and key", "strongest", order)
     for reason in sorted({item.indices for item in summary.chosen if isinstance(item.indices, str)}):
