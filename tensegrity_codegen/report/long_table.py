@@ -64,7 +64,7 @@ class LongTable:
     def describe_cut(self, most: int) -> str:
         """Return the title, how many rows are shown and why these, and how many are not."""
         shown = len(self.pick(most))
-        why = ", ".join(reason for reason, _ in self.ranking)
+        why = ", ".join(reason for reason, order in self.ranking if len(order))
         cut = f"{shown} of {self.count:,} {self.things} ({why}), {self.count - shown:,} more"
         return f"{self.title}; {cut}" if self.title else cut
 

@@ -49,6 +49,10 @@ def test_what_is_cut_says_how_many_rows_are_shown_why_and_how_many_are_not() -> 
     said = "10 of 9,384 members (cables with least tension), 9,374 more"
     assert table.describe_cut(10) == f"net: members; {said}"
     assert make(9384, ("cables with least tension", range(9384)), title="").describe_cut(10) == said
+    assert (
+        make(9384, ("bars", []), ("cables with least tension", range(9384)), title="").describe_cut(10)
+        == said
+    )
 
 
 def test_drawn_and_written_rows_are_the_same_words() -> None:
