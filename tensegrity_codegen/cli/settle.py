@@ -94,7 +94,7 @@ def _report(
     drawn = outline_tendons(structure)
     tables = [
         nodes_table(drawn, found.node_position),
-        members_table(drawn, found.member_length, found.member_tension),
+        members_table(drawn, found.member_length, found.member_tension, found.members),
     ]
     tensions = describe_tensions(summarise_tensions(structure, found.member_tension))
     said = [*([found.message] if found.message else []), *([tensions] if found.is_found else [])]

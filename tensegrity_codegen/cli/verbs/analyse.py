@@ -9,9 +9,9 @@ import typer
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import (
     CompilerOption,
-    JsonOption,
     OverwriteOption,
     PrestressOption,
+    PrintOptions,
     SceneArgument,
     SceneOutOption,
     check_prestress,
@@ -71,7 +71,8 @@ def analyse(
     scene_out: SceneOutOption = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
-    json: JsonOption = False,
+    *,
+    printing: PrintOptions,
 ) -> None:
     """Find self-stresses, mechanisms, a prestress with all cables in tension, stability and modes.
 
@@ -84,7 +85,7 @@ def analyse(
 
     Example: tensegrity-codegen analyse prism.toml --json
     """
-    output = Output(json)
+    output = Output(printing.json, printing.all)
     with output.guard(scene):
         check_prestress(prestress, scene_out)
         check_result(out, ".npz", inputs=[scene], overwrite=overwrite)
