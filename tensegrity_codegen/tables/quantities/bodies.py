@@ -34,7 +34,6 @@ BODIES = (
         ("n_coordinates",),
         "Terms c(q, q') of the equations of motion that are quadratic in the velocities.",
         "SCS 9",
-        needs_mass=True,
     ),
     Quantity(
         "load_matrix",

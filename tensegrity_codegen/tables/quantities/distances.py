@@ -71,7 +71,6 @@ DISTANCES = (
         ("n_constraints",),
         "Multipliers of the constraints, H_delta delta'' + L lambda = f.",
         "S&K 7",
-        needs_mass=True,
     ),
     Quantity(
         "rigidity_error",
@@ -79,7 +78,6 @@ DISTANCES = (
         "m",
         ("n_bars",),
         "Estimate of the length of each rigid bar that its stiffness would change and the model neglects.",
-        needs_mass=True,
     ),
     Quantity(
         "saddle_matrix",

@@ -19,15 +19,14 @@ STRUCTURES = (
     ),
     Quantity("elastic_energy", "U_e", "J", (), "Strain energy sum mu_e (l_e - rho_e)^2 / 2 of taut members."),
     Quantity("potential_energy", "U", "J", (), "Strain energy minus the work of gravity and loads."),
-    Quantity("kinetic_energy", "T", "J", (), "Kinetic energy q'^T H q' / 2.", needs_mass=True),
-    Quantity("total_energy", "T + U", "J", (), "Kinetic plus potential energy.", needs_mass=True),
+    Quantity("kinetic_energy", "T", "J", (), "Kinetic energy q'^T H q' / 2."),
+    Quantity("total_energy", "T + U", "J", (), "Kinetic plus potential energy."),
     Quantity(
         "acceleration",
         "q''",
         "m/s2",
         ("n_coordinates",),
         "Accelerations q'' = H^-1 f of the free coordinates.",
-        needs_mass=True,
     ),
     Quantity(
         "state_derivative",
@@ -35,7 +34,6 @@ STRUCTURES = (
         "m/s, m/s2",
         ("n_states",),
         "Derivative of the state x = (q, q').",
-        needs_mass=True,
     ),
     Quantity(
         "mass_matrix",
