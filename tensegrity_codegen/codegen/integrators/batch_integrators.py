@@ -24,7 +24,7 @@ def count_batch_work(
     """
     line, n = count_line(precision), n_coordinates
     table = INTEGRATORS[name].tableau
-    # Lanes: state, trial, acceleration, stages. Row, of functions without lanes: old and new (q, v, a), spare.
+    # Lanes: state, trial, acceleration, stages. Row: old and new (q, v, a), spare.
     if table is None or not table.errors:
         lanes, row = (2 + 2 + 1 + 7) * n, 7 * n
     else:  # may the step grow, lost, state, change, trial, spare, rates, dense output
