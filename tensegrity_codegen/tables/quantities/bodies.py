@@ -42,7 +42,7 @@ BODIES = (
         ("n_coordinates", "n_inputs"),
         "Load matrix: H F balances the generalised force of the force and torque inputs F.",
         "SCS 10",
-        True,
+        sparse=True,
     ),
     Quantity(
         "node_jacobian",
@@ -51,7 +51,7 @@ BODIES = (
         ("n_node_components", "n_coordinates"),
         "Jacobian of the node positions, node by node, to the coordinates.",
         "SCS 6",
-        True,
+        sparse=True,
     ),
     Quantity(
         "chart_margin",
