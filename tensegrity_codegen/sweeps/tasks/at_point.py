@@ -121,7 +121,8 @@ class AtPoint(Operation):
                 continue
             for name, array in arrays.items():
                 value = np.asarray(kept[name])
-                array[(k, *map(slice, value.shape))] = value
+                place: tuple[Any, ...] = (k, *map(slice, value.shape))
+                array[place] = value
         return arrays
 
 
