@@ -40,7 +40,7 @@ class RowValues:
         return np.array([module.n_repetitions + self.writer.widest for module in self.text.modules])
 
     def _start(self) -> str:
-        """Return the C expression of the place of repetition k of strand s among `_members`."""
+        """Return the C expression of the place of repetition k of strand s among all members."""
         padded = self._padded()
         before = np.concatenate([[0], np.cumsum(padded * (self.last - self.first))[:-1]])
         begin = self.writer.index_at(f"{self.text.name}_begin{self.first}", before, "g")
