@@ -107,8 +107,8 @@ static inline int event_may_continue(double time, double step, scene_run *run)
   return ++run->n_stalled <= 10 * MOST_IN_SUCCESSION;
 }
 
-/* Length of the next step, at most `planned`: no longer than run->leash after events in short succession, where a long
- * step would miss the next one (is_short), and up to run->cut, just before an expected event (is_cut). */
+/* Length of the next step, at most `planned`: short after events in short succession, where a long step would miss the
+ * next one (is_short), and no longer than up to just before an expected event (is_cut). */
 static inline double event_limit_step(double planned, const scene_run *run, int *is_short, int *is_cut)
 {
   double step = planned;
@@ -189,8 +189,8 @@ static inline void event_after_step(double step, int is_cut, int is_landing, sce
   run->ahead = is_cut && !is_landing ? run->remaining : 0.0;
 }
 
-/* Count events that follow the last one within a thousandth of a step (succession) or within a step (crowd); after more
- * than five of the latter steps are limited to twice the time between them. */
+/* Count events that follow the last one within a thousandth of a step, and those within a step; after more than five of
+ * the latter steps are limited to twice the time between them. */
 static inline void event_count_succession(double time, double step, scene_run *run)
 {
   const double gap = time - run->last_event;
