@@ -1,6 +1,7 @@
 """The model of a structure that moves to targets, and its plan: for the verbs `plan` and `control`."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +20,11 @@ def compile_actuated(
     to: Sequence[str] | None,
     actuate: Sequence[str] | None,
     compiler: str | None,
-    find_request: "Callable[[Subject, ModelRequest, Sequence[str]], ModelRequest]",
+    find_request: "Callable[[Subject, ModelRequest], ModelRequest]",
 ) -> "tuple[Subject, CompiledModel, tuple[str, ...] | None]":
     """Return the structure with its actuators, its model, and the names of the actuators that are chosen.
 
-    find_request: takes the structure, its request with statics and the quantities of the targets.
+    find_request: takes the structure and its request with statics; the quantities of the targets are added.
     """
     from tensegrity_codegen.control.planning.quadratic_program import require_solver
     from tensegrity_codegen.control.planning.target_text import read_targets
@@ -40,7 +41,8 @@ def compile_actuated(
     chosen = None
     if actuate:
         subject, chosen = actuate_members(subject, actuate)
-    wanted = find_request(subject, with_statics(subject, request), quantities)
+    wanted = find_request(subject, with_statics(subject, request))
+    wanted = replace(wanted, quantities=(*wanted.quantities, *quantities))
     return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
 
 

@@ -68,7 +68,10 @@ def emit(
     left_out = account_left_out(plan.model, plan.request, plan.functions, plan.emitter)
     if object_size is not None:
         own = object_size(_write(plan)[1])
-        sizes = {row.what: object_size(_write(_plan_with(plan, row.what))[1]) for row in left_out}
+        sizes = {}
+        for row in left_out:
+            model, wanted = build_with(row.what, plan.model, plan.request, plan.emitter)
+            sizes[row.what] = object_size(_write(_plan_functions(plan.emitter, model, wanted))[1])
         left_out = tuple(replace(row, object_bytes=sizes[row.what] - own, measured=True) for row in left_out)
     return GeneratedSource(*_write(plan, left_out), plan.why_emitter)
 
@@ -111,7 +114,11 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
             given=request.emitter,
             hint=suggest(request.emitter, (AUTO, *EMITTERS)),
         )
-    _check_names(structure)
+    # All names that get into C are identifiers.
+    check_scene_name(structure.name, "name")
+    for what, names in (("nodes", structure.node_name), ("members", structure.member_name)):
+        check_names(names, what, structure.name)
+    check_names([item.name for item in structure.inputs], "inputs", structure.name)
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")
     if request.emitter == AUTO:
@@ -131,19 +138,6 @@ def _plan_functions(
     return EmissionPlan(
         emitter, model, request, functions, build_manifest(model, request, functions, ()), why_emitter
     )
-
-
-def _plan_with(plan: EmissionPlan, left_out: str) -> EmissionPlan:
-    """Return the plan of the same library with something that was left out."""
-    return _plan_functions(plan.emitter, *build_with(left_out, plan.model, plan.request, plan.emitter))
-
-
-def _check_names(structure: Subject) -> None:
-    """Raise InvalidNameError or DuplicateNameError unless all names that get into C are identifiers."""
-    check_scene_name(structure.name, "name")
-    for what, names in (("nodes", structure.node_name), ("members", structure.member_name)):
-        check_names(names, what, structure.name)
-    check_names([item.name for item in structure.inputs], "inputs", structure.name)
 
 
 def _check_precision(structure: Subject, request: ModelRequest) -> None:

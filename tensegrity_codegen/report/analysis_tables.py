@@ -117,6 +117,8 @@ def describe_counts(found: Analysis) -> tuple[tuple[str, str], ...]:
     stiffness = f"{found.smallest_eigenvalue:.6g} N/m"
     if found.stiffness.is_neutral and found.is_balanced:
         stiffness = f"0 within rounding ({stiffness})"
+    value = found.stability.smallest_eigenvalue
+    held = "no mechanism" if math.isinf(value) else f"{value:.4g} of the largest force density"
     return (
         ("coordinates, members", f"{rank.n_coordinates}, {rank.n_members}"),
         ("rank of the equilibrium matrix", f"{rank.rank} of {rank.largest_rank}"),
@@ -126,7 +128,7 @@ def describe_counts(found: Analysis) -> tuple[tuple[str, str], ...]:
         ("rigid motions", str(found.n_rigid_motions)),
         ("mechanisms", str(found.n_mechanisms)),
         ("all cables in tension", _describe_prestress(found)),
-        ("stiffness of mechanisms by tensions", _describe_stability(found)),
+        ("stiffness of mechanisms by tensions", held),
         ("smallest eigenvalue of the stiffness", stiffness),
         ("largest residual at present", f"{found.residual:.3g} N; largest force {found.largest_force:.6g} N"),
     )
@@ -202,11 +204,6 @@ def _describe_prestress(found: Analysis) -> str:
     if found.load_prestress is not None and found.load_prestress.is_found:
         return f"under the loads, at least {found.load_prestress.least_tension:.4g} N"
     return "no"
-
-
-def _describe_stability(found: Analysis) -> str:
-    value = found.stability.smallest_eigenvalue
-    return "no mechanism" if math.isinf(value) else f"{value:.4g} of the largest force density"
 
 
 def _number(value: float) -> str:

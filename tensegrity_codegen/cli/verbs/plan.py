@@ -1,6 +1,6 @@
 """`tensegrity-codegen plan`: rest lengths that move a structure to a target through stable equilibria."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -154,11 +154,8 @@ def plan(
         check_result(motion, *MOTION_ENDINGS, inputs=[scene], overwrite=overwrite)
         analysis = "plan" if motion is None else "time_motion"
 
-        def find_request(
-            subject: "Subject", request: "ModelRequest", quantities: Sequence[str]
-        ) -> "ModelRequest":
-            needs = find_needs(analysis, subject, request).alone(request)
-            return needs.wanting(*needs.quantities, *quantities)
+        def find_request(subject: "Subject", request: "ModelRequest") -> "ModelRequest":
+            return find_needs(analysis, subject, request).alone(request)
 
         subject, model, chosen = compile_actuated(output, scene, to, actuate, compiler, find_request)
         arguments = read_inputs(input, subject, output)

@@ -98,7 +98,13 @@ def build_command(
         return (*compiler.command[:-1], "ar", "rcsD", output, *sources)  # zig cc -> zig ar
     kind = target.shared if shared else ("-c",)
     libraries = target.libraries if shared else ()
-    own = _replace_cpu(OWN_OPTIONS.get(compiler.name, ()), target)
+    # A target that chooses a processor replaces the compiler's own choice.
+    chosen = any(option.startswith("-mcpu=") for option in target.options)
+    own = tuple(
+        option
+        for option in OWN_OPTIONS.get(compiler.name, ())
+        if not (chosen and option.startswith("-mcpu="))
+    )
     options = (*own, *flags.options, *WARNINGS, *target.position, *target.options)
     return (*compiler.command, *options, *kind, *sources, "-o", output, *libraries)
 
@@ -145,9 +151,3 @@ def describe_cpu() -> str:
     wanted = ("model name", "flags", "Features", "CPU part", "isa")
     rows = {line for line in text.splitlines() if line.split("\t")[0].strip(" :") in wanted}
     return hashlib.sha256("\n".join(sorted(rows)).encode("utf-8")).hexdigest()
-
-
-def _replace_cpu(options: tuple[str, ...], target: Target) -> tuple[str, ...]:
-    """Return the options without their choice of a processor where the target makes one."""
-    chosen = any(option.startswith("-mcpu=") for option in target.options)
-    return tuple(option for option in options if not (chosen and option.startswith("-mcpu=")))

@@ -68,7 +68,7 @@ class BatchFunction:
     def __call__(self, *values: ArrayLike, threads: int = 1, on_error: str = "raise") -> Any:
         """Return the quantity of every element, (n_batch, *shape) or a SparseBatch; see compute_batch."""
         check_threads(threads)
-        _check_on_error(on_error)
+        check_choice(on_error, ON_ERROR, "word", "on_error")
         arrays, n_batch = self._convert_all(values)
         result = np.empty((n_batch, *self._shape), self.precision.dtype)
         status = np.zeros(n_batch, np.int32)
@@ -95,7 +95,7 @@ class BatchFunction:
             for array, is_batched in arrays:
                 passed += [
                     self._pointer(array[start:stop] if is_batched else array),
-                    self._stride(array, is_batched),
+                    int(np.prod(array.shape[1:])) if is_batched else 0,
                 ]
             self._call(
                 stop - start,
@@ -110,10 +110,6 @@ class BatchFunction:
             return
         with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
             list(pool.map(evaluate, starts))
-
-    @staticmethod
-    def _stride(array: FloatArray, is_batched: bool) -> int:
-        return int(np.prod(array.shape[1:])) if is_batched else 0
 
     def _convert_all(self, values: Sequence[ArrayLike]) -> tuple[list[tuple[FloatArray, bool]], int]:
         """Return each array with whether it has the batch axis, and how long that axis is."""
@@ -163,7 +159,3 @@ class BatchFunction:
 def check_threads(threads: int) -> None:
     """Raise InvalidValueError for what is no number of threads."""
     check_whole(threads, "threads", 1, problem="not a number of threads")
-
-
-def _check_on_error(on_error: str) -> None:
-    check_choice(on_error, ON_ERROR, "word", "on_error")

@@ -143,7 +143,12 @@ def compute_remotely(
     check_versions(remote.versions, describe_versions(), platform.node())
 
     def load(group: CaseGroup) -> CompiledModel:
-        return _load(sources[group.number], group)
+        # The first thread that needs a library compiles it.
+        parcel = sources[group.number]
+        with _lock:
+            if parcel.hash not in _models:
+                _models[parcel.hash] = load_parcel(parcel, group.structure)
+            return _models[parcel.hash]
 
     work = remote.work
     task = work.plan.tasks[number]
@@ -152,11 +157,3 @@ def compute_remotely(
     started = time.perf_counter()
     result = compute_task(work, task, load)
     return result, time.perf_counter() - started, {"machine": platform.node()}
-
-
-def _load(parcel: SourceParcel, group: CaseGroup) -> CompiledModel:
-    """Return a library of this process; the first thread that needs it compiles it."""
-    with _lock:
-        if parcel.hash not in _models:
-            _models[parcel.hash] = load_parcel(parcel, group.structure)
-        return _models[parcel.hash]

@@ -71,7 +71,9 @@ def compute_task(work: SweepWork, task: Task, load: LoadModel) -> TaskResult:
         model = load(group)
         found = work.operation.run(model, select_arguments(model, applied), int(good.sum()))
         own = work.operation.outputs(model.manifest) if work.is_joint else work.outputs
-        _insert(arrays, _place(own, work.outputs), places[good], found)
+        for name, inner in _place(own, work.outputs).items():
+            rows: Any = places[good] if inner is None else np.ix_(places[good], *inner)
+            arrays[name][rows] = found.arrays[name]
         status[places[good]] = found.status
         for place, message in zip(places[good].tolist(), found.messages, strict=True):
             messages[place] = message
@@ -100,16 +102,6 @@ def _place(own: tuple[Output, ...], joint: tuple[Output, ...]) -> dict[str, Plac
         return {output.name: None for output in joint}
     known = {output.name: output for output in joint}
     return {output.name: find_places(output, known[output.name]) for output in own}
-
-
-def _insert(
-    arrays: dict[str, NDArray[Any]], at: dict[str, Places], rows: NDArray[np.int64], found: TaskResult
-) -> None:
-    for name, places in at.items():
-        if places is None:
-            arrays[name][rows] = found.arrays[name]
-        else:
-            arrays[name][np.ix_(rows, *places)] = found.arrays[name]
 
 
 @dataclass(eq=False)
