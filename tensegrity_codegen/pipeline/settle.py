@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.analyses import equilibrium_quantities, find_needs
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.subject import Subject
@@ -98,7 +98,7 @@ def settle_structure(
     statics = with_statics(structure, request)
     wanted = statics.wanting(*equilibrium_quantities(structure, statics))
     near, offset = move_near_origin(structure, request)
-    model = build_library(near, wanted, compiler=compiler, flags=flags).load()
+    model = build_library(near, wanted, compiler=compiler, flags=flags, calls=FEW_CALLS).load()
     found = find_equilibrium(model, arguments=arguments)
     if warn is not None:
         for text in found.warnings:
@@ -137,7 +137,7 @@ def find_settled(
     statics = with_statics(subject, request)
     near, offset = move_near_origin(subject, request)
     wanted = find_needs("equilibrium", near, statics).alone(statics)
-    found = find_equilibrium(build_library(near, wanted).load())
+    found = find_equilibrium(build_library(near, wanted, calls=FEW_CALLS).load())
     if warn is not None:
         for text in found.warnings:
             warn(text)

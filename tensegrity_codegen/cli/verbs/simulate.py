@@ -293,7 +293,7 @@ def _build(
     scene: Path, asked: _Asked, t_end: float, compiler: str | None, flags: str | None, output: Output
 ) -> "tuple[BuiltLibrary, dict[str, Any]]":
     """Return the library that the run needs; its start (None: of the scene), inputs and schedule, by name."""
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import has_statics, settle_structure
     from tensegrity_codegen.structure.structure import Structure
 
@@ -317,7 +317,7 @@ def _build(
         )
         asked = replace(asked, settle=False)
     wanted = _require(structure, request, asked)
-    built = build_library(structure, wanted, compiler=compiler, flags=flags)
+    built = build_library(structure, wanted, compiler=compiler, flags=flags, calls=MANY_CALLS)
     if not asked.settle:
         return built, {"coordinate": None, **given}
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
