@@ -11,7 +11,7 @@ from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.codegen.compilation.cache_entry import CacheEntry, read_contents
 from tensegrity_codegen.codegen.compilation.compile import object_size
 from tensegrity_codegen.codegen.compilation.fingerprint import (
-    hash_package,
+    hash_package_state,
     hash_request,
     hash_structure,
     hash_text,
@@ -293,7 +293,7 @@ class _Identity:
 
 
 def _request_key(identity: _Identity, toolchain: str, kind: str) -> str:
-    package = hash_package(Path(__file__).resolve().parents[1], template_folder())
+    package = hash_package_state(Path(__file__).resolve().parents[1], template_folder())
     return hash_text(
         identity.structure,
         identity.request,
