@@ -213,7 +213,6 @@ def simulate(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
         from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
         from tensegrity_codegen.runtime.trajectory.write_motion import check_motion_file
 
@@ -225,6 +224,8 @@ def simulate(
             inputs = [path for path in (scene, many.batch, given.profile) if path is not None]
             check_output(out, inputs=inputs, overwrite=overwrite)
         if many.batch is not None:
+            from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
+
             check_no_other(settle=settle, until=until)
             options = choose_batch_control(options, integration.control)
             built, values, schedule = build_for_batch(
