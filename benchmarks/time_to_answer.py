@@ -255,7 +255,8 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         rows = list(measure_all(options, Path(folder)))
-    text = f"{table_text(HEADS, rows)}\n\n{name_processor()}, {os.cpu_count()} processors."
+    load = f"load {os.getloadavg()[0]:.1f}, which lengthens processor times too where it is above 1"
+    text = f"{table_text(HEADS, rows)}\n\n{name_processor()}, {os.cpu_count()} processors, {load}."
     print(text)
     if options.document:
         replace_figures(options.document, BEGIN, END, text)
