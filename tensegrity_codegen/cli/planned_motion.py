@@ -29,7 +29,7 @@ def compile_actuated(
     from tensegrity_codegen.control.planning.quadratic_program import require_solver
     from tensegrity_codegen.control.planning.target_text import read_targets
     from tensegrity_codegen.control.planning.targets import find_target_quantities
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import with_statics
     from tensegrity_codegen.structure.actuate import actuate_members
 
@@ -43,7 +43,7 @@ def compile_actuated(
         subject, chosen = actuate_members(subject, actuate)
     wanted = find_request(subject, with_statics(subject, request))
     wanted = replace(wanted, quantities=(*wanted.quantities, *quantities))
-    return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
+    return subject, build_library(subject, wanted, compiler=compiler, calls=MANY_CALLS).load(), chosen
 
 
 def find_plan(

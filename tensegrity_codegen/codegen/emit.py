@@ -56,16 +56,22 @@ def emit(
     structure: Subject,
     request: ModelRequest,
     object_size: Callable[[dict[str, str]], int] | None = None,
+    *,
+    account: bool = True,
+    quick: bool = False,
 ) -> GeneratedSource:
     """Return the C source of what `request` wants of `structure`.
 
+    account: whether the manifest lists what was left out, which takes longer than all else; quick: whether
+    the emitter `table`, whose code compiles quickest, goes before the choice of `auto` where it serves all.
     object_size: bytes of object code of some sources; with it, what was left out is compiled too and its
     bytes are measured instead of estimated.
     Raises FormulationError for what formulation, emitter or precision cannot serve, InvalidValueError for
     numbers too large for single precision.
     """
-    plan = check_request(structure, request)
-    left_out = account_left_out(plan.model, plan.request, plan.functions, plan.emitter)
+    plan = (quick and _plan_loops(structure, request)) or check_request(structure, request)
+    _checked.clear()
+    left_out = account_left_out(plan.model, plan.request, plan.functions, plan.emitter) if account else ()
     if object_size is not None:
         own = object_size(_write(plan)[1])
         sizes = {}
@@ -92,18 +98,26 @@ class EmissionPlan:
     why_emitter: str = ""
 
 
+_checked: list[tuple[Subject, ModelRequest, EmissionPlan]] = []
+
+
 def check_request(structure: Subject, request: ModelRequest) -> EmissionPlan:
     """Return what `emit` would write, without writing it; raises all that `emit` raises of a request.
 
     Where another emitter or formulation serves the request, the error's hint names it: each has been tried
-    here before it is named.
+    here before it is named. The last answer is kept until its library is emitted.
     """
+    for subject, asked, known in _checked[:]:
+        if subject is structure and asked == request:
+            return known
     try:
-        return _plan(structure, request)
+        plan = _plan(structure, request)
     except FormulationError as error:
         if error.lacking is not None:
             error.hint = find_alternatives(structure, request, error, _plan)
         raise
+    _checked[:] = [(structure, request, plan)]
+    return plan
 
 
 def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
@@ -128,6 +142,17 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     called, events = _find_called(model, emitter, request)
     settled = replace(request, emitter=choice.name, quantities=(*request.quantities, *called), events=events)
     return _plan_functions(emitter, model, settled, choice.why)
+
+
+def _plan_loops(structure: Subject, request: ModelRequest) -> EmissionPlan | None:
+    """Return the plan with the emitter `table`, None where another one is asked for or serves more."""
+    if request.emitter != AUTO:
+        return None
+    try:
+        plan = _plan(structure, replace(request, emitter=TABLE.name))
+    except FormulationError:
+        return None
+    return replace(plan, why_emitter="few calls: loops, which compile quickest")
 
 
 def _plan_functions(

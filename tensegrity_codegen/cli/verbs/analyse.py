@@ -133,7 +133,7 @@ def _analyse(
 ) -> "tuple[Subject, Analysis, NDArray[np.float64] | None, ModelRequest]":
     """Return the structure, its analysis, the equilibrium if it was analysed, and the request."""
     from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
     from tensegrity_codegen.runtime.analysis.analyse import analyse as run
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -143,7 +143,7 @@ def _analyse(
     statics = with_statics(subject, request)
     near, offset = move_near_origin(subject, request)
     wanted = find_needs("analyse", near, statics).alone(statics)
-    model = build_library(near, wanted, compiler=compiler).load()
+    model = build_library(near, wanted, compiler=compiler, calls=FEW_CALLS).load()
     start = None
     if settle:
         settled = find_equilibrium(model, arguments=arguments, tolerance=SETTLED)

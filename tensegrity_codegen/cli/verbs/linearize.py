@@ -67,7 +67,7 @@ def _linearize(
 ) -> "tuple[LinearModel, Mapping[str, bool]]":
     """Return the linear model of a scene about its own state or the equilibrium, and its kinks."""
     from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.runtime.linear.kinks import find_kinks
     from tensegrity_codegen.runtime.linear.linearize import linearize as run
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -77,7 +77,7 @@ def _linearize(
     cables = [name for name, bar in zip(structure.member_name, structure.is_bar, strict=True) if not bar]
     wanted = find_needs("linearize", structure, request).alone(request)
     wanted = find_needs("equilibrium", structure, request).besides(wanted) if settle else wanted
-    model = build_library(structure, wanted, compiler=compiler).load()
+    model = build_library(structure, wanted, compiler=compiler, calls=FEW_CALLS).load()
     # What is left of the forces turns neutral motions into slow ones.
     found = find_equilibrium(model, arguments=values, tolerance=SETTLED) if settle else None
     if found is not None:

@@ -200,7 +200,7 @@ def _build(
 ) -> "ModelPath":
     """Return the problem of a scene under these loads and inputs, its library with all that a path needs."""
     from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import with_statics
     from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
     from tensegrity_codegen.runtime.paths.bar_path import build_path
@@ -210,7 +210,7 @@ def _build(
     request = with_statics(subject, request)
     wanted = find_needs("load_path", subject, request).alone(request)
     wanted = wanted.wanting(*wanted.quantities, *MEMBER_WATCH_QUANTITIES, parameters=ramp.parameters)
-    model = build_library(subject, wanted, compiler=compiler).load()
+    model = build_library(subject, wanted, compiler=compiler, calls=FEW_CALLS).load()
     path = build_path(model, ramp.pattern, {**ramp.base, **merge_inputs(model.manifest, inputs)})
     ramp.check_moves(path, load)
     return path

@@ -106,7 +106,7 @@ def _find(
 ) -> "Sensitivity":
     """Return the sensitivity at the equilibrium under these arguments."""
     from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
     from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -115,7 +115,7 @@ def _find(
     loads = {"node_load": tuple(range(subject.n_nodes))} if "node_load" in arguments else {}
     wanted = statics.wanting(*find_needs("sensitivity", subject, statics).quantities, parameters=loads)
     near, _ = move_near_origin(subject, request)
-    model = build_library(near, wanted, compiler=compiler).load()
+    model = build_library(near, wanted, compiler=compiler, calls=FEW_CALLS).load()
     start = find_equilibrium(model, arguments=arguments, tolerance=SETTLED)
     output.warn(*start.warnings)
     with output.progress("differentiating"):

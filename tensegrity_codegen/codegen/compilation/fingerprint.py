@@ -52,16 +52,35 @@ def hash_package(*folders: Path) -> str:
     """Return the sha256 of every source file below `folders`, so that a changed generator is noticed."""
     digest = hashlib.sha256()
     for folder in folders:
-        top = len(str(folder)) + 1
-        places = ((place[top:], names) for place, _, names in os.walk(folder))
-        found = (os.path.join(place, name) for place, names in places for name in names)  # noqa: PTH118
-        for name in sorted(name for name in found if name.endswith((".py", ".j2", ".c", ".h"))):
+        for name in _list_sources(folder):
             with open(os.path.join(folder, name), "rb") as file:  # noqa: PTH118, PTH123 - half of pathlib's time
                 data = file.read()
             place = name.replace(os.sep, "/").encode("utf-8")
             digest.update(b"%d:%s%d:" % (len(place), place, len(data)))
             digest.update(data)
     return digest.hexdigest()
+
+
+@functools.cache
+def hash_package_state(*folders: Path) -> str:
+    """Return the sha256 of names, sizes and times of every source file below `folders`.
+
+    It takes a quarter of the time of hash_package, and differs between copies of the same files.
+    """
+    states = []
+    for folder in folders:
+        for name in _list_sources(folder):
+            found = os.stat(os.path.join(folder, name))  # noqa: PTH116, PTH118 - half of pathlib's time
+            states.append(f"{name} {found.st_size} {found.st_mtime_ns} {found.st_ctime_ns}")
+    return hash_text(*map(str, folders), *states)
+
+
+def _list_sources(folder: Path) -> list[str]:
+    """Return the names of the source files below a folder, relative to it."""
+    top = len(str(folder)) + 1
+    places = ((place[top:], names) for place, _, names in os.walk(folder))
+    found = (os.path.join(place, name) for place, names in places for name in names)  # noqa: PTH118
+    return sorted(name for name in found if name.endswith((".py", ".j2", ".c", ".h")))
 
 
 def _plain(value: Any) -> Any:

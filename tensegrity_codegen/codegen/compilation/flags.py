@@ -4,7 +4,7 @@ import hashlib
 import platform
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tensegrity_codegen.system.errors import FormulationError, check_choice
@@ -78,6 +78,12 @@ def find_flags(name: str, where: str = "model.flags") -> FlagSet:
     """Return the flag set of that name; raises UnknownNameError, naming `where`, for an unknown one."""
     check_choice(name, FLAG_SETS, "compile flags", where)
     return FLAG_SETS[name]
+
+
+def compile_quickly(flags: FlagSet) -> FlagSet:
+    """Return the flag set with less optimisation, for functions that are called a few hundred times."""
+    options = tuple("-O1" if item == "-O2" else item for item in flags.options)
+    return replace(flags, options=options)
 
 
 def build_command(

@@ -1,7 +1,6 @@
 """A function over a whole batch: elements side by side in the lanes of a core, chunks of them in threads."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -108,6 +107,8 @@ class BatchFunction:
             for start in starts:
                 evaluate(start)
             return
+        from concurrent.futures import ThreadPoolExecutor  # which imports logging
+
         with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
             list(pool.map(evaluate, starts))
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.apply.mapper import CaseGroup
 from tensegrity_codegen.sweeps.engines.cluster import (
@@ -106,7 +106,7 @@ class _Cluster:
         if number not in self.sources:
             group = self.work.plan.groups[number]
             request = library_request(group, self.work.operation)
-            built = build_library(group.structure, request)
+            built = build_library(group.structure, request, calls=MANY_CALLS)
             self.sources[number] = self._send(make_parcel(built, request.flags))
         return self.sources[number]
 

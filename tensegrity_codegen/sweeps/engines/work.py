@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.apply.mapper import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.plan import SweepPlan, Task
@@ -122,7 +122,7 @@ class Libraries:
     def load(self, group: CaseGroup) -> CompiledModel:
         """Return the library of a group; raises as `build_library`."""
         if group.number not in self.models:
-            built = build_library(group.structure, library_request(group, self.operation))
+            built = build_library(group.structure, library_request(group, self.operation), calls=MANY_CALLS)
             self.models[group.number] = built.load()
         return self.models[group.number]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -197,7 +197,7 @@ def compile_tower(tower: SymmetricTower, integrators: tuple[str, ...] = ()) -> C
     request = ModelRequest(
         simulation_quantities("bodies"), everything, formulation="bodies", integrators=integrators
     )
-    return build_library(tower.system, request).load()
+    return build_library(tower.system, request, calls=MANY_CALLS).load()
 
 
 def drive(plan: Reconfiguration) -> Schedule:
