@@ -107,18 +107,21 @@ def write_scenes(words: argparse.Namespace) -> dict[str, Path]:
     return scenes
 
 
-def write_net() -> str:
-    """Return the scene of a net that hangs at its edge; cables between anchored nodes are left out."""
-    last = SIDE - 1
+def write_net(side: int = SIDE) -> str:
+    """Return the scene of a net that hangs at its edge; cables between anchored nodes are left out.
+
+    side: nodes of a side; the net has 2 (side - 1) (side - 2) cables.
+    """
+    last = side - 1
     nodes = []
-    for k in range(SIDE * SIDE):
-        x, y = divmod(k, SIDE)
+    for k in range(side * side):
+        x, y = divmod(k, side)
         if x in (0, last) and y in (0, last):
             continue  # no cable joins a corner
         rest = ", anchored = true" if {x, y} & {0, last} else ", mass = 0.05"
         nodes.append(f"n{k} = {{ position = [{x}, {y}, 0]{rest} }}")
-    pairs = [(k, k + 1) for k in range(SIDE * SIDE) if (k + 1) % SIDE and 0 < k // SIDE < last]
-    pairs += [(k, k + SIDE) for k in range(SIDE * last) if 0 < k % SIDE < last]
+    pairs = [(k, k + 1) for k in range(side * side) if (k + 1) % side and 0 < k // side < last]
+    pairs += [(k, k + side) for k in range(side * last) if 0 < k % side < last]
     members = [f'c{e} = {{ class = "rope", nodes = ["n{i}", "n{j}"] }}' for e, (i, j) in enumerate(pairs)]
     return NET.format(nodes="\n".join(nodes), members="\n".join(members))
 

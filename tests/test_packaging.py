@@ -115,7 +115,7 @@ def test_the_wheel_holds_modules_templates_examples_and_types_and_nothing_else(d
         *(f"tensegrity_codegen/scene/examples/{name}" for name in EXAMPLES),
         *(
             path.relative_to(ROOT).as_posix()
-            for path in ROOT.glob("tensegrity_codegen/studies/papers/data/*.csv")
+            for path in ROOT.glob("tensegrity_codegen/studies/papers/data/*.*")
         ),
         "tensegrity_codegen/py.typed",
     }

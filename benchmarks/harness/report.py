@@ -142,6 +142,8 @@ registers, or from and to the level 1 cache, with square root and division or wi
 steps.
 """
 
+ANSWERS = "## From a command to its finding\n"  # what follows is written by time_to_answer.py
+
 
 def write_document(report: Report, path: Path) -> None:
     """Write the page."""
@@ -157,4 +159,5 @@ def write_document(report: Report, path: Path) -> None:
     tables = (f"## {title}\n\n{markdown_table(cells)}" for title, cells in sections if len(cells) > 1)
     comparison = f"{CHART}\n## Against the fastest other way\n\n{markdown_table(compared)}"
     parts = ["# Benchmarks\n", finding, *([comparison] if len(compared) > 1 else []), OPENING, *tables]
-    path.write_text("\n".join(parts), encoding="utf-8")
+    _, title, answers = path.read_text(encoding="utf-8").partition(ANSWERS) if path.exists() else ("",) * 3
+    path.write_text("\n".join([*parts, *([title + answers] if title else [])]), encoding="utf-8")

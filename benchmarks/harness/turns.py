@@ -45,9 +45,14 @@ def markdown_head(*names: str) -> str:
     return f"{markdown_row(*names)}\n{'|---' * len(names)}|"
 
 
+def table_text(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return a Markdown table."""
+    return "\n".join((markdown_head(*names), *(markdown_row(*row) for row in rows)))
+
+
 def print_table(names: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
     """Print a Markdown table."""
-    print(markdown_head(*names), *(markdown_row(*row) for row in rows), sep="\n")
+    print(table_text(names, rows))
 
 
 def replace_figures(document: Path, begin: str, end: str, text: str) -> None:

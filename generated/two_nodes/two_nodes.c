@@ -353,36 +353,39 @@ static void motion_interpolate(
   }
 }
 
-/* A piece of the motion: from `old` (q, v, a) to q1, v1, a1 within h; quintic Hermite in between. */
+/* A piece of the motion that begins at `time` and takes `length` [s]: from `start` (coordinates, velocities,
+ * accelerations) to its end; quintic Hermite in between. */
 typedef struct {
-  const double *old, *q1, *v1, *a1;
-  double time, h;
+  const double *start, *end_coordinate, *end_velocity, *end_acceleration;
+  double time, length;
 } event_path;
 
-/* Margins at fraction s of the path; point: 2 n. */
+/* Margins at a fraction of the path; point (2 n): the state there. */
 static void event_margins_at(
-    const event_path *path, double s, const motion_arguments *with, const two_nodes_run *run, double *point,
-        double *margin)
+    const event_path *path, double fraction, const motion_arguments *with, const two_nodes_run *run, double *point,
+    double *margin)
 {
-  motion_interpolate(s, path->h, path->old, path->q1, path->v1, path->a1, point);
-  event_margins(path->time + s * path->h, point, point + N, with, run, margin);
+  motion_interpolate(
+      fraction, path->length, path->start, path->end_coordinate, path->end_velocity, path->end_acceleration, point);
+  event_margins(path->time + fraction * path->length, point, point + N, with, run, margin);
 }
 
-/* What the search for an event works with, margin by margin: side (1 or -1: where each was), noise; first, middle and
- * last: values at the start, middle and end of the path; rise [1/s] and start: slopes at the start, a second and over
- * the whole path; turn and slope: slopes over the path in the middle and at the end; spare and other: memory. */
+/* What the search for an event works with, margin by margin. side: 1 or -1, the sign that each had; noise: how far
+ * beyond zero it must be to count; margins at the start, middle and end of a path, and their slopes over the whole path
+ * there; start_rate: slope at the start [1/s]; trial_margin, nearby_margin, point: values where the search looks. */
 typedef struct {
-  double side[N_MARGINS], noise[N_MARGINS], first[N_MARGINS], rise[N_MARGINS], last[N_MARGINS], slope[N_MARGINS];
-  double middle[N_MARGINS], turn[N_MARGINS], spare[N_MARGINS], other[N_MARGINS], start[N_MARGINS];
+  double side[N_MARGINS], noise[N_MARGINS], start_margin[N_MARGINS], start_rate[N_MARGINS], end_margin[N_MARGINS];
+  double end_slope[N_MARGINS], middle_margin[N_MARGINS], middle_slope[N_MARGINS], trial_margin[N_MARGINS];
+  double nearby_margin[N_MARGINS], start_slope[N_MARGINS];
   double point[2 * N];
-  int may_turn; /* whether a turn that is too near to tell may cut the step */
-  int which;    /* the margin whose event was found */
+  int may_cut_at_turn; /* whether a turn that is too near to tell may cut the step */
+  int found_margin;    /* the margin whose event was found */
 } event_memory;
 
-/* How far beyond zero each margin must be to count: lengths to their rounding, the condition to that of its values,
- * which near zero may be differences of larger ones: where noise shows, to that of what it changes by within
- * `usual_step`. */
-static void event_noise(const double *coordinate, double noise_factor, double usual_step, event_memory *m)
+/* Set how far beyond zero each margin must be to count: lengths by the rounding of coordinates; the condition, the last
+ * margin, by that of its value. This may be a difference of larger numbers: where noise was met (noise_factor above 1),
+ * also by that of its change within `usual_step`. */
+static void event_set_noise(const double *coordinate, double noise_factor, double usual_step, event_memory *m)
 {
   const int last = N_MARGINS - 1;
   double size = EVENT_SIZE;
@@ -394,7 +397,8 @@ static void event_noise(const double *coordinate, double noise_factor, double us
     m->noise[k] = 4e-15 * noise_factor * size;
   }
   m->noise[last] =
-      4e-15 * noise_factor * fmax(fabs(m->first[last]), noise_factor > 1.0 ? usual_step * fabs(m->rise[last]) : 0.0);
+      4e-15 * noise_factor
+      * fmax(fabs(m->start_margin[last]), noise_factor > 1.0 ? usual_step * fabs(m->start_rate[last]) : 0.0);
 }
 
 /* Distance of margin k from leaving its side, noise included: positive while it is there. */
@@ -403,175 +407,194 @@ static double event_side_distance(const event_memory *m, const double *margin, i
   return m->side[k] * margin[k] + m->noise[k];
 }
 
-/* Slopes of all margins at s over the whole path; here: margins at s, NULL if not known. */
+/* Slopes of all margins over the whole path at a fraction of it, by a difference; margin: their values there, NULL if
+ * not known. */
 static void event_slopes(
-    const event_path *path, double s, const double *here, const motion_arguments *with, const two_nodes_run *run,
+    const event_path *path, double fraction, const double *margin, const motion_arguments *with,
+        const two_nodes_run *run,
     event_memory *m, double *slope)
 {
-  const double other = s < 0.5 ? s + 1e-4 : s - 1e-4;
+  const double nearby = fraction < 0.5 ? fraction + 1e-4 : fraction - 1e-4;
   int k;
-  if (here == NULL) {
-    event_margins_at(path, s, with, run, m->point, m->other);
-    here = m->other;
+  if (margin == NULL) {
+    event_margins_at(path, fraction, with, run, m->point, m->nearby_margin);
+    margin = m->nearby_margin;
   }
-  event_margins_at(path, other, with, run, m->point, slope);
+  event_margins_at(path, nearby, with, run, m->point, slope);
   for (k = 0; k < N_MARGINS; ++k) {
-    slope[k] = (slope[k] - here[k]) / (other - s);
+    slope[k] = (slope[k] - margin[k]) / (nearby - fraction);
   }
 }
 
-/* Where in [low, high] margin k leaves its side, that it has left at `high`; f: what is left at both (Illinois). */
-static double event_root(
-    const event_path *path, int k, double low, double f_low, double high, double f_high, const motion_arguments *with,
-    const two_nodes_run *run, event_memory *m)
+/* Fraction in [low, high] at which margin k leaves its side, which it has left at `high`, by the Illinois method: the
+ * secant, with the distance of an end that stays twice halved. low_distance, high_distance: distances from leaving. */
+static double event_find_crossing(
+    const event_path *path, int k, double low, double low_distance, double high, double high_distance,
+    const motion_arguments *with, const two_nodes_run *run, event_memory *m)
 {
-  int i, kept = 0;
-  if (f_low < 0.0) {
+  int i, last_moved = 0;
+  if (low_distance < 0.0) {
     return low;
   }
   for (i = 0; i < 200 && high - low > 1e-10 * high && high - low > 1e-300; ++i) {
-    double s = i % 8 == 7 ? 0.5 * (low + high) : (low * f_high - high * f_low) / (f_high - f_low), f;
-    if (!(s > low && s < high)) {
-      s = 0.5 * (low + high);
+    /* The secant, and each eighth time the middle. */
+    double fraction = i % 8 == 7
+        ? 0.5 * (low + high)
+        : (low * high_distance - high * low_distance) / (high_distance - low_distance), distance;
+    if (!(fraction > low && fraction < high)) {
+      fraction = 0.5 * (low + high);
     }
-    event_margins_at(path, s, with, run, m->point, m->spare);
-    f = event_side_distance(m, m->spare, k);
-    if (f < 0.0) {
-      high = s;
-      f_high = f;
-      f_low *= kept == 1 ? 0.5 : 1.0;
-      kept = 1;
+    event_margins_at(path, fraction, with, run, m->point, m->trial_margin);
+    distance = event_side_distance(m, m->trial_margin, k);
+    if (distance < 0.0) {
+      high = fraction;
+      high_distance = distance;
+      low_distance *= last_moved == 1 ? 0.5 : 1.0;
+      last_moved = 1;
     } else {
-      low = s;
-      f_low = f;
-      f_high *= kept == -1 ? 0.5 : 1.0;
-      kept = -1;
+      low = fraction;
+      low_distance = distance;
+      high_distance *= last_moved == -1 ? 0.5 : 1.0;
+      last_moved = -1;
     }
   }
   return high;
 }
 
-/* Margin k falls at `low` and rises at `high`, on its side at both. Where it leaves it in between; negative: not so,
- * but the turn at minus this comes too near to tell; 2: neither. */
-static double event_dip(
-    const event_path *path, int k, double low, double f_low, double d_low, double high, double f_high, double d_high,
-    const motion_arguments *with, const two_nodes_run *run, event_memory *m)
+/* Margin k falls at `low` and rises at `high`, on its side at both. Returns the fraction at which it leaves its side in
+ * between; minus the fraction of its turn where that comes too near to tell; 2 where neither is the case. */
+static double event_find_dip(
+    const event_path *path, int k, double low, double low_distance, double low_slope, double high,
+    double high_distance, double high_slope, const motion_arguments *with, const two_nodes_run *run, event_memory *m)
 {
-  const double start = low, f_start = f_low;
+  const double start = low, start_distance = low_distance;
   int i;
   for (i = 0; i < 40; ++i) {
-    const double s = 0.5 * (low + high);
-    /* Where the tangents of both ends meet: a bound from below, as long as it curves one way. */
-    const double meet = (f_high - f_low - d_high * (high - low)) / (d_low - d_high);
-    double f, d;
-    if (f_low + d_low * meet > (i == 0 ? 0.5 * fmin(f_low, f_high) : 0.0)) {
+    const double fraction = 0.5 * (low + high);
+    /* Where the tangents of both ends meet: a bound of the least distance, as long as the margin curves one way. */
+    const double tangents_meet = (high_distance - low_distance - high_slope * (high - low)) / (low_slope - high_slope);
+    double distance, slope;
+    if (low_distance + low_slope * tangents_meet > (i == 0 ? 0.5 * fmin(low_distance, high_distance) : 0.0)) {
       return 2.0;
     }
+    /* The turn is known closely, and touches zero. */
     if (high - low < 1e-5) {
-      return m->may_turn && low > 1e-3 && high < 0.999 ? -s : 2.0;
+      return m->may_cut_at_turn && low > 1e-3 && high < 0.999 ? -fraction : 2.0;
     }
-    event_margins_at(path, s, with, run, m->point, m->spare);
-    f = event_side_distance(m, m->spare, k);
-    if (f < 0.0) {
-      return event_root(path, k, start, f_start, s, f, with, run, m);
+    event_margins_at(path, fraction, with, run, m->point, m->trial_margin);
+    distance = event_side_distance(m, m->trial_margin, k);
+    if (distance < 0.0) {
+      return event_find_crossing(path, k, start, start_distance, fraction, distance, with, run, m);
     }
-    event_slopes(path, s, NULL, with, run, m, m->spare);
-    d = m->side[k] * m->spare[k];
-    if (d < 0.0) {
-      low = s;
-      f_low = f;
-      d_low = d;
+    /* Go on with the half in which the margin turns. */
+    event_slopes(path, fraction, NULL, with, run, m, m->trial_margin);
+    slope = m->side[k] * m->trial_margin[k];
+    if (slope < 0.0) {
+      low = fraction;
+      low_distance = distance;
+      low_slope = slope;
     } else {
-      high = s;
-      f_high = f;
-      d_high = d;
+      high = fraction;
+      high_distance = distance;
+      high_slope = slope;
     }
   }
   return 2.0;
 }
 
-/* The first event in the part [low, high] of a path with margins and slopes at both ends: where, as event_dip says. */
-static double event_in_part(
-    const event_path *path, double low, const double *first, const double *rise, double high, const double *last,
-    const double *slope, const motion_arguments *with, const two_nodes_run *run, event_memory *m)
+/* The first event in the part [low, high] of a path with margins and slopes at both ends (low_slope NULL: not known);
+ * returns its fraction as event_find_dip does, and sets m->found_margin. */
+static double event_find_in_part(
+    const event_path *path, double low, const double *low_margin, const double *low_slope, double high,
+    const double *high_margin, const double *high_slope, const motion_arguments *with, const two_nodes_run *run,
+    event_memory *m)
 {
   double found = 2.0;
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
-    const double f_low = event_side_distance(m, first, k), f_high = event_side_distance(m, last, k);
-    double s = 2.0;
-    if (f_high < 0.0) {
-      s = event_root(path, k, low, f_low, high, f_high, with, run, m);
-    } else if (rise != NULL && m->side[k] * rise[k] < 0.0 && m->side[k] * slope[k] > 0.0) {
-      s = event_dip(path, k, low, f_low, m->side[k] * rise[k], high, f_high, m->side[k] * slope[k], with, run, m);
+    const double low_distance = event_side_distance(m, low_margin, k),
+                 high_distance = event_side_distance(m, high_margin, k);
+    double place = 2.0;
+    if (high_distance < 0.0) {
+      place = event_find_crossing(path, k, low, low_distance, high, high_distance, with, run, m);
+    } else if (low_slope != NULL && m->side[k] * low_slope[k] < 0.0 && m->side[k] * high_slope[k] > 0.0) {
+      place = event_find_dip(
+          path, k, low, low_distance, m->side[k] * low_slope[k], high, high_distance, m->side[k] * high_slope[k], with,
+          run, m);
     }
-    if (fabs(s) < fabs(found)) {
-      found = s;
-      m->which = k;
+    if (fabs(place) < fabs(found)) {
+      found = place;
+      m->found_margin = k;
     }
   }
   return found;
 }
 
-/* Whether every margin is so far from zero at both ends that its slopes do not lead it there within the path; for
- * cables and bars, which turn slowly: of a condition nothing is known. */
-static int event_is_far(const event_memory *m)
+/* Whether every margin is so far from zero at both ends that its slopes do not bring it there within the path. Holds
+ * for cables and bars, whose margins curve little; of a condition nothing is known. */
+static int event_is_out_of_reach(const event_memory *m)
 {
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
     const double side = m->side[k];
-    if (side * m->first[k] < -side * m->start[k] || side * m->first[k] < 0.0 ||
-        side * m->last[k] < side * m->slope[k] || side * m->last[k] < 0.0) {
+    if (side * m->start_margin[k] < -side * m->start_slope[k] || side * m->start_margin[k] < 0.0 ||
+        side * m->end_margin[k] < side * m->end_slope[k] || side * m->end_margin[k] < 0.0) {
       return 0;
     }
   }
   return 1;
 }
 
-/* The first event on a path of which m->first, m->rise are known; fills m->last, and with `closely` m->slope. */
-static double event_on_path(
+/* The fraction of the first event on a path, as event_find_dip returns it, with margins and rates at its start known.
+ * Fills m->end_margin. With `closely` also slopes at both ends are taken, which show margins that leave their sides and
+ * come back; with two parts also those in the middle, unless all margins are far from zero. */
+static double event_find_first(
     const event_path *path, int parts, int closely, const motion_arguments *with, const two_nodes_run *run,
         event_memory *m)
 {
   double found;
   int k;
-  event_margins_at(path, 1.0, with, run, m->point, m->last);
+  event_margins_at(path, 1.0, with, run, m->point, m->end_margin);
   if (!closely) {
-    return event_in_part(path, 0.0, m->first, NULL, 1.0, m->last, NULL, with, run, m);
+    return event_find_in_part(path, 0.0, m->start_margin, NULL, 1.0, m->end_margin, NULL, with, run, m);
   }
   for (k = 0; k < N_MARGINS; ++k) {
-    m->start[k] = path->h * m->rise[k];
+    m->start_slope[k] = path->length * m->start_rate[k];
   }
-  event_slopes(path, 1.0, m->last, with, run, m, m->slope);
-  if (parts == 1 || (run->condition == NULL && event_is_far(m))) {
-    return event_in_part(path, 0.0, m->first, m->start, 1.0, m->last, m->slope, with, run, m);
+  event_slopes(path, 1.0, m->end_margin, with, run, m, m->end_slope);
+  if (parts == 1 || (run->condition == NULL && event_is_out_of_reach(m))) {
+    return event_find_in_part(
+        path, 0.0, m->start_margin, m->start_slope, 1.0, m->end_margin, m->end_slope, with, run, m);
   }
-  event_margins_at(path, 0.5, with, run, m->point, m->middle);
-  event_slopes(path, 0.5, m->middle, with, run, m, m->turn);
-  found = event_in_part(path, 0.0, m->first, m->start, 0.5, m->middle, m->turn, with, run, m);
+  event_margins_at(path, 0.5, with, run, m->point, m->middle_margin);
+  event_slopes(path, 0.5, m->middle_margin, with, run, m, m->middle_slope);
+  found = event_find_in_part(
+      path, 0.0, m->start_margin, m->start_slope, 0.5, m->middle_margin, m->middle_slope, with, run, m);
   if (fabs(found) <= 1.0) {
     return found;
   }
-  return event_in_part(path, 0.5, m->middle, m->turn, 1.0, m->last, m->slope, with, run, m);
+  return event_find_in_part(
+      path, 0.5, m->middle_margin, m->middle_slope, 1.0, m->end_margin, m->end_slope, with, run, m);
 }
 
-static const double LONGEST_PASSING = 1e-8; /* of a step: beyond, an extrapolation costs accuracy */
+static const double MAX_NOISE_TIME = 1e-8; /* of a step: longer extrapolations cost accuracy */
 
-/* Time in which margin k passes its noise, at most LONGEST_PASSING. */
-static double event_passing(double usual_step, const event_memory *m, int k)
+/* Time in which margin k passes its noise, at most MAX_NOISE_TIME of a step. */
+static double event_noise_time(double usual_step, const event_memory *m, int k)
 {
-  const double passing = 8.0 * m->noise[k] / fabs(m->rise[k]);
-  return passing < LONGEST_PASSING * usual_step ? passing : LONGEST_PASSING * usual_step;
+  const double time = 8.0 * m->noise[k] / fabs(m->start_rate[k]);
+  return time < MAX_NOISE_TIME * usual_step ? time : MAX_NOISE_TIME * usual_step;
 }
 
-/* What counts as at the event that was found: `base`, or the time in which its margin passes its noise. */
-static double event_near(double base, double usual_step, const event_memory *m)
+/* Distance in time within which the motion counts as at the event that was found: `base`, and the time in which its
+ * margin passes its noise. */
+static double event_tolerance(double base, double usual_step, const event_memory *m)
 {
-  return base + event_passing(usual_step, m, m->which);
+  return base + event_noise_time(usual_step, m, m->found_margin);
 }
 
-/* Note an event of margin k. */
-static void event_note(double time, int k, int direction, two_nodes_run *run)
+/* Write an event of margin k to the list of the caller, and stop the run where it asks for that. */
+static void event_record(double time, int k, int direction, two_nodes_run *run)
 {
   int kind, which;
   event_name(k, &kind, &which);
@@ -588,14 +611,14 @@ static void event_note(double time, int k, int direction, two_nodes_run *run)
   }
 }
 
-/* Turn the margins that have left their sides, noting each; returns how many. */
-static int event_turn(double time, event_memory *m, const double *margin, two_nodes_run *run)
+/* Change the sides of the margins that have left theirs, and record each as an event; returns how many. */
+static int event_change_sides(double time, event_memory *m, const double *margin, two_nodes_run *run)
 {
   int k, count = 0;
   for (k = 0; k < N_MARGINS; ++k) {
     if (event_side_distance(m, margin, k) < 0.0) {
       m->side[k] = -m->side[k];
-      event_note(time, k, m->side[k] > 0.0 ? 1 : -1, run);
+      event_record(time, k, m->side[k] > 0.0 ? 1 : -1, run);
       ++count;
     }
   }
@@ -609,16 +632,16 @@ static int event_is_reached(double usual_step, const event_memory *m)
   int k, count = 0;
   (void)usual_step;
   for (k = 0; k < N_MARGINS; ++k) {
-    const double left = event_side_distance(m, m->last, k);
-    if (left < -4.0 * m->noise[k]) {
+    const double distance = event_side_distance(m, m->end_margin, k);
+    if (distance < -4.0 * m->noise[k]) {
       return 0;
     }
-    count += left < 0.0;
+    count += distance < 0.0;
   }
   return count > 0;
 }
 
-/* Begin to watch at a time, with steps of about this length, where the margins are known. */
+/* Begin to watch for events at `time`, with steps of about this length; the margins there are known. */
 static void event_begin(double time, double step, two_nodes_run *run, event_memory *m)
 {
   int k;
@@ -633,12 +656,12 @@ static void event_begin(double time, double step, two_nodes_run *run, event_memo
   run->last_event = time - step;
   run->pace = step;
   for (k = 0; k < N_MARGINS; ++k) {
-    m->side[k] = m->first[k] > 0.0 ? 1.0 : -1.0;
+    m->side[k] = m->start_margin[k] > 0.0 ? 1.0 : -1.0;
   }
 }
 
-/* Zero where events hold the motion up without end. */
-static int event_goes_on(double time, double step, two_nodes_run *run)
+/* Zero where events keep the motion from getting ahead: too many attempts within a thousandth of a step. */
+static int event_may_continue(double time, double step, two_nodes_run *run)
 {
   if (fabs(time - run->mark) > 1e-3 * step) {
     run->mark = time;
@@ -647,65 +670,68 @@ static int event_goes_on(double time, double step, two_nodes_run *run)
   return ++run->n_stalled <= 10 * MOST_IN_SUCCESSION;
 }
 
-/* Length of the next step, of `planned`: up to a cut, and short after events in short succession, where the next one
- * is expected near and a long step would miss it. is_short, is_cut: whether it is either. */
-static double event_step(double planned, const two_nodes_run *run, int *is_short, int *is_cut)
+/* Length of the next step, at most `planned`: short after events in short succession, where a long step would miss the
+ * next one (is_short), and no longer than up to just before an expected event (is_cut). */
+static double event_limit_step(double planned, const two_nodes_run *run, int *is_short, int *is_cut)
 {
-  double h = planned;
-  *is_short = run->leash > 0.0 && run->leash < h;
-  h = *is_short ? run->leash : h;
-  *is_cut = run->cut > 0.0 && run->cut < h;
-  return *is_cut ? run->cut : h;
+  double step = planned;
+  *is_short = run->leash > 0.0 && run->leash < step;
+  step = *is_short ? run->leash : step;
+  *is_cut = run->cut > 0.0 && run->cut < step;
+  return *is_cut ? run->cut : step;
 }
 
 
-/* Whether no margin comes to zero within ten times h, as the motion stands: an event was foretold in error. Events in
- * short succession foretell each other well enough. */
-static int event_is_off(const event_memory *m, double h, const two_nodes_run *run)
+/* Whether no margin reaches zero within ten times `length` at its present rate, so that the expected event was an
+ * error. Not asked of events in short succession, which are expected correctly. */
+static int event_is_mispredicted(const event_memory *m, double length, const two_nodes_run *run)
 {
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
-    if (m->side[k] * m->first[k] <= -10.0 * h * m->side[k] * m->rise[k]) {
+    if (m->side[k] * m->start_margin[k] <= -10.0 * length * m->side[k] * m->start_rate[k]) {
       return 0;
     }
   }
   return run->leash == 0.0;
 }
 
-/* Whether the event that the motion is at, `root` ahead on an extrapolation of length h, is near enough to be passed.
- * Else the next step is cut at just before it; where the extrapolation meets none, noise was taken for one, or
- * `planned` steps are too long to tell where events are; of overdamped cables shorter ones tell no better. */
-static int event_is_near(
-    double root, double near, double h, double *planned, two_nodes_run *run, const event_memory *m)
+/* Whether the event that lies `until_event` ahead, on an extrapolation over `length`, is within `tolerance`, so that
+ * the extrapolation can pass it. If not, the next step is cut just before it. Where the extrapolation meets no event,
+ * noise was taken for one, or `planned` steps are too long to tell where events are (not so of overdamped cables). */
+static int event_can_be_passed(
+    double until_event, double tolerance, double length, double *planned, two_nodes_run *run, const event_memory *m)
 {
   run->ahead = 0.0;
   run->cut = 0.0;
-  if (root > h) {
+  /* No event on the extrapolation: count more as noise from now on, and take shorter steps. */
+  if (until_event > length) {
     run->loudness *= 8.0;
-    *planned *= event_is_off(m, h, run) ? 0.2 : 1.0;
+    *planned *= event_is_mispredicted(m, length, run) ? 0.2 : 1.0;
     return 0;
   }
-  if (root > near) {
-    run->cut = root - fmax(root * fmin(0.05, (root / run->pace) * (root / run->pace)), 0.5 * near);
-    run->remaining = root - run->cut;
+  /* The event is farther ahead: the next step ends just before it. */
+  if (until_event > tolerance) {
+    run->cut = until_event
+        - fmax(until_event * fmin(0.05, (until_event / run->pace) * (until_event / run->pace)), 0.5 * tolerance);
+    run->remaining = until_event - run->cut;
     return 0;
   }
   return 1;
 }
 
-/* Try again up to just before the event found at this part of a step of length h, the nearer the less the step went
- * beyond; or up to the turn, where `found` is negative. */
-static void event_cut(double found, double h, double near, two_nodes_run *run)
+/* Repeat a step up to just before the event that was found at the fraction `found` of it; the less the step went beyond
+ * the event, the closer. Where `found` is negative: up to the turn of a margin at minus this fraction. */
+static void event_shorten_step(double found, double step, double tolerance, two_nodes_run *run)
 {
-  const double root = fabs(found) * h;
-  run->cut = found < 0.0 ? root : root * (0.999 - 0.05 * (1.0 - found) * (1.0 - found));
-  run->remaining = root - run->cut;
-  run->ahead = found >= 0.0 && root <= near ? fmax(root, 1e-300) : 0.0;
+  const double until_event = fabs(found) * step;
+  run->cut = found < 0.0 ? until_event : until_event * (0.999 - 0.05 * (1.0 - found) * (1.0 - found));
+  run->remaining = until_event - run->cut;
+  run->ahead = found >= 0.0 && until_event <= tolerance ? fmax(until_event, 1e-300) : 0.0;
   ++run->n_rejected;
 }
 
-/* After a step that was taken: what is left up to the event that it was cut at. */
-static void event_taken(double step, int is_cut, int is_landing, two_nodes_run *run)
+/* After an accepted step: relax the limit of short steps, and note how far ahead the event is that it was cut at. */
+static void event_after_step(double step, int is_cut, int is_landing, two_nodes_run *run)
 {
   if (!is_cut) {
     run->leash = 4.0 * run->leash < step ? 4.0 * run->leash : 0.0;
@@ -715,8 +741,9 @@ static void event_taken(double step, int is_cut, int is_landing, two_nodes_run *
   run->ahead = is_cut && !is_landing ? run->remaining : 0.0;
 }
 
-/* Count an event that follows the last one within a step, or a thousandth of it; after a few, steps are short. */
-static void event_follows(double time, double step, two_nodes_run *run)
+/* Count events that follow the last one within a thousandth of a step, and those within a step; after more than five of
+ * the latter steps are limited to twice the time between them. */
+static void event_count_succession(double time, double step, two_nodes_run *run)
 {
   const double gap = time - run->last_event;
   run->succession = gap < 1e-3 * step ? run->succession + 1 : 0;
@@ -731,12 +758,12 @@ static int event_evaluate_margins(
     const event_path *path, const motion_arguments *with, const two_nodes_run *run, event_memory *m)
 {
   int k;
-  event_margins(path->time, path->old, path->old + N, with, run, m->first);
-  event_slopes(path, 0.0, m->first, with, run, m, m->rise);
+  event_margins(path->time, path->start, path->start + N, with, run, m->start_margin);
+  event_slopes(path, 0.0, m->start_margin, with, run, m, m->start_rate);
   for (k = 0; k < N_MARGINS; ++k) {
-    m->rise[k] /= path->h;
+    m->start_rate[k] /= path->length;
   }
-  return all_finite(m->first, N_MARGINS) && all_finite(m->rise, N_MARGINS);
+  return all_finite(m->start_margin, N_MARGINS) && all_finite(m->start_rate, N_MARGINS);
 }
 
 /* Samples that a caller asks for: ascending times, one state of 2 * N a time, and how many are filled. */
@@ -808,12 +835,12 @@ static int motion_evaluate_margins(
     old[2 * N + k] = rate[N + k];
   }
   motion_extrapolate(h, state, lost, rate, change, trial);
-  path.old = old;
-  path.q1 = trial;
-  path.v1 = trial + N;
-  path.a1 = rate + N;
+  path.start = old;
+  path.end_coordinate = trial;
+  path.end_velocity = trial + N;
+  path.end_acceleration = rate + N;
   path.time = time;
-  path.h = h;
+  path.length = h;
   return event_evaluate_margins(&path, with, run, m);
 }
 
@@ -998,7 +1025,8 @@ static void rk4_run_keep_old(const double *state, const double *rates, double *o
   }
 }
 
-/* What is watched where the motion stands: margins and slopes to events.first and .rise. Zero if not finite. */
+/* What is watched where the motion stands: margins and rates to events.start_margin and .start_rate. Zero if they are
+ * not finite. */
 static int rk4_run_evaluate_margins(double h, const rk4_run_motion *m, double *change)
 {
   rk4_run_work *w = m->work;
@@ -1014,8 +1042,8 @@ static int rk4_run_pass(double root, double near, double left, const rk4_run_mot
   rk4_run_work *w = m->work;
   int k;
   motion_extrapolate(h, m->state, w->lost, w->rates, w->change, w->trial);
-  event_margins(t1, w->trial, w->trial + N, m->with, m->run, w->events.last);
-  if (!event_turn(*m->time + root, &w->events, w->events.last, m->run)) {
+  event_margins(t1, w->trial, w->trial + N, m->with, m->run, w->events.end_margin);
+  if (!event_change_sides(*m->time + root, &w->events, w->events.end_margin, m->run)) {
     return 0;
   }
   rk4_run_keep_old(m->state, w->rates, w->old);
@@ -1025,7 +1053,7 @@ static int rk4_run_pass(double root, double near, double left, const rk4_run_mot
   }
   motion_rate(m->state, m->with, w->rates);
   motion_sample(*m->time, h, t1, w->old, m->state, w->rates + N, m->with, w->events.point, m->to);
-  event_follows(*m->time + root, *m->step, m->run);
+  event_count_succession(*m->time + root, *m->step, m->run);
   *m->time = t1;
   ++m->run->n_accepted;
   ++m->run->n_evaluations;
@@ -1054,16 +1082,16 @@ static int rk4_run_meet_crossing(double left, const rk4_run_motion *m, int *is_o
   event_path path;
   double root, near;
   double length = *m->step, *planned = &length;
-  path.old = w->old;
-  path.q1 = w->trial;
-  path.v1 = w->trial + N;
-  path.a1 = w->rates + N;
+  path.start = w->old;
+  path.end_coordinate = w->trial;
+  path.end_velocity = w->trial + N;
+  path.end_acceleration = w->rates + N;
   path.time = *m->time;
-  path.h = fmin(fmax(4.0 * run->ahead, 4.0 * base), left);
-  motion_extrapolate(path.h, m->state, w->lost, w->rates, w->change, w->trial);
-  root = event_on_path(&path, 1, 0, m->with, run, &w->events) * path.h;
-  near = event_near(base, run->pace, &w->events);
-  if (!event_is_near(root, near, path.h, planned, run, &w->events)) {
+  path.length = fmin(fmax(4.0 * run->ahead, 4.0 * base), left);
+  motion_extrapolate(path.length, m->state, w->lost, w->rates, w->change, w->trial);
+  root = event_find_first(&path, 1, 0, m->with, run, &w->events) * path.length;
+  near = event_tolerance(base, run->pace, &w->events);
+  if (!event_can_be_passed(root, near, path.length, planned, run, &w->events)) {
     return TWO_NODES_OK;
   }
   if (!rk4_run_pass(root, near, left, m)) {
@@ -1087,23 +1115,23 @@ static int rk4_run_is_cut_short(
   event_path path;
   double found;
   const int parts = m->run->condition != NULL ? 2 : 1;
-  path.old = w->old;
-  path.q1 = w->trial;
-  path.v1 = w->trial + N;
-  path.a1 = w->rates + 2 * N * RK4_RUN_STAGES + N;
+  path.start = w->old;
+  path.end_coordinate = w->trial;
+  path.end_velocity = w->trial + N;
+  path.end_acceleration = w->rates + 2 * N * RK4_RUN_STAGES + N;
   path.time = *m->time;
-  path.h = h;
-  events->may_turn = !is_cut;
-  found = event_on_path(&path, parts, *error <= 1.0, m->with, m->run, events);
-  if (!all_finite(events->last, N_MARGINS)) {
+  path.length = h;
+  events->may_cut_at_turn = !is_cut;
+  found = event_find_first(&path, parts, *error <= 1.0, m->with, m->run, events);
+  if (!all_finite(events->end_margin, N_MARGINS)) {
     *error = INFINITY;
   } else if (found >= 0.0 && *error <= 1.0 && event_is_reached(m->run->pace, events)) {
     *is_landing = 1;
   } else if (found <= 1.0) {
     /* A step that was cut at the condition and meets it again meets noise, but where events are many. */
-    const int is_noise = is_cut && events->which == N_MARGINS - 1 && m->run->leash == 0.0;
+    const int is_noise = is_cut && events->found_margin == N_MARGINS - 1 && m->run->leash == 0.0;
     m->run->loudness *= is_noise ? 8.0 : 1.0;
-    event_cut(found, h, event_near(rk4_run_event_base(m), m->run->pace, events), m->run);
+    event_shorten_step(found, h, event_tolerance(rk4_run_event_base(m), m->run->pace, events), m->run);
     return 1;
   }
   return 0;
@@ -1117,16 +1145,16 @@ static int rk4_run_watch_on(
   int k;
   if (m->run->watch && is_whole) {
     for (k = 0; k < N_MARGINS; ++k) {
-      events->first[k] = events->last[k];
-      events->rise[k] = events->slope[k] / h;
+      events->start_margin[k] = events->end_margin[k];
+      events->start_rate[k] = events->end_slope[k] / h;
     }
     m->run->pace = h;
   } else if (m->run->watch && !rk4_run_evaluate_margins(m->run->pace, m, m->work->spare)) {
     return TWO_NODES_NON_FINITE_RESULT; /* the slopes over a short step would be rounding */
   }
-  event_taken(*m->step, is_cut, is_landing, m->run);
-  if (is_landing && event_turn(*m->time, events, events->first, m->run)) {
-    event_follows(*m->time, *m->step, m->run);
+  event_after_step(*m->step, is_cut, is_landing, m->run);
+  if (is_landing && event_change_sides(*m->time, events, events->start_margin, m->run)) {
+    event_count_succession(*m->time, *m->step, m->run);
     return rk4_run_after_crossing(m->run, is_over);
   }
   return TWO_NODES_OK;
@@ -1213,16 +1241,16 @@ static int rk4_run_trial(double time_end, const rk4_run_motion *m, int *is_over)
   int is_last, is_cut = 0, is_short = 0;
   int is_landing = 0;
   rk4_run_keep_old(m->state, m->work->rates, m->work->old);
-  if (!event_goes_on(*m->time, *m->step, m->run)) {
+  if (!event_may_continue(*m->time, *m->step, m->run)) {
     return TWO_NODES_TOO_MANY_EVENTS;
   }
   if (m->run->watch) {
-    event_noise(m->state, m->run->loudness, m->run->pace, &m->work->events);
+    event_set_noise(m->state, m->run->loudness, m->run->pace, &m->work->events);
   }
   if (m->run->ahead > 0.0) {
     return rk4_run_meet_crossing(left, m, is_over);
   }
-  h = event_step(h, m->run, &is_short, &is_cut);
+  h = event_limit_step(h, m->run, &is_short, &is_cut);
   is_last = h >= left || !(is_cut || is_short);
   h = is_last ? left : h;
   t1 = is_last ? time_end : *m->time + h;
@@ -1243,8 +1271,8 @@ static int rk4_run_advance(double time_end, long long most_trials, const rk4_run
   int status = TWO_NODES_OK, is_over = 0;
   long long i;
   m->run->is_stopped = 0;
-  m->work->events.may_turn = 0;
-  m->work->events.which = 0;
+  m->work->events.may_cut_at_turn = 0;
+  m->work->events.found_margin = 0;
   if (!m->run->is_started) {
     status = rk4_run_begin(time_end, m);
   }

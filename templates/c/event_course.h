@@ -4,26 +4,27 @@
 #if WITH_EVENTS
 
 #if WITH_SMOOTH_EVENTS
-static const double LONGEST_PASSING = 1e-8; /* of a step: beyond, an extrapolation costs accuracy */
+static const double MAX_NOISE_TIME = 1e-8; /* of a step: longer extrapolations cost accuracy */
 #else
-static const double LONGEST_PASSING = 1e-6;
+static const double MAX_NOISE_TIME = 1e-6;
 #endif
 
-/* Time in which margin k passes its noise, at most LONGEST_PASSING. */
-static inline double event_passing(double usual_step, const event_memory *m, int k)
+/* Time in which margin k passes its noise, at most MAX_NOISE_TIME of a step. */
+static inline double event_noise_time(double usual_step, const event_memory *m, int k)
 {
-  const double passing = 8.0 * m->noise[k] / fabs(m->rise[k]);
-  return passing < LONGEST_PASSING * usual_step ? passing : LONGEST_PASSING * usual_step;
+  const double time = 8.0 * m->noise[k] / fabs(m->start_rate[k]);
+  return time < MAX_NOISE_TIME * usual_step ? time : MAX_NOISE_TIME * usual_step;
 }
 
-/* What counts as at the event that was found: `base`, or the time in which its margin passes its noise. */
-static inline double event_near(double base, double usual_step, const event_memory *m)
+/* Distance in time within which the motion counts as at the event that was found: `base`, and the time in which its
+ * margin passes its noise. */
+static inline double event_tolerance(double base, double usual_step, const event_memory *m)
 {
-  return base + event_passing(usual_step, m, m->which);
+  return base + event_noise_time(usual_step, m, m->found_margin);
 }
 
-/* Note an event of margin k. */
-static inline void event_note(double time, int k, int direction, scene_run *run)
+/* Write an event of margin k to the list of the caller, and stop the run where it asks for that. */
+static inline void event_record(double time, int k, int direction, scene_run *run)
 {
   int kind, which;
   event_name(k, &kind, &which);
@@ -40,14 +41,14 @@ static inline void event_note(double time, int k, int direction, scene_run *run)
   }
 }
 
-/* Turn the margins that have left their sides, noting each; returns how many. */
-static inline int event_turn(double time, event_memory *m, const double *margin, scene_run *run)
+/* Change the sides of the margins that have left theirs, and record each as an event; returns how many. */
+static inline int event_change_sides(double time, event_memory *m, const double *margin, scene_run *run)
 {
   int k, count = 0;
   for (k = 0; k < N_MARGINS; ++k) {
     if (event_side_distance(m, margin, k) < 0.0) {
       m->side[k] = -m->side[k];
-      event_note(time, k, m->side[k] > 0.0 ? 1 : -1, run);
+      event_record(time, k, m->side[k] > 0.0 ? 1 : -1, run);
       ++count;
     }
   }
@@ -63,21 +64,21 @@ static inline int event_is_reached(double usual_step, const event_memory *m)
   (void)usual_step;
 #endif
   for (k = 0; k < N_MARGINS; ++k) {
-    const double left = event_side_distance(m, m->last, k);
-    if (left < -4.0 * m->noise[k]) {
+    const double distance = event_side_distance(m, m->end_margin, k);
+    if (distance < -4.0 * m->noise[k]) {
       return 0;
     }
 #if !WITH_SMOOTH_EVENTS
-    if (left < 0.0 && k != N_MARGINS - 1 && event_passing(usual_step, m, k) < LONGEST_PASSING * usual_step) {
+    if (distance < 0.0 && k != N_MARGINS - 1 && event_noise_time(usual_step, m, k) < MAX_NOISE_TIME * usual_step) {
       return 0;
     }
 #endif
-    count += left < 0.0;
+    count += distance < 0.0;
   }
   return count > 0;
 }
 
-/* Begin to watch at a time, with steps of about this length, where the margins are known. */
+/* Begin to watch for events at `time`, with steps of about this length; the margins there are known. */
 static inline void event_begin(double time, double step, scene_run *run, event_memory *m)
 {
   int k;
@@ -92,12 +93,12 @@ static inline void event_begin(double time, double step, scene_run *run, event_m
   run->last_event = time - step;
   run->pace = step;
   for (k = 0; k < N_MARGINS; ++k) {
-    m->side[k] = m->first[k] > 0.0 ? 1.0 : -1.0;
+    m->side[k] = m->start_margin[k] > 0.0 ? 1.0 : -1.0;
   }
 }
 
-/* Zero where events hold the motion up without end. */
-static inline int event_goes_on(double time, double step, scene_run *run)
+/* Zero where events keep the motion from getting ahead: too many attempts within a thousandth of a step. */
+static inline int event_may_continue(double time, double step, scene_run *run)
 {
   if (fabs(time - run->mark) > 1e-3 * step) {
     run->mark = time;
@@ -106,26 +107,26 @@ static inline int event_goes_on(double time, double step, scene_run *run)
   return ++run->n_stalled <= 10 * MOST_IN_SUCCESSION;
 }
 
-/* Length of the next step, of `planned`: up to a cut, and short after events in short succession, where the next one
- * is expected near and a long step would miss it. is_short, is_cut: whether it is either. */
-static inline double event_step(double planned, const scene_run *run, int *is_short, int *is_cut)
+/* Length of the next step, at most `planned`: short after events in short succession, where a long step would miss the
+ * next one (is_short), and no longer than up to just before an expected event (is_cut). */
+static inline double event_limit_step(double planned, const scene_run *run, int *is_short, int *is_cut)
 {
-  double h = planned;
-  *is_short = run->leash > 0.0 && run->leash < h;
-  h = *is_short ? run->leash : h;
-  *is_cut = run->cut > 0.0 && run->cut < h;
-  return *is_cut ? run->cut : h;
+  double step = planned;
+  *is_short = run->leash > 0.0 && run->leash < step;
+  step = *is_short ? run->leash : step;
+  *is_cut = run->cut > 0.0 && run->cut < step;
+  return *is_cut ? run->cut : step;
 }
 
 #if WITH_SMOOTH_EVENTS
 
-/* Whether no margin comes to zero within ten times h, as the motion stands: an event was foretold in error. Events in
- * short succession foretell each other well enough. */
-static inline int event_is_off(const event_memory *m, double h, const scene_run *run)
+/* Whether no margin reaches zero within ten times `length` at its present rate, so that the expected event was an
+ * error. Not asked of events in short succession, which are expected correctly. */
+static inline int event_is_mispredicted(const event_memory *m, double length, const scene_run *run)
 {
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
-    if (m->side[k] * m->first[k] <= -10.0 * h * m->side[k] * m->rise[k]) {
+    if (m->side[k] * m->start_margin[k] <= -10.0 * length * m->side[k] * m->start_rate[k]) {
       return 0;
     }
   }
@@ -133,11 +134,11 @@ static inline int event_is_off(const event_memory *m, double h, const scene_run 
 }
 #endif
 
-/* Whether the event that the motion is at, `root` ahead on an extrapolation of length h, is near enough to be passed.
- * Else the next step is cut at just before it; where the extrapolation meets none, noise was taken for one, or
- * `planned` steps are too long to tell where events are; of overdamped cables shorter ones tell no better. */
-static inline int event_is_near(
-    double root, double near, double h, double *planned, scene_run *run, const event_memory *m)
+/* Whether the event that lies `until_event` ahead, on an extrapolation over `length`, is within `tolerance`, so that
+ * the extrapolation can pass it. If not, the next step is cut just before it. Where the extrapolation meets no event,
+ * noise was taken for one, or `planned` steps are too long to tell where events are (not so of overdamped cables). */
+static inline int event_can_be_passed(
+    double until_event, double tolerance, double length, double *planned, scene_run *run, const event_memory *m)
 {
   run->ahead = 0.0;
   run->cut = 0.0;
@@ -145,37 +146,40 @@ static inline int event_is_near(
   (void)planned;
   (void)m;
 #endif
-  if (root > h) {
+  /* No event on the extrapolation: count more as noise from now on, and take shorter steps. */
+  if (until_event > length) {
     run->loudness *= 8.0;
 #if WITH_SMOOTH_EVENTS
-    *planned *= event_is_off(m, h, run) ? 0.2 : 1.0;
+    *planned *= event_is_mispredicted(m, length, run) ? 0.2 : 1.0;
 #endif
     return 0;
   }
-  if (root > near) {
-    run->cut = root - fmax(root * fmin(0.05, (root / run->pace) * (root / run->pace)), 0.5 * near);
-    run->remaining = root - run->cut;
+  /* The event is farther ahead: the next step ends just before it. */
+  if (until_event > tolerance) {
+    run->cut = until_event
+        - fmax(until_event * fmin(0.05, (until_event / run->pace) * (until_event / run->pace)), 0.5 * tolerance);
+    run->remaining = until_event - run->cut;
     return 0;
   }
   return 1;
 }
 
-/* Try again up to just before the event found at this part of a step of length h, the nearer the less the step went
- * beyond; or up to the turn, where `found` is negative. */
-static inline void event_cut(double found, double h, double near, scene_run *run)
+/* Repeat a step up to just before the event that was found at the fraction `found` of it; the less the step went beyond
+ * the event, the closer. Where `found` is negative: up to the turn of a margin at minus this fraction. */
+static inline void event_shorten_step(double found, double step, double tolerance, scene_run *run)
 {
-  const double root = fabs(found) * h;
-  run->cut = found < 0.0 ? root : root * (0.999 - 0.05 * (1.0 - found) * (1.0 - found));
+  const double until_event = fabs(found) * step;
+  run->cut = found < 0.0 ? until_event : until_event * (0.999 - 0.05 * (1.0 - found) * (1.0 - found));
 #if !WITH_SMOOTH_EVENTS
-  run->cut = found < 0.0 || root <= near ? run->cut : fmin(run->cut, root - 0.5 * near);
+  run->cut = found < 0.0 || until_event <= tolerance ? run->cut : fmin(run->cut, until_event - 0.5 * tolerance);
 #endif
-  run->remaining = root - run->cut;
-  run->ahead = found >= 0.0 && root <= near ? fmax(root, 1e-300) : 0.0;
+  run->remaining = until_event - run->cut;
+  run->ahead = found >= 0.0 && until_event <= tolerance ? fmax(until_event, 1e-300) : 0.0;
   ++run->n_rejected;
 }
 
-/* After a step that was taken: what is left up to the event that it was cut at. */
-static inline void event_taken(double step, int is_cut, int is_landing, scene_run *run)
+/* After an accepted step: relax the limit of short steps, and note how far ahead the event is that it was cut at. */
+static inline void event_after_step(double step, int is_cut, int is_landing, scene_run *run)
 {
   if (!is_cut) {
     run->leash = 4.0 * run->leash < step ? 4.0 * run->leash : 0.0;
@@ -185,8 +189,9 @@ static inline void event_taken(double step, int is_cut, int is_landing, scene_ru
   run->ahead = is_cut && !is_landing ? run->remaining : 0.0;
 }
 
-/* Count an event that follows the last one within a step, or a thousandth of it; after a few, steps are short. */
-static inline void event_follows(double time, double step, scene_run *run)
+/* Count events that follow the last one within a thousandth of a step, and those within a step; after more than five of
+ * the latter steps are limited to twice the time between them. */
+static inline void event_count_succession(double time, double step, scene_run *run)
 {
   const double gap = time - run->last_event;
   run->succession = gap < 1e-3 * step ? run->succession + 1 : 0;
@@ -197,28 +202,30 @@ static inline void event_follows(double time, double step, scene_run *run)
 
 #if !WITH_SMOOTH_EVENTS
 
-/* How long ago the margins that have left their sides, at m->last, were zero; no longer than `longest`. */
+/* How long ago the margins that have left their sides, at m->end_margin, were zero; no longer than `longest`. */
 static inline double event_delay(double longest, const event_memory *m)
 {
   double delay = 0.0;
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
-    delay = event_side_distance(m, m->last, k) < 0.0 ? fmax(delay, fabs(m->last[k] / m->rise[k])) : delay;
+    delay = event_side_distance(m, m->end_margin, k) < 0.0 ? fmax(delay, fabs(m->end_margin[k] / m->start_rate[k]))
+                                                           : delay;
   }
   return fmin(delay, longest);
 }
 
-/* Forces jump where a margin is zero, not where it is beyond its noise: give velocities what this delay has kept from
- * them. before, after: accelerations on both sides; lost: what rounding took of velocities, NULL if not kept. */
-static inline void event_catch_up(
-    double delay, const double *before, const double *after, double *velocity, double *lost)
+/* Forces jump where a margin is zero, not where it is beyond its noise: add to velocities what this delay has kept from
+ * them. before, after: accelerations on both sides; rounding: what rounding took of velocities, NULL if not kept. */
+static inline void event_correct_velocity(
+    double delay, const double *before, const double *after, double *velocity, double *rounding)
 {
   int k;
   for (k = 0; k < N; ++k) {
-    const double missing = delay * (after[k] - before[k]) + (lost != NULL ? lost[k] : 0.0), old = velocity[k];
-    velocity[k] = old + missing;
-    if (lost != NULL) {
-      lost[k] = missing - (velocity[k] - old);
+    const double correction = delay * (after[k] - before[k]) + (rounding != NULL ? rounding[k] : 0.0),
+                 uncorrected = velocity[k];
+    velocity[k] = uncorrected + correction;
+    if (rounding != NULL) {
+      rounding[k] = correction - (velocity[k] - uncorrected);
     }
   }
 }
@@ -229,12 +236,12 @@ static inline int event_evaluate_margins(
     const event_path *path, const motion_arguments *with, const scene_run *run, event_memory *m)
 {
   int k;
-  event_margins(path->time, path->old, path->old + N, with, run, m->first);
-  event_slopes(path, 0.0, m->first, with, run, m, m->rise);
+  event_margins(path->time, path->start, path->start + N, with, run, m->start_margin);
+  event_slopes(path, 0.0, m->start_margin, with, run, m, m->start_rate);
   for (k = 0; k < N_MARGINS; ++k) {
-    m->rise[k] /= path->h;
+    m->start_rate[k] /= path->length;
   }
-  return all_finite(m->first, N_MARGINS) && all_finite(m->rise, N_MARGINS);
+  return all_finite(m->start_margin, N_MARGINS) && all_finite(m->start_rate, N_MARGINS);
 }
 
 #endif

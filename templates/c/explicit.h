@@ -112,7 +112,8 @@ static inline void method_choose_step(double time_end, const method_motion *m)
 
 #endif
 #if WITH_EVENTS
-/* What is watched where the motion stands: margins and slopes to events.first and .rise. Zero if not finite. */
+/* What is watched where the motion stands: margins and rates to events.start_margin and .start_rate. Zero if they are
+ * not finite. */
 static inline int method_evaluate_margins(double h, const method_motion *m, real *change)
 {
   method_work *w = m->work;
@@ -137,11 +138,11 @@ static inline int method_pass(double root, double near, double left, const metho
 #if WITH_CONSTRAINTS
   motion_project(w->trial, w->trial + N, m->with, w->events.point);
 #endif
-  event_margins(t1, w->trial, w->trial + N, m->with, m->run, w->events.last);
+  event_margins(t1, w->trial, w->trial + N, m->with, m->run, w->events.end_margin);
 #if !WITH_SMOOTH_EVENTS
   delay = event_delay(2.0 * near, &w->events);
 #endif
-  if (!event_turn(*m->time + root, &w->events, w->events.last, m->run)) {
+  if (!event_change_sides(*m->time + root, &w->events, w->events.end_margin, m->run)) {
     return 0;
   }
   method_keep_old(m->state, w->rates, w->old);
@@ -154,12 +155,12 @@ static inline int method_pass(double root, double near, double left, const metho
 #endif
   motion_rate(m->state, m->with, w->rates);
 #if !WITH_SMOOTH_EVENTS
-  event_catch_up(delay, w->old + 2 * N, w->rates + N, m->state + N, w->lost + N);
+  event_correct_velocity(delay, w->old + 2 * N, w->rates + N, m->state + N, w->lost + N);
   motion_rate(m->state, m->with, w->rates);
   ++m->run->n_evaluations;
 #endif
   motion_sample(*m->time, h, t1, w->old, m->state, w->rates + N, m->with, w->events.point, m->to);
-  event_follows(*m->time + root, *m->step, m->run);
+  event_count_succession(*m->time + root, *m->step, m->run);
   *m->time = t1;
   ++m->run->n_accepted;
   ++m->run->n_evaluations;
@@ -196,16 +197,16 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
 #else
   double length = *m->step, *planned = &length;
 #endif
-  path.old = w->old;
-  path.q1 = w->trial;
-  path.v1 = w->trial + N;
-  path.a1 = w->rates + N;
+  path.start = w->old;
+  path.end_coordinate = w->trial;
+  path.end_velocity = w->trial + N;
+  path.end_acceleration = w->rates + N;
   path.time = *m->time;
-  path.h = fmin(fmax(4.0 * run->ahead, 4.0 * base), left);
-  motion_extrapolate(path.h, m->state, w->lost, w->rates, w->change, w->trial);
-  root = event_on_path(&path, 1, 0, m->with, run, &w->events) * path.h;
-  near = event_near(base, run->pace, &w->events);
-  if (!event_is_near(root, near, path.h, planned, run, &w->events)) {
+  path.length = fmin(fmax(4.0 * run->ahead, 4.0 * base), left);
+  motion_extrapolate(path.length, m->state, w->lost, w->rates, w->change, w->trial);
+  root = event_find_first(&path, 1, 0, m->with, run, &w->events) * path.length;
+  near = event_tolerance(base, run->pace, &w->events);
+  if (!event_can_be_passed(root, near, path.length, planned, run, &w->events)) {
     return SCENE_OK;
   }
   if (!method_pass(root, near, left, m)) {
@@ -233,23 +234,23 @@ static inline int method_is_cut_short(
 #else
   const int parts = m->run->condition != NULL ? 2 : 1;
 #endif
-  path.old = w->old;
-  path.q1 = w->trial;
-  path.v1 = w->trial + N;
-  path.a1 = w->rates + 2 * N * METHOD_STAGES + N;
+  path.start = w->old;
+  path.end_coordinate = w->trial;
+  path.end_velocity = w->trial + N;
+  path.end_acceleration = w->rates + 2 * N * METHOD_STAGES + N;
   path.time = *m->time;
-  path.h = h;
-  events->may_turn = !is_cut;
-  found = event_on_path(&path, parts, *error <= 1.0, m->with, m->run, events);
-  if (!all_finite(events->last, N_MARGINS)) {
+  path.length = h;
+  events->may_cut_at_turn = !is_cut;
+  found = event_find_first(&path, parts, *error <= 1.0, m->with, m->run, events);
+  if (!all_finite(events->end_margin, N_MARGINS)) {
     *error = INFINITY;
   } else if (found >= 0.0 && *error <= 1.0 && event_is_reached(m->run->pace, events)) {
     *is_landing = 1;
   } else if (found <= 1.0) {
     /* A step that was cut at the condition and meets it again meets noise, but where events are many. */
-    const int is_noise = is_cut && events->which == N_MARGINS - 1 && m->run->leash == 0.0;
+    const int is_noise = is_cut && events->found_margin == N_MARGINS - 1 && m->run->leash == 0.0;
     m->run->loudness *= is_noise ? 8.0 : 1.0;
-    event_cut(found, h, event_near(method_event_base(m), m->run->pace, events), m->run);
+    event_shorten_step(found, h, event_tolerance(method_event_base(m), m->run->pace, events), m->run);
     return 1;
   }
   return 0;
@@ -263,16 +264,16 @@ static inline int method_watch_on(
   int k;
   if (m->run->watch && is_whole) {
     for (k = 0; k < N_MARGINS; ++k) {
-      events->first[k] = events->last[k];
-      events->rise[k] = events->slope[k] / h;
+      events->start_margin[k] = events->end_margin[k];
+      events->start_rate[k] = events->end_slope[k] / h;
     }
     m->run->pace = h;
   } else if (m->run->watch && !method_evaluate_margins(m->run->pace, m, m->work->spare)) {
     return SCENE_NON_FINITE_RESULT; /* the slopes over a short step would be rounding */
   }
-  event_taken(*m->step, is_cut, is_landing, m->run);
-  if (is_landing && event_turn(*m->time, events, events->first, m->run)) {
-    event_follows(*m->time, *m->step, m->run);
+  event_after_step(*m->step, is_cut, is_landing, m->run);
+  if (is_landing && event_change_sides(*m->time, events, events->start_margin, m->run)) {
+    event_count_succession(*m->time, *m->step, m->run);
     return method_after_crossing(m->run, is_over);
   }
   return SCENE_OK;
@@ -458,16 +459,16 @@ static inline int method_trial(double time_end, const method_motion *m, int *is_
 #endif
   method_keep_old(m->state, m->work->rates, m->work->old);
 #if WITH_EVENTS
-  if (!event_goes_on(*m->time, *m->step, m->run)) {
+  if (!event_may_continue(*m->time, *m->step, m->run)) {
     return SCENE_TOO_MANY_EVENTS;
   }
   if (m->run->watch) {
-    event_noise(m->state, m->run->loudness, m->run->pace, &m->work->events);
+    event_set_noise(m->state, m->run->loudness, m->run->pace, &m->work->events);
   }
   if (m->run->ahead > 0.0) {
     return method_meet_crossing(left, m, is_over);
   }
-  h = event_step(h, m->run, &is_short, &is_cut);
+  h = event_limit_step(h, m->run, &is_short, &is_cut);
 #endif
 #if METHOD_HAS_ERROR
   is_last = h >= left;
@@ -525,8 +526,8 @@ static inline int method_advance(double time_end, long long most_trials, const m
   long long i;
 #if WITH_EVENTS
   m->run->is_stopped = 0;
-  m->work->events.may_turn = 0;
-  m->work->events.which = 0;
+  m->work->events.may_cut_at_turn = 0;
+  m->work->events.found_margin = 0;
 #endif
   if (!m->run->is_started) {
     status = method_begin(time_end, m);
@@ -555,10 +556,10 @@ static inline int method_pass_kink(const method_motion *m)
     if (!method_evaluate_margins(m->run->pace, m, w->spare)) {
       return SCENE_NON_FINITE_RESULT;
     }
-    event_noise(m->state, m->run->loudness, m->run->pace, &w->events);
-    if (event_turn(*m->time, &w->events, w->events.first, m->run)) {
+    event_set_noise(m->state, m->run->loudness, m->run->pace, &w->events);
+    if (event_change_sides(*m->time, &w->events, w->events.start_margin, m->run)) {
       int is_over;
-      event_follows(*m->time, *m->step, m->run);
+      event_count_succession(*m->time, *m->step, m->run);
       return method_after_crossing(m->run, &is_over);
     }
   }

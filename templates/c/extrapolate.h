@@ -32,12 +32,12 @@ static inline int motion_evaluate_margins(
     old[2 * N + k] = rate[N + k];
   }
   motion_extrapolate(h, state, lost, rate, change, trial);
-  path.old = old;
-  path.q1 = trial;
-  path.v1 = trial + N;
-  path.a1 = rate + N;
+  path.start = old;
+  path.end_coordinate = trial;
+  path.end_velocity = trial + N;
+  path.end_acceleration = rate + N;
   path.time = time;
-  path.h = h;
+  path.length = h;
   return event_evaluate_margins(&path, with, run, m);
 }
 

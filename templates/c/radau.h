@@ -27,8 +27,8 @@ static inline int radau_advance(
   run->share = radau_newton_share * fmin(1.0, sqrt((run->rtol > 0.0 ? run->rtol : run->atol) / radau_share_tolerance));
   run->count = count;
 #if WITH_EVENTS
-  m->may_turn = 0;
-  m->which = 0;
+  m->may_cut_at_turn = 0;
+  m->found_margin = 0;
   if (events != NULL) {
     events->is_stopped = 0;
   }
@@ -74,10 +74,10 @@ static inline int radau_advance(
     int is_last, is_whole;
 #if WITH_EVENTS
     if (watches) {
-      if (!event_goes_on(*time, *step, events)) {
+      if (!event_may_continue(*time, *step, events)) {
         return SCENE_TOO_MANY_EVENTS;
       }
-      event_noise(state, events->loudness, 0.0, m);
+      event_set_noise(state, events->loudness, 0.0, m);
       if (events->ahead > 0.0) {
         if (!radau_event_pass(
                 run, left, step, time, state, n_samples, sample_time, sample_state, sample_tension, n_sampled, events,
@@ -93,7 +93,7 @@ static inline int radau_advance(
         }
         continue;
       }
-      h = event_step(h, events, &is_short, &is_cut);
+      h = event_limit_step(h, events, &is_short, &is_cut);
     }
 #endif
     is_last = h >= left;
@@ -126,11 +126,11 @@ static inline int radau_advance(
     if (watches && error >= 0.0 && error < INFINITY) {
       const int is_good = error <= 1.0;
       double found;
-      m->may_turn = !is_cut;
+      m->may_cut_at_turn = !is_cut;
       found = radau_event_search(
           run, *time, h, is_good ? run->velocity : run->stage_velocity + 2 * N,
           is_good ? run->acceleration : run->stage_acceleration + 2 * N, is_good, events, m);
-      is_known = all_finite(m->last, N_MARGINS);
+      is_known = all_finite(m->end_margin, N_MARGINS);
       if (!is_known) {
         error = INFINITY;
       } else if (found >= 0.0 && is_good && event_is_reached(events->pace, m)) {
@@ -140,7 +140,7 @@ static inline int radau_advance(
         radau_revert(run, *step, state);
       }
       if (is_known && !is_landing && found <= 1.0) {
-        event_cut(found, h, radau_reach(run, events->pace), events);
+        event_shorten_step(found, h, radau_reach(run, events->pace), events);
         ++count[1];
         continue;
       }

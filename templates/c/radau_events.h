@@ -25,12 +25,12 @@ static inline void radau_extrapolate(radau_work *run, double time, double h, con
     run->trial[N + k] = v + h * (a + 0.5 * h * jerk);
     run->ahead[k] = a + h * jerk;
   }
-  path->old = run->old;
-  path->q1 = run->trial;
-  path->v1 = run->trial + N;
-  path->a1 = run->ahead;
+  path->start = run->old;
+  path->end_coordinate = run->trial;
+  path->end_velocity = run->trial + N;
+  path->end_acceleration = run->ahead;
   path->time = time;
-  path->h = h;
+  path->length = h;
 }
 
 /* Third derivatives at the end of a step of length h, of the cubic through velocities and accelerations at its ends. */
@@ -59,13 +59,13 @@ static inline double radau_event_search(
     const scene_run *events, event_memory *m)
 {
   event_path path;
-  path.old = run->old;
-  path.q1 = run->trial;
-  path.v1 = velocity;
-  path.a1 = acceleration;
+  path.start = run->old;
+  path.end_coordinate = run->trial;
+  path.end_velocity = velocity;
+  path.end_acceleration = acceleration;
   path.time = time;
-  path.h = h;
-  return event_on_path(&path, 2, closely, run->with, events, m);
+  path.length = h;
+  return event_find_first(&path, 2, closely, run->with, events, m);
 }
 
 /* Samples on an extrapolation that `path` describes, from the tensions at its start. */
@@ -75,9 +75,10 @@ static inline void radau_sample_extrapolated(
 {
   int b;
   for (; *n_sampled < n_samples && sample_time[*n_sampled] <= t1; ++*n_sampled) {
-    const double later = fmin(sample_time[*n_sampled] - path->time, path->h);
+    const double later = fmin(sample_time[*n_sampled] - path->time, path->length);
     motion_interpolate(
-        later / path->h, path->h, path->old, path->q1, path->v1, path->a1, sample_state + *n_sampled * 2 * N);
+        later / path->length, path->length, path->start, path->end_coordinate, path->end_velocity,
+        path->end_acceleration, sample_state + *n_sampled * 2 * N);
     for (b = 0; b < N_TENSIONS; ++b) {
       sample_tension[*n_sampled * N_TENSIONS + b] = run->tension[b] + later * run->slope[b];
     }
@@ -99,28 +100,28 @@ static inline int radau_event_pass(
   double delay;
 #endif
   radau_extrapolate(run, *time, fmin(fmax(4.0 * events->ahead, 4.0 * base), left), state, &path);
-  root = event_on_path(&path, 1, 0, run->with, events, m) * path.h;
-  if (!event_is_near(root, reach, path.h, step, events, m)) {
+  root = event_find_first(&path, 1, 0, run->with, events, m) * path.length;
+  if (!event_can_be_passed(root, reach, path.length, step, events, m)) {
     return 1;
   }
-  near = event_near(base, events->pace, m);
+  near = event_tolerance(base, events->pace, m);
   h = fmin(root + near, left);
   t1 = h < left ? *time + h : *time + left;
   radau_extrapolate(run, *time, h, state, &path);
-  event_margins(t1, path.q1, path.v1, run->with, events, m->last);
+  event_margins(t1, path.end_coordinate, path.end_velocity, run->with, events, m->end_margin);
 #if !WITH_SMOOTH_EVENTS
   delay = event_delay(2.0 * near, m);
 #endif
-  if (!event_turn(*time + root, m, m->last, events)) {
+  if (!event_change_sides(*time + root, m, m->end_margin, events)) {
     events->loudness *= 8.0;
     return 1;
   }
   radau_sample_extrapolated(run, &path, t1, n_samples, sample_time, sample_state, sample_tension, n_sampled);
   for (k = 0; k < N; ++k) {
-    state[k] = path.q1[k];
-    state[N + k] += path.v1[k] - run->velocity[k];
+    state[k] = path.end_coordinate[k];
+    state[N + k] += path.end_velocity[k] - run->velocity[k];
   }
-  event_follows(*time + root, *step, events);
+  event_count_succession(*time + root, *step, events);
   *time = t1;
   ++run->count[0];
   events->loudness = 1.0;
@@ -131,7 +132,7 @@ static inline int radau_event_pass(
   if (!radau_restart(run, h, *step, state)) {
     return 0;
   }
-  event_catch_up(delay, run->ahead, run->acceleration, state + N, NULL);
+  event_correct_velocity(delay, run->ahead, run->acceleration, state + N, NULL);
   h = 0.0;
 #endif
   return radau_restart(run, h, *step, state) && radau_evaluate_margins(run, t1, state, events, m);
@@ -145,14 +146,14 @@ static inline int radau_update_events(
   int k;
   if (is_whole) {
     for (k = 0; k < N_MARGINS; ++k) {
-      m->first[k] = m->last[k];
-      m->rise[k] = m->slope[k] / h;
+      m->start_margin[k] = m->end_margin[k];
+      m->start_rate[k] = m->end_slope[k] / h;
     }
     events->pace = h;
   }
-  event_taken(step, is_cut, is_landing, events);
-  if (is_landing && event_turn(time, m, m->last, events)) {
-    event_follows(time, step, events);
+  event_after_step(step, is_cut, is_landing, events);
+  if (is_landing && event_change_sides(time, m, m->end_margin, events)) {
+    event_count_succession(time, step, events);
 #if WITH_PROFILE
     profile_set_start(time, run->with->profile);
 #endif

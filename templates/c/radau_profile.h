@@ -61,9 +61,9 @@ static inline int radau_pass_kink(
     if (!radau_evaluate_margins(run, time, state, events, m)) {
       return SCENE_NON_FINITE_RESULT;
     }
-    event_noise(state, events->loudness, 0.0, m);
-    if (event_turn(time, m, m->first, events)) {
-      event_follows(time, step, events);
+    event_set_noise(state, events->loudness, 0.0, m);
+    if (event_change_sides(time, m, m->start_margin, events)) {
+      event_count_succession(time, step, events);
       if (events->succession > MOST_IN_SUCCESSION) {
         return SCENE_TOO_MANY_EVENTS;
       }

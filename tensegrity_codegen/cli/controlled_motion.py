@@ -200,13 +200,10 @@ def compile_control(
             allowed="one of them",
         )
 
-    def find_request(
-        subject: "Subject", request: "ModelRequest", quantities: Sequence[str]
-    ) -> "ModelRequest":
+    def find_request(subject: "Subject", request: "ModelRequest") -> "ModelRequest":
         _check_formulation(subject, request)
         needs = find_needs("time_motion", subject, request).alone(request)
-        wanted = want_analyses(subject, needs, ("control",))
-        return wanted.wanting(*wanted.quantities, *quantities, integrators=wanted.integrators)
+        return want_analyses(subject, needs, ("control",))
 
     return compile_actuated(output, scene, held.to, held.actuate, compiler, find_request)
 

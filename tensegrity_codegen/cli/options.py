@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,6 +29,19 @@ FreshOption = Annotated[
     bool, typer.Option("--fresh", help="Use nothing of an earlier run, also where it was interrupted.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+AllOption = Annotated[
+    bool, typer.Option("--all", help="Print all rows of long tables, not only those that matter most.")
+]
+
+
+@dataclass(frozen=True)
+class PrintOptions:
+    """How a verb with long tables prints its result."""
+
+    all: AllOption = False
+    json: JsonOption = False
+
+
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 BatchWidthOption = Annotated[
     int | None,

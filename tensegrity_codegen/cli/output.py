@@ -1,6 +1,7 @@
 """Output of a verb: one JSON object or readable text on stdout, progress and errors on stderr, exit codes."""
 
 import json
+import re
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -13,6 +14,7 @@ import typer
 
 from tensegrity_codegen.cli.streams import ProgressBar, drop_output, name_duration, print_aside, print_text
 from tensegrity_codegen.cli.verb import name_options, name_options_in_error
+from tensegrity_codegen.report.long_table import AROUND, LongTable, find_most_rows, is_cut
 from tensegrity_codegen.system.errors import FormulationError, OutputError, TensegrityError
 from tensegrity_codegen.system.files import plain
 from tensegrity_codegen.system.progress import watched_passes, work_pass
@@ -26,15 +28,21 @@ if TYPE_CHECKING:
     from tensegrity_codegen.system.journal import Resumption
     from tensegrity_codegen.tables.request import ModelRequest
 
+MOST_LINES = 60  # of a result in which tables are cut
+MOST_DRAWN = 100  # rows, up to which Rich draws a table
+MOST_WARNINGS = 20
+MOST_NAMES = 10  # of a longer list in a sentence
+_LONG_LIST = re.compile(r"[^\s,;:]+(?:, [^\s,;:]+){20,}")
+
 
 class Output:
-    """Where a verb writes; as_json: one object on stdout instead of text.
+    """Where a verb writes; as_json: one object on stdout instead of text; whole: all rows of long tables.
 
     Every verb says how long it took: in the last line on stderr, with JSON in `seconds` instead.
     """
 
-    def __init__(self, as_json: bool) -> None:
-        self.as_json = as_json
+    def __init__(self, as_json: bool, whole: bool = False) -> None:
+        self.as_json, self.whole = as_json, whole
         self.started = time.monotonic()
         self._bar: ProgressBar | None = None
         self.warned: list[str] = []
@@ -51,11 +59,14 @@ class Output:
         return _open_console(stderr=True)
 
     def result(
-        self, data: Mapping[str, Any], *readable: "RenderableType | Callable[[], RenderableType]"
+        self,
+        data: Mapping[str, Any],
+        *readable: "RenderableType | LongTable | Callable[[], RenderableType]",
     ) -> None:
         """Print the verb's result: `data` as JSON with the time that the verb took, or `readable`.
 
         What is readable may be a function that builds it, so that JSON does without the import of Rich.
+        Long tables are cut, so that the text is shorter than 60 lines, unless all rows are asked for.
         """
         self._end_bar()
         seconds = time.monotonic() - self.started
@@ -66,16 +77,40 @@ class Output:
             own = {"took_seconds": seconds} if "seconds" in data else {"seconds": seconds}
             print_json({**data, **warned, **own})
         else:
-            for item in (name_options(item() if callable(item) else item) for item in readable):
-                self.human.print(item, soft_wrap=isinstance(item, str), markup=False, emoji=False)
+            items = [item() if callable(item) else item for item in readable]
+            counts = [item.count for item in items if isinstance(item, LongTable)]
+            most = find_most_rows(counts, MOST_LINES - sum(map(_count_lines, items)))
+            for item in items:
+                if isinstance(item, LongTable):
+                    self._print_long(item, most)
+                    continue
+                said = name_options(self._cut_names(item) if isinstance(item, str) else item)
+                self.human.print(said, soft_wrap=isinstance(item, str), markup=False, emoji=False)
             print_text("")
+
+    def _print_long(self, table: LongTable, most: int) -> None:
+        """Print a table: whole, or its `most` most important rows and how to see the others."""
+        if not self.whole and is_cut(table.count, most):
+            title = f"{table.describe_cut(most)} with --all, and in --json"
+            print_text(table.write(table.pick(most), title))
+        elif table.count > MOST_DRAWN:
+            print_text(table.write(range(table.count), table.title))
+        else:
+            self.human.print(table, markup=False, emoji=False)
+
+    def _cut_names(self, text: str) -> str:
+        """Return a sentence in which long lists of names are cut, unless all is asked for."""
+        return text if self.whole else _LONG_LIST.sub(_cut_list, text)
 
     def warn(self, *texts: str) -> None:
         """Print warnings on stderr, each once; with --json they are among the result's "warnings" too."""
         for text in map(name_options, texts):
-            if text not in self.warned:
-                self.warned.append(text)
-                self.aside.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
+            if text in self.warned:
+                continue
+            self.warned.append(text)
+            if self.whole or len(self.warned) <= MOST_WARNINGS:
+                said = f"warning: {self._cut_names(text)}"
+                self.aside.print(said, style="yellow", markup=False, soft_wrap=True)
 
     def note(self, text: str) -> None:
         """Print a sentence on stderr that is neither a result nor a warning."""
@@ -137,8 +172,10 @@ class Output:
             self._end_bar()
 
     def _finish(self) -> None:
-        """End the bar, and say on stderr how long the verb took."""
+        """End the bar, and say on stderr how many warnings are not printed, and how long the verb took."""
         self._end_bar()
+        if not self.whole and len(self.warned) > MOST_WARNINGS:
+            print_aside(f"{len(self.warned) - MOST_WARNINGS} more warnings; --json has all")
         if not self.as_json:
             self._say_time()
 
@@ -214,6 +251,19 @@ def _open_console(*, stderr: bool) -> "Console":
             drop_output(self.file)
 
     return PipeConsole(stderr=stderr, highlight=False)
+
+
+def _count_lines(item: Any) -> int:
+    """Return how many lines a part of a result takes, none for a long table."""
+    if isinstance(item, str):
+        return item.count("\n") + 1
+    return 0 if isinstance(item, LongTable) else int(item.row_count) + AROUND
+
+
+def _cut_list(found: re.Match[str]) -> str:
+    """Return the first of many names, and the number of the others."""
+    names = found[0].split(", ")
+    return f"{', '.join(names[:MOST_NAMES])} and {len(names) - MOST_NAMES:,} more"
 
 
 def list_files(files: Mapping[str, str]) -> str:

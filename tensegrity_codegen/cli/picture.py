@@ -261,7 +261,7 @@ def play_live(
     from tensegrity_codegen.live.live_page import render_live
     from tensegrity_codegen.live.live_scene import build_live_scene
     from tensegrity_codegen.live.three_module import find_three
-    from tensegrity_codegen.pipeline.build_library import build_library, check_buildable
+    from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library, check_buildable
     from tensegrity_codegen.pipeline.settle import find_settled
 
     if not 1e-12 <= rtol <= 1e-2:
@@ -275,7 +275,7 @@ def play_live(
     module, licence = find_three(three)
     if settle:
         subject, _ = find_settled(subject, request, warn=output.warn)
-    built = build_library(subject, wanted, target="wasm32")
+    built = build_library(subject, wanted, target="wasm32", calls=MANY_CALLS)
     shown = build_live_scene(subject)
     running = add_engine(shown, subject, built.manifest, built.path.read_bytes(), rtol=rtol, method=method)
     text = render_live(replace(running, warnings=tuple(output.warned)), module, licence)

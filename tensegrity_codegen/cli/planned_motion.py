@@ -1,6 +1,7 @@
 """The model of a structure that moves to targets, and its plan: for the verbs `plan` and `control`."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,16 +20,16 @@ def compile_actuated(
     to: Sequence[str] | None,
     actuate: Sequence[str] | None,
     compiler: str | None,
-    find_request: "Callable[[Subject, ModelRequest, Sequence[str]], ModelRequest]",
+    find_request: "Callable[[Subject, ModelRequest], ModelRequest]",
 ) -> "tuple[Subject, CompiledModel, tuple[str, ...] | None]":
     """Return the structure with its actuators, its model, and the names of the actuators that are chosen.
 
-    find_request: takes the structure, its request with statics and the quantities of the targets.
+    find_request: takes the structure and its request with statics; the quantities of the targets are added.
     """
     from tensegrity_codegen.control.planning.quadratic_program import require_solver
     from tensegrity_codegen.control.planning.target_text import read_targets
     from tensegrity_codegen.control.planning.targets import find_target_quantities
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import with_statics
     from tensegrity_codegen.structure.actuate import actuate_members
 
@@ -40,8 +41,9 @@ def compile_actuated(
     chosen = None
     if actuate:
         subject, chosen = actuate_members(subject, actuate)
-    wanted = find_request(subject, with_statics(subject, request), quantities)
-    return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
+    wanted = find_request(subject, with_statics(subject, request))
+    wanted = replace(wanted, quantities=(*wanted.quantities, *quantities))
+    return subject, build_library(subject, wanted, compiler=compiler, calls=MANY_CALLS).load(), chosen
 
 
 def find_plan(

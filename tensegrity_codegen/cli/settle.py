@@ -65,7 +65,7 @@ def _settle(
 ) -> "tuple[Equilibrium, dict[str, Any]]":
     """Return the equilibrium under these loads and inputs, and what the JSON says of it."""
     from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
@@ -73,7 +73,7 @@ def _settle(
     quantities = (*find_needs("equilibrium", structure, statics).quantities, *loads.quantities)
     wanted = statics.wanting(*quantities, parameters=loads.parameters)
     near, offset = move_near_origin(structure, request)
-    model = build_library(near, wanted, compiler=compiler).load()
+    model = build_library(near, wanted, compiler=compiler, calls=FEW_CALLS).load()
     found = find_equilibrium(model, arguments=loads.arguments, raise_on_failure=False, **options)
     with output.progress("checking for snap-through"):
         snap = loads.find_snap(model, found)
@@ -94,7 +94,7 @@ def _report(
     drawn = outline_tendons(structure)
     tables = [
         nodes_table(drawn, found.node_position),
-        members_table(drawn, found.member_length, found.member_tension),
+        members_table(drawn, found.member_length, found.member_tension, found.members),
     ]
     tensions = describe_tensions(summarise_tensions(structure, found.member_tension))
     said = [*([found.message] if found.message else []), *([tensions] if found.is_found else [])]

@@ -154,7 +154,7 @@ def build_for_batch(
 ) -> "tuple[BuiltLibrary, dict[str, float], Profile | None]":
     """Return the library that a batch of motions of a scene needs, constant inputs, and inputs over time."""
     from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 
     structure, request = output.load(scene)
     values = read_inputs(inputs, structure, output)
@@ -163,4 +163,8 @@ def build_for_batch(
     needs = find_needs("simulate_batch", structure, request, method=options.method, rtol=options.rtol)
     wanted = needs.alone(request)
     wanted = replace(wanted, keep=(options.keep,)) if options.keep else wanted
-    return build_library(structure, wanted, compiler=compiler, flags=flags), values, schedule
+    return (
+        build_library(structure, wanted, compiler=compiler, flags=flags, calls=MANY_CALLS),
+        values,
+        schedule,
+    )

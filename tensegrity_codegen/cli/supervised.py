@@ -32,6 +32,8 @@ SHOW_CURSOR = b"\x1b[?25h"
 def main() -> None:
     """Run the command line; the entry of `tensegrity-codegen` and of `python -m tensegrity_codegen`."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looked for in every installed package
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # most matrices are too small for several
+        os.environ.setdefault(name, "1")
     forks = hasattr(os, "fork") and sys.gettrace() is None
     if forks and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         run_supervised(_run)

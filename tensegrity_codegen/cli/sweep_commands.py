@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
+from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, PrintOptions
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import check_result, write_page
 from tensegrity_codegen.cli.sweep_options import name_option
@@ -131,7 +131,8 @@ def summary(
     over: OverOption = None,
     out: PageOption = None,
     overwrite: OverwriteOption = False,
-    json: JsonOption = False,
+    *,
+    printing: PrintOptions,
 ) -> None:
     """Summarize a sweep: how cases ended, distributions, what results depend on, worst cases.
 
@@ -140,7 +141,7 @@ def summary(
 
     Example: tensegrity-codegen sweep summary loads.zarr --result 'member_tension[max]' -o loads.html
     """
-    output = Output(json)
+    output = Output(printing.json, printing.all)
     with output.guard():
         check_result(out, ".html", overwrite=overwrite, draws=True)
         from tensegrity_codegen.sweeps.summary.finding import describe_finding, list_tables

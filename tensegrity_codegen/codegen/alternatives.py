@@ -106,7 +106,12 @@ def list_alternatives(
     if isinstance(structure, Structure) and structure.is_rigid.any():
         rigid = choose_formulation(rigid_bars=True).name
         springs = replace(request, formulation=rigid, options={})
-        for choice in _list_formulations(_stiffen_rigid_bars(structure), springs):
+        # The structure with springs in place of its rigid bars.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mu = np.nan_to_num(structure.mu)
+        stiff = NEARLY_RIGID_RATIO * max(float(mu.max(initial=0.0)), 1.0)
+        constants = np.where(structure.is_rigid, stiff, structure.spring_constant)
+        for choice in _list_formulations(structure.with_changes(spring_constant=constants), springs):
             if choice.request.formulation != rigid:
                 yield replace(choice, words=f"{STIFFEN_BARS_HINT}, and {choice.words}")
 
@@ -123,13 +128,3 @@ def _list_formulations(structure: Structure, request: ModelRequest) -> Iterator[
         if words:
             changed = replace(request, formulation=name, options=options, emitter=AUTO)
             yield Alternative(words, structure, changed, is_other_model=True)
-
-
-def _stiffen_rigid_bars(structure: Structure) -> Structure:
-    """Return the structure with springs in place of its rigid bars."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mu = np.nan_to_num(structure.mu)
-    stiff = NEARLY_RIGID_RATIO * max(float(mu.max(initial=0.0)), 1.0)
-    return structure.with_changes(
-        spring_constant=np.where(structure.is_rigid, stiff, structure.spring_constant)
-    )

@@ -29,7 +29,9 @@ class NamedValues:
         self._named: dict[int, tuple[str, str]] = {}  # key -> name, heading
         names = list(model.arguments)
         symbols = [argument.symbol for argument in model.arguments.values()]
-        for quantity, prefixes in self._prefixes().items():
+        axes = tuple("xyz"[axis] for axis in model.frame.axes)
+        named = {"member_vector": axes} | {name: (prefix,) for name, prefix in MEMBER_PREFIXES.items()}
+        for quantity, prefixes in named.items():
             if not is_offered(model, quantity):
                 continue
             function = ca.Function("named_values", symbols, [ca.densify(model.expression(quantity))])
@@ -84,10 +86,6 @@ class NamedValues:
             "n_tension_only": [frame.member_name[e] for e in np.flatnonzero(self.model.subject.tension_only)],
         }
         return labels.get(dimension, ())
-
-    def _prefixes(self) -> dict[str, tuple[str, ...]]:
-        axes = tuple("xyz"[axis] for axis in self.model.frame.axes)
-        return {"member_vector": axes, **{name: (prefix,) for name, prefix in MEMBER_PREFIXES.items()}}
 
     def _add(self, key: int, prefixes: Sequence[str], entry: int) -> None:
         member, part = divmod(entry, len(prefixes))

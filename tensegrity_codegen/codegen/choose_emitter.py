@@ -112,14 +112,10 @@ def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return what is wanted, also by wanted integrators, and the emitter table does not serve."""
     wanted = [*request.quantities, *called_quantities(request.integrators)]
     if request.integrators:
-        wanted += _find_event_quantities(structure, request)
+        # Quantities behind the events that integrators watch, see events.find_events.
+        kinds = request.events
+        if kinds is None:
+            kinds = choose_events(request, structure)
+        wanted += [EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES]
     model = TABLE.build(structure, request)
     return tuple(name for name in dict.fromkeys(wanted) if not TABLE.is_offered(model, name))
-
-
-def _find_event_quantities(structure: Subject, request: ModelRequest) -> list[str]:
-    """Return the quantities behind the events that integrators watch, see events.find_events."""
-    kinds = request.events
-    if kinds is None:
-        kinds = choose_events(request, structure)
-    return [EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES]

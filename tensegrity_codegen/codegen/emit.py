@@ -56,19 +56,28 @@ def emit(
     structure: Subject,
     request: ModelRequest,
     object_size: Callable[[dict[str, str]], int] | None = None,
+    *,
+    account: bool = True,
+    quick: bool = False,
 ) -> GeneratedSource:
     """Return the C source of what `request` wants of `structure`.
 
+    account: whether the manifest lists what was left out, which takes longer than all else; quick: whether
+    the emitter `table`, whose code compiles quickest, goes before the choice of `auto` where it serves all.
     object_size: bytes of object code of some sources; with it, what was left out is compiled too and its
     bytes are measured instead of estimated.
     Raises FormulationError for what formulation, emitter or precision cannot serve, InvalidValueError for
     numbers too large for single precision.
     """
-    plan = check_request(structure, request)
-    left_out = account_left_out(plan.model, plan.request, plan.functions, plan.emitter)
+    plan = (quick and _plan_loops(structure, request)) or check_request(structure, request)
+    _checked.clear()
+    left_out = account_left_out(plan.model, plan.request, plan.functions, plan.emitter) if account else ()
     if object_size is not None:
         own = object_size(_write(plan)[1])
-        sizes = {row.what: object_size(_write(_plan_with(plan, row.what))[1]) for row in left_out}
+        sizes = {}
+        for row in left_out:
+            model, wanted = build_with(row.what, plan.model, plan.request, plan.emitter)
+            sizes[row.what] = object_size(_write(_plan_functions(plan.emitter, model, wanted))[1])
         left_out = tuple(replace(row, object_bytes=sizes[row.what] - own, measured=True) for row in left_out)
     return GeneratedSource(*_write(plan, left_out), plan.why_emitter)
 
@@ -89,18 +98,26 @@ class EmissionPlan:
     why_emitter: str = ""
 
 
+_checked: list[tuple[Subject, ModelRequest, EmissionPlan]] = []
+
+
 def check_request(structure: Subject, request: ModelRequest) -> EmissionPlan:
     """Return what `emit` would write, without writing it; raises all that `emit` raises of a request.
 
     Where another emitter or formulation serves the request, the error's hint names it: each has been tried
-    here before it is named.
+    here before it is named. The last answer is kept until its library is emitted.
     """
+    for subject, asked, known in _checked[:]:
+        if subject is structure and asked == request:
+            return known
     try:
-        return _plan(structure, request)
+        plan = _plan(structure, request)
     except FormulationError as error:
         if error.lacking is not None:
             error.hint = find_alternatives(structure, request, error, _plan)
         raise
+    _checked[:] = [(structure, request, plan)]
+    return plan
 
 
 def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
@@ -111,7 +128,11 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
             given=request.emitter,
             hint=suggest(request.emitter, (AUTO, *EMITTERS)),
         )
-    _check_names(structure)
+    # All names that get into C are identifiers.
+    check_scene_name(structure.name, "name")
+    for what, names in (("nodes", structure.node_name), ("members", structure.member_name)):
+        check_names(names, what, structure.name)
+    check_names([item.name for item in structure.inputs], "inputs", structure.name)
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")
     if request.emitter == AUTO:
@@ -123,6 +144,17 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     return _plan_functions(emitter, model, settled, choice.why)
 
 
+def _plan_loops(structure: Subject, request: ModelRequest) -> EmissionPlan | None:
+    """Return the plan with the emitter `table`, None where another one is asked for or serves more."""
+    if request.emitter != AUTO:
+        return None
+    try:
+        plan = _plan(structure, replace(request, emitter=TABLE.name))
+    except FormulationError:
+        return None
+    return replace(plan, why_emitter="few calls: loops, which compile quickest")
+
+
 def _plan_functions(
     emitter: Emitter, model: EmittedModel, request: ModelRequest, why_emitter: str = ""
 ) -> EmissionPlan:
@@ -131,19 +163,6 @@ def _plan_functions(
     return EmissionPlan(
         emitter, model, request, functions, build_manifest(model, request, functions, ()), why_emitter
     )
-
-
-def _plan_with(plan: EmissionPlan, left_out: str) -> EmissionPlan:
-    """Return the plan of the same library with something that was left out."""
-    return _plan_functions(plan.emitter, *build_with(left_out, plan.model, plan.request, plan.emitter))
-
-
-def _check_names(structure: Subject) -> None:
-    """Raise InvalidNameError or DuplicateNameError unless all names that get into C are identifiers."""
-    check_scene_name(structure.name, "name")
-    for what, names in (("nodes", structure.node_name), ("members", structure.member_name)):
-        check_names(names, what, structure.name)
-    check_names([item.name for item in structure.inputs], "inputs", structure.name)
 
 
 def _check_precision(structure: Subject, request: ModelRequest) -> None:

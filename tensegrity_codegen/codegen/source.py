@@ -7,7 +7,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.batch import batch_context
 from tensegrity_codegen.codegen.casadi_interface.derivatives import (
@@ -258,25 +257,21 @@ def _shape_text(shape: tuple[int, ...]) -> str:
 
 
 def _argument_context(argument: ArgumentSpec, precision: Precision) -> dict[str, Any]:
+    # Nominal values without the zeros at their end, one at least: C fills up an array with zeros.
+    array = np.array(argument.nominal, dtype=np.float64)
+    last = np.flatnonzero((array != 0) | np.signbit(array))
     return {
         "name": argument.name,
         "size": len(argument.nominal),
         "shape_text": _shape_text(argument.shape),
         "unit": argument.unit,
         "sentence": argument.sentence,
-        "nominal": print_numbers(_without_end_zeros(argument.nominal), precision, argument.name),
+        "nominal": print_numbers(array[: last[-1] + 1 if last.size else 1], precision, argument.name),
         "casadi_pattern": [
             *(reversed(argument.shape) if len(argument.shape) == 2 else (*argument.shape, 1)),
             1,
         ],
     }
-
-
-def _without_end_zeros(values: tuple[float, ...]) -> NDArray[np.float64]:
-    """Return values without the zeros at their end, one at least: C fills up an array with zeros."""
-    array = np.array(values, dtype=np.float64)
-    last = np.flatnonzero((array != 0) | np.signbit(array))
-    return array[: last[-1] + 1 if last.size else 1]
 
 
 def _function_context(

@@ -21,7 +21,7 @@ from tensegrity_codegen.export.fmu.sources import (
 )
 from tensegrity_codegen.export.fmu.variables import list_variables
 from tensegrity_codegen.pipeline.analyses import find_needs
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.accuracy.choice import choose_method
 from tensegrity_codegen.runtime.accuracy.scales import find_length, scale_to_length
@@ -76,7 +76,7 @@ def settle_method(
     if len(names) == 1 or not may_compile:
         return names[0]
     alone = find_needs("simulate", structure, request, method=method, rtol=rtol).alone(request)
-    model = build_library(structure, alone, compiler=compiler).load()
+    model = build_library(structure, alone, compiler=compiler, calls=MANY_CALLS).load()
     state = np.concatenate([model.nominal("coordinate").ravel(), model.nominal("velocity").ravel()])
     motion = Motion(model, state, np.linspace(0.0, t_end, SAMPLES), {})
     options = scale_to_length(model.manifest, RunOptions(method="auto", rtol=rtol))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensegrity_codegen.pipeline.analyses import find_needs
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
 from tensegrity_codegen.pipeline.settle import find_settled, move_near_origin, with_statics
 from tensegrity_codegen.report.pictures.choices import (
     Labels,
@@ -71,7 +71,7 @@ def find_modes(
         near, _ = move_near_origin(subject, request)
         statics = with_statics(near, request)
         wanted = find_needs("analyse", near, statics).alone(statics)
-        return analyse(build_library(near, wanted).load(), n_modes=count), ""
+        return analyse(build_library(near, wanted, calls=FEW_CALLS).load(), n_modes=count), ""
     except TensegrityError as error:
         warn(f"the page has no modes: {error.problem}")
         return None, f"No modes: {error.problem}."

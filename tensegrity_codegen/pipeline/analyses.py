@@ -1,4 +1,7 @@
-"""Needs of each analysis of a library: quantities, integrators, parameters, batch functions."""
+"""Needs of each analysis of a library: quantities, integrators, parameters, batch functions.
+
+Each imports what it needs by itself: a motion from the cache needs no statics.
+"""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -6,12 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tensegrity_codegen.runtime.accuracy.choice import integrators_for
 from tensegrity_codegen.runtime.integrate.methods import find_method
-from tensegrity_codegen.runtime.linear.kinks import KINK_QUANTITIES
-from tensegrity_codegen.runtime.linear.linearize import linearize_quantities
-from tensegrity_codegen.runtime.sensitivity.static_system import REST_LENGTH_QUANTITIES
-from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities as _of_formulation
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD, CONTROL_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.scene.subject import Subject
@@ -68,11 +66,15 @@ def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[s
     tuple of str
         Names of quantities.
     """
+    from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities as of_formulation
+
     turning = isinstance(structure, BodySystem) and structure.has_unpotential_load
-    return (*_of_formulation(request.formulation), *(("unpotential_force",) if turning else ()))
+    return (*of_formulation(request.formulation), *(("unpotential_force",) if turning else ()))
 
 
 def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    from tensegrity_codegen.runtime.accuracy.choice import integrators_for
+
     nodes = structure if isinstance(structure, Structure) else None
     integrators = integrators_for(method or "auto", nodes, request.formulation, rtol)
     return Needs(simulation_quantities(request.formulation), integrators)
@@ -92,6 +94,8 @@ def _equilibria(structure: Subject, request: ModelRequest, method: str, rtol: fl
 
 
 def _sensitivity(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    from tensegrity_codegen.runtime.sensitivity.static_system import REST_LENGTH_QUANTITIES
+
     quantities = equilibrium_quantities(structure, request)
     is_rigid = structure.is_bar if request.options.get("bars") == "all" else structure.mu == 0
     if isinstance(structure, BodySystem) or not is_rigid.all():
@@ -100,6 +104,9 @@ def _sensitivity(structure: Subject, request: ModelRequest, method: str, rtol: f
 
 
 def _linearize(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    from tensegrity_codegen.runtime.linear.kinks import KINK_QUANTITIES
+    from tensegrity_codegen.runtime.linear.linearize import linearize_quantities
+
     quantities = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
     return Needs((*quantities, *(KINK_QUANTITIES if not structure.is_bar.all() else ())))
 
@@ -119,6 +126,8 @@ def _analyse(structure: Subject, request: ModelRequest, method: str, rtol: float
 
 
 def _plan(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    from tensegrity_codegen.runtime.sensitivity.static_system import REST_LENGTH_QUANTITIES
+
     quantities = (*equilibrium_quantities(structure, request), *REST_LENGTH_QUANTITIES, "member_extension")
     if isinstance(structure, Structure):
         quantities += ("equilibrium_matrix",)
@@ -135,6 +144,8 @@ def _time_motion(structure: Subject, request: ModelRequest, method: str, rtol: f
 
 
 def _control(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    from tensegrity_codegen.runtime.linear.linearize import linearize_quantities
+
     linear = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
     quantities = (*linear, *CONTROL_QUANTITIES)
     if isinstance(structure, BodySystem):

@@ -11,7 +11,7 @@ from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.codegen.compilation.cache_entry import CacheEntry, read_contents
 from tensegrity_codegen.codegen.compilation.compile import object_size
 from tensegrity_codegen.codegen.compilation.fingerprint import (
-    hash_package,
+    hash_package_state,
     hash_request,
     hash_structure,
     hash_text,
@@ -20,6 +20,7 @@ from tensegrity_codegen.codegen.compilation.flags import (
     Compiler,
     FlagSet,
     check_target_flags,
+    compile_quickly,
     describe_toolchain,
     find_flags,
 )
@@ -37,6 +38,10 @@ from tensegrity_codegen.tables.targets import Target, find_host, find_target
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.emit import GeneratedSource
+
+# Of each function, in an analysis and in motions: see `calls` of build_library.
+FEW_CALLS, MANY_CALLS = 300, 100_000
+MOST_QUICK_MEMBERS = 10_000  # up to which compiling takes longer than so few calls
 
 
 @dataclass(frozen=True)
@@ -134,6 +139,7 @@ def build_library(
     target: str | None = None,
     cache: Cache | None = None,
     measure: bool = False,
+    calls: int | None = None,
 ) -> BuiltLibrary:
     """Build the library for a request, or find it in the cache.
 
@@ -156,6 +162,10 @@ def build_library(
         Cache of compiled libraries; by default that of the user.
     measure : bool
         Whether to compile the omitted functions too, to measure how many bytes were saved.
+    calls : int, optional
+        About how often each function will be called, of a library that is used here and not kept: its
+        manifest does not list what was omitted, and for few calls it is made of loops, with -O1, where
+        the request leaves the emitter open. Its results are the same, bit by bit, with reference flags.
 
     Returns
     -------
@@ -187,9 +197,12 @@ def build_library(
     machine, flag_set = find_target(target), find_flags(request.flags)
     check_target_flags(flag_set, machine, "flags" if flags is not None else "model.flags")
     tool = find_cross_compiler(machine, compiler) if machine.name else find_compiler(compiler)
+    kind = "measured" if measure else "estimated" if calls is None else "many"
+    if calls is not None and calls <= FEW_CALLS and structure.n_members <= MOST_QUICK_MEMBERS:
+        kind, flag_set = "few", compile_quickly(flag_set)
     toolchain = describe_toolchain(tool, flag_set, machine)
     identity = _Identity.of(structure, request)
-    request_key = _request_key(identity, toolchain, measure)
+    request_key = _request_key(identity, toolchain, kind)
     entry, manifest = _find(cache, request_key, identity)
     found = entry is not None
 
@@ -197,12 +210,18 @@ def build_library(
         assert entry is not None
         cache.drop(entry.key)
         return build_library(
-            structure, request, compiler=compiler, target=target, cache=cache, measure=measure
+            structure,
+            request,
+            compiler=compiler,
+            target=target,
+            cache=cache,
+            measure=measure,
+            calls=calls,
         )
 
     if entry is None or manifest is None:
         with work_pass(GENERATING):
-            source = _emit(structure, request, tool, flag_set, machine, measure)
+            source = _emit(structure, request, tool, flag_set, machine, kind)
         with work_pass(COMPILING):
             entry, manifest = compile_source(
                 source.files,
@@ -273,15 +292,15 @@ class _Identity:
         return entry.scene == self.scene and self.wanted <= {spec.quantity for spec in manifest.functions}
 
 
-def _request_key(identity: _Identity, toolchain: str, measure: bool) -> str:
-    package = hash_package(Path(__file__).resolve().parents[1], template_folder())
+def _request_key(identity: _Identity, toolchain: str, kind: str) -> str:
+    package = hash_package_state(Path(__file__).resolve().parents[1], template_folder())
     return hash_text(
         identity.structure,
         identity.request,
         package,
         version("casadi"),
         toolchain,
-        "measured" if measure else "estimated",
+        kind,
     )
 
 
@@ -299,7 +318,7 @@ def _emit(
     compiler: Compiler,
     flags: FlagSet,
     target: Target,
-    measure: bool,
+    kind: str,
 ) -> "GeneratedSource":
     # Imported here, so that a library from the cache costs no import of CasADi.
     from tensegrity_codegen.codegen.emit import emit
@@ -308,4 +327,7 @@ def _emit(
         sources = {name: text for name, text in files.items() if is_library_source(name)}
         return object_size(sources, compiler=compiler, flags=flags, target=target) or 0
 
-    return emit(structure, request, size if measure else None)
+    account = kind in ("measured", "estimated")
+    return emit(
+        structure, request, size if kind == "measured" else None, account=account, quick=kind == "few"
+    )

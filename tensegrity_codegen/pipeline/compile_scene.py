@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.pipeline.analyses import Needs, want_analyses
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.read import name_source, read_scene
 from tensegrity_codegen.scene.schema.schema import Scene
@@ -163,4 +163,4 @@ def compile_scene(
         solvers=check_names(solvers, "solvers"),
     )
     request = want_analyses(structure, request, analyses, method=method, rtol=rtol, besides=besides)
-    return build_library(structure, request).load()
+    return build_library(structure, request, calls=MANY_CALLS).load()

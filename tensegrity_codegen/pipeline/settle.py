@@ -2,19 +2,20 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.analyses import equilibrium_quantities, find_needs
-from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
-from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.request import ModelRequest
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
 
 def has_statics(request: ModelRequest) -> bool:
@@ -95,10 +96,12 @@ def settle_structure(
     FormulationError, CompilerMissingError, CompileError
         As for build_library.
     """
+    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+
     statics = with_statics(structure, request)
     wanted = statics.wanting(*equilibrium_quantities(structure, statics))
     near, offset = move_near_origin(structure, request)
-    model = build_library(near, wanted, compiler=compiler, flags=flags).load()
+    model = build_library(near, wanted, compiler=compiler, flags=flags, calls=FEW_CALLS).load()
     found = find_equilibrium(model, arguments=arguments)
     if warn is not None:
         for text in found.warnings:
@@ -108,7 +111,7 @@ def settle_structure(
 
 def find_settled(
     subject: Subject, request: ModelRequest, *, warn: Callable[[str], None] | None = None
-) -> tuple[Subject, Equilibrium]:
+) -> "tuple[Subject, Equilibrium]":
     """Return the structure or bodies at the equilibrium, at rest, and the equilibrium itself.
 
     Parameters
@@ -134,10 +137,12 @@ def find_settled(
     FormulationError, CompilerMissingError, CompileError
         As for build_library.
     """
+    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+
     statics = with_statics(subject, request)
     near, offset = move_near_origin(subject, request)
     wanted = find_needs("equilibrium", near, statics).alone(statics)
-    found = find_equilibrium(build_library(near, wanted).load())
+    found = find_equilibrium(build_library(near, wanted, calls=FEW_CALLS).load())
     if warn is not None:
         for text in found.warnings:
             warn(text)

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 from rich.table import Table
-from rich.text import Text
 
+from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.number_text import format_short
-from tensegrity_codegen.report.tables import add_row, new_table
+from tensegrity_codegen.report.tables import rank_members
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
@@ -117,6 +117,8 @@ def describe_counts(found: Analysis) -> tuple[tuple[str, str], ...]:
     stiffness = f"{found.smallest_eigenvalue:.6g} N/m"
     if found.stiffness.is_neutral and found.is_balanced:
         stiffness = f"0 within rounding ({stiffness})"
+    value = found.stability.smallest_eigenvalue
+    held = "no mechanism" if math.isinf(value) else f"{value:.4g} of the largest force density"
     return (
         ("coordinates, members", f"{rank.n_coordinates}, {rank.n_members}"),
         ("rank of the equilibrium matrix", f"{rank.rank} of {rank.largest_rank}"),
@@ -126,59 +128,71 @@ def describe_counts(found: Analysis) -> tuple[tuple[str, str], ...]:
         ("rigid motions", str(found.n_rigid_motions)),
         ("mechanisms", str(found.n_mechanisms)),
         ("all cables in tension", _describe_prestress(found)),
-        ("stiffness of mechanisms by tensions", _describe_stability(found)),
+        ("stiffness of mechanisms by tensions", held),
         ("smallest eigenvalue of the stiffness", stiffness),
         ("largest residual at present", f"{found.residual:.3g} N; largest force {found.largest_force:.6g} N"),
     )
 
 
-def analysis_members_table(found: Analysis, subject: Subject) -> Table:
+def analysis_members_table(found: Analysis, subject: Subject) -> LongTable:
     """Return a table of the members: tensions found and present, and the part used of each limit."""
-    limited = [name for name in MEMBER_CHECKS if not np.isnan(found.members.use[name]).all()]
-    known = not np.isnan(found.members.stress).all()
-    columns = {"prestress": "right", "tension\n[N]": "right"}
-    columns |= {"stress\n[MPa]": "right", "buckling\nfactor": "right"} if known else {}
-    columns |= {f"{LIMIT_NAMES[name]}\nused [%]": "right" for name in limited}
-    table = new_table(f"{subject.name}: members", "member", **columns)
+    checks = found.members
+    limited = [name for name in MEMBER_CHECKS if not np.isnan(checks.use[name]).all()]
+    known = not np.isnan(checks.stress).all()
+    heads = ["member", "prestress", "tension\n[N]", *(["stress\n[MPa]", "buckling\nfactor"] if known else [])]
+    heads += [f"{LIMIT_NAMES[name]}\nused [%]" for name in limited]
     shown = found.prestress
     if not shown.is_found and found.load_prestress is not None:
         shown = found.load_prestress
-    for e, name in enumerate(subject.member_name):
-        cells = [f"{shown.tension[e]:+.5f}", f"{found.member_tension[e]:+.5g}"]
+
+    def describe(e: int) -> list[str]:
+        cells = [subject.member_name[e], f"{shown.tension[e]:+.5f}", f"{found.member_tension[e]:+.5g}"]
         if known:
-            cells += [_number(found.members.stress[e] / 1e6), _number(found.members.buckling_factor[e])]
-        cells += [_number(100 * found.members.use[limit][e]) for limit in limited]
-        add_row(table, name, *cells)
-    return table
+            cells += [_number(checks.stress[e] / 1e6), _number(checks.buckling_factor[e])]
+        return cells + [_number(100 * checks.use[limit][e]) for limit in limited]
+
+    return LongTable(
+        f"{subject.name}: members", tuple(heads), f"f{'r' * (len(heads) - 1)}", len(subject.member_name),
+        describe, "members", rank_members(subject, shown.tension, checks),
+    )  # fmt: skip
 
 
-def certificate_table(found: Analysis, subject: Subject) -> Table | None:
+def certificate_table(found: Analysis, subject: Subject) -> LongTable | None:
     """Return the displacements of the nodes that prove that there are no tensions; None without a proof."""
     proof, motion = found.certificate, found.certificate_displacement
     if proof is None or motion is None or not proof.is_verified:
         return None
-    letters = ["xyz"[axis] for axis in subject.axes]
-    title = f"{subject.name}: displacements that prove it, for a largest shortening of 1"
-    table = new_table(title, "node", **dict.fromkeys(letters, "right"))
-    for n, name in enumerate(subject.node_name):
-        add_row(table, name, *(f"{motion[n, axis]:+.9f}" for axis in subject.axes))
-    table.caption = Text(
+    axes = list(subject.axes)
+    size = np.linalg.norm(motion[:, axes], axis=1)
+    return LongTable(
+        f"{subject.name}: displacements that prove it, for a largest shortening of 1",
+        ("node", *("xyz"[axis] for axis in axes)),
+        f"f{'r' * len(axes)}",
+        len(subject.node_name),
+        lambda n: [subject.node_name[n], *(f"{motion[n, axis]:+.9f}" for axis in axes)],
+        "nodes",
+        (("largest displacement", rank_rows(-size)),),
         f"{len(proof.shortening)} cables shorten by {proof.least_shortening:.9g} to 1; all bars and the "
-        f"other cables change by {proof.error:.1e} at most"
+        f"other cables change by {proof.error:.1e} at most",
     )
-    table.caption_justify = "left"
-    return table
 
 
-def modes_table(found: Analysis, name: str) -> Table | None:
+def modes_table(found: Analysis, name: str) -> LongTable | None:
     """Return the first natural frequencies; None without masses."""
-    if found.modes is None or not len(found.modes.frequency):
+    modes = found.modes
+    if modes is None or not len(modes.frequency):
         return None
-    table = new_table(f"{name}: modes at present", "mode", **{"frequency [Hz]": "right", "note": "left"})
-    for k, (frequency, rate) in enumerate(zip(found.modes.frequency, found.modes.growth_rate, strict=True)):
+
+    def describe(k: int) -> tuple[str, ...]:
+        frequency, rate = modes.frequency[k], modes.growth_rate[k]
         note = f"unstable, grows by {rate:.4g} 1/s" if rate else "" if frequency else "no stiffness"
-        add_row(table, str(k + 1), f"{frequency:.5g}", note)
-    return table
+        return str(k + 1), f"{frequency:.5g}", note
+
+    count = len(modes.frequency)
+    return LongTable(
+        f"{name}: modes at present", ("mode", "frequency [Hz]", "note"), "frl", count, describe, "modes",
+        (("unstable and softest", range(count)),),
+    )  # fmt: skip
 
 
 def _describe_prestress(found: Analysis) -> str:
@@ -190,11 +204,6 @@ def _describe_prestress(found: Analysis) -> str:
     if found.load_prestress is not None and found.load_prestress.is_found:
         return f"under the loads, at least {found.load_prestress.least_tension:.4g} N"
     return "no"
-
-
-def _describe_stability(found: Analysis) -> str:
-    value = found.stability.smallest_eigenvalue
-    return "no mechanism" if math.isinf(value) else f"{value:.4g} of the largest force density"
 
 
 def _number(value: float) -> str:

@@ -1,20 +1,19 @@
 """Results of verbs as tables and sentences for the terminal: modes, load paths, sensitivities, pages."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich import box
 from rich.table import Table
-from rich.text import Text
 
+from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.pages.page import Page
-from tensegrity_codegen.report.tables import add_row, new_table
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
+from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.files import check_ending, plain, write_text
 from tensegrity_codegen.system.summaries import describe_count
@@ -24,15 +23,18 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.linear.spectrum import Spectrum
 
 REAL = 1e-9  # imaginary part over modulus, up to which an eigenvalue is a real one
+MOST_REAL = 20  # real eigenvalues in a sentence
+# Events of a path that end or change it; the others are those of members.
+OF_THE_PATH = ("limit", "stability", "bifurcation", "contact", "separation")
 
 
-def modes_table(frequency: FloatArray, damping: FloatArray, most: int) -> Table:
-    """Return a table of the oscillating modes: frequency [Hz] and damping ratio; at most `most` rows."""
-    columns = dict.fromkeys(("mode", "frequency [Hz]", "damping ratio"), "right")
-    table = new_table("", **columns)
-    for number, (f, zeta) in enumerate(zip(frequency[:most], damping[:most], strict=True), 1):
-        add_row(table, str(number), f"{f:.6g}", f"{zeta:.4g}")
-    return table
+def modes_table(frequency: FloatArray, damping: FloatArray) -> LongTable:
+    """Return a table of the oscillating modes: frequency [Hz] and damping ratio, the lowest first."""
+    return LongTable(
+        "", ("mode", "frequency [Hz]", "damping ratio"), "rrr", len(frequency),
+        lambda k: (str(k + 1), f"{frequency[k]:.6g}", f"{damping[k]:.4g}"), "modes",
+        (("lowest", range(len(frequency))),),
+    )  # fmt: skip
 
 
 def say_finding(frequency: FloatArray, spectrum: "Spectrum") -> str:
@@ -46,19 +48,16 @@ def say_finding(frequency: FloatArray, spectrum: "Spectrum") -> str:
     return f"{finding}; lowest natural frequency {frequency.min():.6g} Hz of {len(frequency)}"
 
 
-def say_spectrum(spectrum: "Spectrum", most: int) -> list[str]:
+def say_spectrum(spectrum: "Spectrum") -> list[str]:
     """Return what the table of oscillating modes does not show, a sentence each."""
     value, zeros = spectrum.eigenvalue, spectrum.zero_eigenvalues
     moving = value[zeros:]
     real = np.sort(moving[np.abs(moving.imag) <= REAL * np.abs(moving)].real)
-    count = int(np.sum(moving.imag > REAL * np.abs(moving)))
     said = []
-    if count > most:
-        said.append(f"{count - most} more modes: see `json`")
     if not spectrum.is_complete:
         said.append("only the slowest modes were computed")
     if len(real):
-        listed = ", ".join(f"{x:.6g}" for x in real[:most]) + (" ..." if len(real) > most else "")
+        listed = ", ".join(f"{x:.6g}" for x in real[:MOST_REAL]) + (" ..." if len(real) > MOST_REAL else "")
         said.append(f"real eigenvalues [1/s] (motions that decay or grow without oscillation): {listed}")
     if zeros:
         are = describe_count(zeros, "eigenvalue is", "eigenvalues are")
@@ -102,13 +101,21 @@ def write_path(columns: dict[str, FloatArray], path: LoadPath, file: Path, *, ov
     write_text(json.dumps(plain(data), indent=1, allow_nan=False) + "\n", file, overwrite=overwrite)
 
 
-def events_table(events: Sequence[PathEvent]) -> Table:
-    """Return a table of the events in order."""
-    table = Table("load factor", "event", "of", title="events", box=box.SIMPLE, title_justify="left")
-    table.columns[0].justify = "right"
-    for event in events:
-        table.add_row(f"{event.load_factor:.10g}", event.kind, ", ".join(event.names))
-    return table
+def events_table(events: Sequence[PathEvent], whole: bool = True) -> LongTable:
+    """Return a table of the events in order; whole: with all names, otherwise with the first of many."""
+    most = max(4, 30 // max(len(events), 1))
+
+    def describe(k: int) -> tuple[str, ...]:
+        names = events[k].names
+        listed = name_list(names, len(names) if whole else most)
+        return f"{events[k].load_factor:.10g}", events[k].kind, listed
+
+    own = [k for k, item in enumerate(events) if item.kind in OF_THE_PATH]
+    others = [k for k, item in enumerate(events) if item.kind not in OF_THE_PATH]
+    return LongTable(
+        "events", ("load factor", "event", "of"), "rff", len(events), describe, "events",
+        (("limit points, bifurcations, contacts", own), ("first others", others)),
+    )  # fmt: skip
 
 
 def _columns(prefix: str, names: Sequence[str], rows: FloatArray) -> dict[str, FloatArray]:
@@ -143,23 +150,35 @@ def _extreme(found: Sensitivity, change: Any, member: int, sign: float) -> dict[
     return {"member": found.member_name[member], "derivative": value} if sign * value > 0 else None
 
 
-def columns_table(found: Sensitivity) -> Table:
-    """Return a table of what one millimetre more rest length does most, column by column."""
-    title = "per mm of rest length: the node that moves most, the tensions that rise and fall most"
-    table = new_table(title)
-    for name in ("of", "node", "moves [mm]", "rises", "[N]", "falls", "[N]"):
-        is_number = "[" in name
-        table.add_column(
-            Text(name), justify="right" if is_number else "left", no_wrap=is_number, overflow="fold"
-        )
-    for name, facts in list_columns(found).items():
-        cells = [name, facts["node"], f"{np.linalg.norm(facts['motion']):.3g}"]
+def columns_table(columns: Mapping[str, Mapping[str, Any]]) -> LongTable:
+    """Return a table of what one millimetre more rest length does most, of each column of `list_columns`."""
+    names = list(columns)
+    motion = np.array([np.linalg.norm(facts["motion"]) for facts in columns.values()])
+    change = np.array([_find_change(facts) for facts in columns.values()])
+
+    def describe(k: int) -> list[str]:
+        facts = columns[names[k]]
+        cells = [names[k], facts["node"], f"{motion[k]:.3g}"]
         for extreme in (facts["raised"], facts["lowered"]):
             cells += (
                 ["", ""] if extreme is None else [extreme["member"], f"{extreme['derivative'] / 1e3:+.3g}"]
             )
-        add_row(table, *cells)
-    return table
+        return cells
+
+    return LongTable(
+        "per mm of rest length: the node that moves most, the tensions that rise and fall most",
+        ("of", "node", "moves [mm]", "rises", "[N]", "falls", "[N]"), "ffrfrfr", len(names), describe,
+        "rest lengths",
+        (
+            ("those that move a node most", rank_rows(-motion)),
+            ("those that change a tension most", rank_rows(-change)),
+        ),
+    )  # fmt: skip
+
+
+def _find_change(facts: Mapping[str, Any]) -> float:
+    """Return the largest change of a tension of one column [N/m]."""
+    return max((abs(item["derivative"]) for item in (facts["raised"], facts["lowered"]) if item), default=0.0)
 
 
 def ranks_table(title: str, unit: str, ranks: Sequence[tuple[str, float]]) -> Table:

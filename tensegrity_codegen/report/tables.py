@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.table import Table
-from rich.text import Text
 
+from tensegrity_codegen.report.long_table import LongTable, Ranking, add_row, new_table, rank_rows
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.member_limits import MemberChecks
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
@@ -90,52 +91,89 @@ def memory_table(code_bytes: int | None, stack_bytes: Mapping[str, int]) -> Tabl
     return table
 
 
-def nodes_table(structure: Structure, node_position: FloatArray) -> Table:
+def nodes_table(structure: Structure, node_position: FloatArray) -> LongTable:
     """Return a table of the nodes at node_position (n_nodes, 3) [m] with their held axes.
 
     The distance moved counts from the structure's stated positions.
     """
     letters = ["xyz"[axis] for axis in structure.axes]
-    table = new_table(
-        f"{structure.name}: nodes", "node", **{f"{letter} [m]": "right" for letter in letters},
-        **{"moved [m]": "right", "held": "left"},
-    )  # fmt: skip
     moved = np.linalg.norm(node_position - structure.node_position, axis=1)
-    for n, name in enumerate(structure.node_name):
+
+    def describe(n: int) -> list[str]:
         held = "".join("xyz"[axis] for axis in structure.axes if structure.node_anchored[n, axis])
         places = [f"{node_position[n, axis]:.6f}" for axis in structure.axes]
-        add_row(table, name, *places, f"{moved[n]:.3g}", held)
-    return table
+        return [structure.node_name[n], *places, f"{moved[n]:.3g}", held]
+
+    return LongTable(
+        f"{structure.name}: nodes", ("node", *(f"{letter} [m]" for letter in letters), "moved [m]", "held"),
+        f"f{'r' * len(letters)}rl", structure.n_nodes, describe, "nodes",
+        (("moved farthest", rank_rows(-moved)),),
+    )  # fmt: skip
 
 
-def members_table(structure: Structure, member_length: FloatArray, member_tension: FloatArray) -> Table:
+def members_table(
+    structure: Structure,
+    member_length: FloatArray,
+    member_tension: FloatArray,
+    checks: MemberChecks | None = None,
+) -> LongTable:
     """Return a table of the members: lengths (n_members,) [m], tensions (n_members,) [N], and their state.
 
-    The strain is (l - rho) / rho, from the stated rest lengths rho.
+    The strain is (l - rho) / rho, from the stated rest lengths rho. checks: members against their limits.
     """
-    table = new_table(
-        f"{structure.name}: members", "member", "class", "nodes",
-        **{"rest\nlength\n[m]": "right", "length\n[m]": "right", "strain\n[%]": "right"},
-        **{"tension\n[N]": "right"}, state="left",
-    )  # fmt: skip
     strain = 100 * (member_length - structure.rest_length) / structure.rest_length
-    # In a word what each member does; a tension-only one without tension is slack
-    states = []
-    for value, tension_only in zip(member_tension, structure.tension_only, strict=True):
-        if value > 0:
-            states.append("taut")
-        elif tension_only:
-            states.append("slack")
-        else:
-            states.append("compressed" if value < 0 else "unloaded")
-    for e, name in enumerate(structure.member_name):
+
+    def describe(e: int) -> list[str]:
+        # In a word what the member does; a tension-only one without tension is slack
+        value, state = member_tension[e], "taut"
+        if not value > 0:
+            state = "slack" if structure.tension_only[e] else "compressed" if value < 0 else "unloaded"
+        kind = structure.member_class[e] or ("bar" if structure.is_bar[e] else "cable")
         nodes = "–".join(structure.node_name[n] for n in structure.connectivity[e])
-        add_row(
-            table, name, structure.member_class[e] or ("bar" if structure.is_bar[e] else "cable"), nodes,
-            f"{structure.rest_length[e]:.5f}", f"{member_length[e]:.5f}", f"{strain[e]:+.2f}",
-            f"{member_tension[e]:+.5g}", states[e],
-        )  # fmt: skip
-    return table
+        return [
+            structure.member_name[e], kind, nodes, f"{structure.rest_length[e]:.5f}",
+            f"{member_length[e]:.5f}", f"{strain[e]:+.2f}", f"{value:+.5g}", state,
+        ]  # fmt: skip
+
+    heads = ("rest\nlength\n[m]", "length\n[m]", "strain\n[%]", "tension\n[N]", "state")
+    return LongTable(
+        f"{structure.name}: members", ("member", "class", "nodes", *heads), "fffrrrrl",
+        structure.n_members, describe, "members", rank_members(structure, member_tension, checks),
+    )  # fmt: skip
+
+
+def rank_members(
+    structure: Structure | BodySystem, member_tension: FloatArray, checks: MemberChecks | None = None
+) -> Ranking:
+    """Return which members matter most: nearest to their limits, least tension, largest compression.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        With its bars.
+    member_tension : ndarray, shape (n_members,) [N]
+        Tensions.
+    checks : MemberChecks, optional
+        Members against their limits; where there are any, these count in place of the compression of bars.
+
+    Returns
+    -------
+    tuple of (str, sequence of int)
+        Reasons and numbers of members, the most important first.
+    """
+    unknown = np.full(len(member_tension), np.nan)
+    use = np.fmax.reduce([unknown, *(checks.use.values() if checks is not None else ())])
+    limited = np.flatnonzero(~np.isnan(use))
+    bars = np.flatnonzero(structure.is_bar)
+    cables = np.flatnonzero(~structure.is_bar)
+    found = [
+        ("nearest to their limits or beyond", limited, -use),
+        ("cables with least tension", cables, member_tension),
+        ("bars with most compression", bars if not len(limited) else bars[:0], member_tension),
+    ]
+    return tuple(
+        (reason, rows[rank_rows(value[rows])].tolist()) for reason, rows, value in found if len(rows)
+    )
 
 
 def run_table(summary: Mapping[str, Any]) -> Table:
@@ -151,28 +189,6 @@ def run_table(summary: Mapping[str, Any]) -> Table:
         )
         add_row(table, name, f"{text} {unit}".rstrip())
     return table
-
-
-def new_table(title: str, *texts: str, **columns: str) -> Table:
-    """Return an empty table with text columns, then columns by name -> alignment."""
-    table = Table(
-        title=Text(title) if title else None,
-        box=box.SIMPLE_HEAD,
-        title_justify="left",
-        pad_edge=False,
-        collapse_padding=True,
-    )
-    for name in texts:
-        table.add_column(Text(name.replace("_", " ")), overflow="fold")
-    for name, side in columns.items():
-        justify: Any = side
-        table.add_column(Text(name.replace("_", " ")), justify=justify, no_wrap=True)
-    return table
-
-
-def add_row(table: Table, *cells: str) -> None:
-    """Add a row of plain texts, in which square brackets mean themselves."""
-    table.add_row(*(Text(cell) for cell in cells))
 
 
 def _shape(shape: tuple[int, ...]) -> str:

@@ -267,10 +267,6 @@ class BodySystem(WithMemberLaws, Summarised):
         """Return the index of a node by its name, as `bar1_A`; ValueError if there is none."""
         return self.node_name.index(name)
 
-    def find_coordinate(self, name: str) -> int:
-        """Return the index of a coordinate by its name, as `bar1_azimuth`; ValueError if there is none."""
-        return self.coordinate_name.index(name)
-
     def with_changes(self, **changes: Any) -> "BodySystem":
         """Return a copy with some fields replaced."""
         return replace(self, **changes)

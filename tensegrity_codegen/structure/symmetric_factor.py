@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
+import scipy
 
 Scalar = Any
 
@@ -73,5 +72,8 @@ def _order(count: int, coupling: Mapping[tuple[int, int], Scalar]) -> list[int]:
     if count <= 2:
         return list(range(count))
     rows, columns = np.array(list(coupling), dtype=np.int32).T
-    graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()
-    return [int(row) for row in reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True)]
+    graph = scipy.sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()
+    return [
+        int(row)
+        for row in scipy.sparse.csgraph.reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True)
+    ]

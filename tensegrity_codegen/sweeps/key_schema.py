@@ -99,7 +99,10 @@ class Place:
         if index is None:
             return None
         if isinstance(index, int):
-            return self._item(index)
+            if "items" not in self.schema:
+                return None
+            length = len(self.value) if isinstance(self.value, list) else 0
+            return Place(self.schema["items"], self.value[index]) if index < length else None
         schema = self.schema.get("properties", {}).get(index)
         stated = isinstance(self.value, Mapping) and index in self.value
         if schema is None:
@@ -108,12 +111,6 @@ class Place:
             if not stated and _needs_keys(schema):
                 return None
         return None if schema is None else Place(schema, self.value[index] if stated else None)
-
-    def _item(self, index: int) -> "Place | None":
-        if "items" not in self.schema:
-            return None
-        length = len(self.value) if isinstance(self.value, list) else 0
-        return Place(self.schema["items"], self.value[index]) if index < length else None
 
     def _variants(self) -> list[Mapping[str, Any]]:
         return [_resolve(item, None) for item in self.schema.get("oneOf", [self.schema])]

@@ -170,7 +170,10 @@ def plan_sweep(
     outputs, is_joint = _find_outputs(operation, groups, libraries)
     case_seconds = _measure(cases, groups[0], libraries, operation)
     if task_size is None:
-        task_size = _choose_task_size(cases, case_seconds, _row_bytes(outputs), workers)
+        by_time = TASK_SECONDS / max(case_seconds, 1e-9)
+        by_workers = cases.count / (LEAST_TASKS * workers)
+        by_size = MOST_BYTES / max(_row_bytes(outputs), 1)
+        task_size = max(int(min(by_time, by_workers, by_size, MOST_CASES)), LANES)
     task_size = read_count(task_size, "task_size", "number of cases of a task")
     plan = SweepPlan(
         cases,
@@ -242,13 +245,6 @@ def _assembly_seconds(cases: Cases, group: CaseGroup) -> float:
         mapper.explain(mapper.base)
         times.append(time.perf_counter() - started)
     return min(times) * (cases.count if mapper.assembles_all else sets)
-
-
-def _choose_task_size(cases: Cases, case_seconds: float, row_bytes: int, workers: int) -> int:
-    by_time = TASK_SECONDS / max(case_seconds, 1e-9)
-    by_workers = cases.count / (LEAST_TASKS * workers)
-    by_size = MOST_BYTES / max(row_bytes, 1)
-    return max(int(min(by_time, by_workers, by_size, MOST_CASES)), LANES)
 
 
 def _find_outputs(

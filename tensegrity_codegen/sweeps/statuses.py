@@ -1,7 +1,5 @@
 """Statuses of cases: the words of all operations, and the numbers that stand for them in stored results."""
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,16 +42,6 @@ def encode_status(word: str) -> int:
     if word not in _CODE:
         check_choice(word, STATUSES, "status", "status")
     return _CODE[word]
-
-
-def encode_statuses(words: Iterable[str]) -> StatusArray:
-    """Return the codes of words, (count,)."""
-    return np.array([encode_status(word) for word in words], dtype=np.int8)
-
-
-def decode_statuses(codes: StatusArray) -> tuple[str, ...]:
-    """Return the words of codes (count,)."""
-    return tuple(STATUSES[code] for code in codes)
 
 
 def is_good(codes: StatusArray) -> NDArray[np.bool_]:

@@ -3,10 +3,8 @@
 from collections.abc import Mapping
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.linalg import qr
-from scipy.sparse import csgraph
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
@@ -104,8 +102,8 @@ def _join_bars(structure: Structure, members: NDArray[np.int64]) -> list[NDArray
     bar, side = np.nonzero(free[ends])
     count = len(members)
     size = count + structure.n_nodes
-    graph = sparse.csr_array((np.ones(len(bar)), (bar, count + ends[bar, side])), shape=(size, size))
-    number, label = csgraph.connected_components(graph, directed=False)
+    graph = scipy.sparse.csr_array((np.ones(len(bar)), (bar, count + ends[bar, side])), shape=(size, size))
+    number, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
     label = label[:count]
     order = np.argsort(label, kind="stable")
     groups = np.split(order, np.searchsorted(label[order], np.arange(1, number)))
@@ -123,7 +121,7 @@ def _find_dependent(structure: Structure, members: NDArray[np.int64]) -> NDArray
         at = np.searchsorted(nodes, ends[:, side])
         free = ~structure.node_anchored[ends[:, side]][:, axes]
         matrix[at, :, np.arange(len(members))] += sign * unit * free
-    factor, order = qr(matrix.reshape(-1, len(members)), mode="r", pivoting=True)
+    factor, order = scipy.linalg.qr(matrix.reshape(-1, len(members)), mode="r", pivoting=True)
     size = np.abs(np.diag(factor))
     rank = int(np.sum(size > DEPENDENT * max(1.0, size.max(initial=0.0))))
     return members[order[rank:]]

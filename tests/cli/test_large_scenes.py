@@ -53,3 +53,13 @@ def test_a_large_scene_needs_no_name_of_an_emitter(
     if verb == "build":
         assert ended.data["emitter"] == "table"
         assert f"{18 * stages - 6} members" in ended.data["why_emitter"]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("verb", ["equilibrium", "analyse", "sensitivity", "linearize"])
+def test_the_text_of_a_large_scene_is_short(verb: str, run: Run, folder: Path) -> None:
+    (folder / "tall.toml").write_text(TALL.replace("STAGES", "12"), encoding="utf-8")
+    ended = run(verb, "tall.toml")
+    assert (ended.out + ended.err).count("\n") < 60
+    assert "with --all, and in --json" in ended.out
+    assert run(verb, "tall.toml", "--all").out.count("\n") > 100

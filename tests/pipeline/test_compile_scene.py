@@ -4,17 +4,27 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.sparse import issparse
 
 from tensegrity_codegen import find_equilibrium, linearize
 from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.codegen import emit
 from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.codegen.compilation.cache_entry import CacheEntry
-from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library
+from tensegrity_codegen.pipeline.analyses import find_needs
+from tensegrity_codegen.pipeline.build_library import (
+    FEW_CALLS,
+    MANY_CALLS,
+    BuiltLibrary,
+    build_library,
+    check_buildable,
+)
 from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.paths.bar_path import build_path
@@ -198,6 +208,39 @@ def test_measuring_fills_in_bytes(scene: Path) -> None:
     assert all(row.measured for row in rows.values())
     assert rows["unwanted functions"].object_bytes > 0
     assert not any(row.measured for row in estimated.manifest.left_out)
+
+
+@pytest.mark.optimised
+@pytest.mark.parametrize("name", ["prism", *thorough("tower", "planar", "svd_tower")])
+def test_libraries_for_few_calls_are_loops_with_the_same_values(name: str) -> None:
+    structure, request = load_scene(tomllib.loads(list_examples()[name]))
+    wanted = find_needs("analyse", structure, request).alone(request)
+    quick, usual = (build_library(structure, wanted, calls=calls) for calls in (FEW_CALLS, MANY_CALLS))
+    assert quick.manifest.left_out == usual.manifest.left_out == ()
+    assert "-O1" in quick.flags
+    assert "-O2" in usual.flags
+    assert quick.manifest.emitter == ("table" if request.formulation == "node_position" else "unrolled")
+    models = quick.load(), usual.load()
+    start = models[0].nominal("coordinate")
+    away = start + np.random.default_rng(0).normal(scale=1e-3, size=start.shape)
+    for item in usual.manifest.functions:
+        given = {"coordinate": away} if "coordinate" in item.arguments else {}
+        found = [model.compute(item.quantity, **given) for model in models]
+        values = [item.toarray() if issparse(item) else item for item in found]
+        np.testing.assert_array_equal(*values)  # 0.0 and -0.0 are equal
+
+
+def test_a_model_that_was_checked_is_not_built_again(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    structure, request = load_scene(scene)
+    made = []
+    usual = emit._plan
+    monkeypatch.setattr(emit, "_plan", lambda *given: made.append(given) or usual(*given))
+    check_buildable(structure, request)
+    check_buildable(structure, request)
+    emit.emit(structure, request, account=False)
+    assert len(made) == 1
+    emit.emit(structure, request, account=False)
+    assert len(made) == 2
 
 
 def test_a_scene_becomes_a_model_that_simulates(scene: Path) -> None:

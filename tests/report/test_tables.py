@@ -3,6 +3,7 @@ import io
 import numpy as np
 from rich.console import Console
 
+from tensegrity_codegen.report.long_table import LongTable
 from tensegrity_codegen.report.tables import (
     functions_table,
     left_out_table,
@@ -33,6 +34,7 @@ MANIFEST = Manifest(
 
 def rows(table):
     """Return the header and the rows as plain texts."""
+    table = table.__rich__() if isinstance(table, LongTable) else table
     header = [str(column.header) for column in table.columns]
     body = list(zip(*([str(cell) for cell in column.cells] for column in table.columns), strict=True))
     return header, body

@@ -33,15 +33,15 @@ static inline void distribution_prepare(real time, scene_control_distribution *m
 /* Command that distributes tensions, within work.low and work.high; returns the status. */
 static inline int control_distribute(real time, scene_control *c)
 {
-  distribution_sample s;
-  s.coordinate = c->estimate;
-  s.wanted = c->wanted;
-  s.low = c->work.low;
-  s.high = c->work.high;
-  s.least = ACTUATOR_LEAST;
-  s.most = ACTUATOR_MOST;
+  distribution_sample sample;
+  sample.coordinate = c->estimate;
+  sample.wanted = c->wanted;
+  sample.low = c->work.low;
+  sample.high = c->work.high;
+  sample.range_low = ACTUATOR_LEAST;
+  sample.range_high = ACTUATOR_MOST;
   distribution_prepare(time, &c->distribution);
-  return distribution_find(&s, c->command, &c->distribution);
+  return distribution_find(&sample, c->command, &c->distribution);
 }
 
 #endif

@@ -6,8 +6,9 @@
 #include "motion.h"
 
 #if WITH_ESTIMATOR
-/* Velocities and accelerations at a state with constant inputs and disturbances; returns whether they are finite. */
-static inline int filter_rate(const real *state, const real *input, const real *push, real *rate)
+/* Velocities and accelerations at a state with constant inputs and disturbance accelerations; returns whether they are
+ * finite. */
+static inline int filter_state_rate(const real *state, const real *input, const real *disturbance, real *rate)
 {
   int i;
   if (control_acceleration(state, state + N_Q, input, rate + N_Q) != 0) {
@@ -15,7 +16,7 @@ static inline int filter_rate(const real *state, const real *input, const real *
   }
   for (i = 0; i < N_Q; ++i) {
     rate[i] = state[N_Q + i];
-    rate[N_Q + i] += push[i];
+    rate[N_Q + i] += disturbance[i];
   }
   return 1;
 }
@@ -38,39 +39,41 @@ static inline int filter_accelerate_by_disturbance(const real *state, scene_cont
 #endif
 }
 
-/* One step of the classical Runge-Kutta method; returns whether it is finite. */
+/* One step of the classical Runge-Kutta method of work.state; returns whether it is finite. */
 static inline int filter_step(real step, scene_control *c)
 {
-  real *x = c->work.state, *stage = c->work.stage, *rate = c->work.rate;
+  real *state = c->work.state, *stage = c->work.stage, *rate = c->work.rate;
   int i, k;
-  if (!filter_accelerate_by_disturbance(x, c) || !filter_rate(x, c->input, c->work.push, rate)) {
+  if (!filter_accelerate_by_disturbance(state, c) || !filter_state_rate(state, c->input, c->work.push, rate)) {
     return 0;
   }
+  /* Stages two to four. */
   for (k = 1; k < 4; ++k) {
-    const real part = k < 3 ? (real)0.5 * step : step;
+    const real share = k < 3 ? (real)0.5 * step : step;
     for (i = 0; i < N_X; ++i) {
-      stage[i] = x[i] + part * rate[(k - 1) * N_X + i];
+      stage[i] = state[i] + share * rate[(k - 1) * N_X + i];
     }
-    if (!filter_rate(stage, c->input, c->work.push, rate + k * N_X)) {
+    if (!filter_state_rate(stage, c->input, c->work.push, rate + k * N_X)) {
       return 0;
     }
   }
   for (i = 0; i < N_X; ++i) {
     const real sum = rate[i] + (real)2.0 * rate[N_X + i] + (real)2.0 * rate[2 * N_X + i] + rate[3 * N_X + i];
-    x[i] += step / (real)6.0 * sum;
+    state[i] += step / (real)6.0 * sum;
   }
   return 1;
 }
 
-/* Move work.state over a time in which inputs are constant; returns whether it is finite. */
-static inline int filter_move(real span, scene_control *c)
+/* Integrate work.state over a time in which inputs are constant, in equal steps of at most the sample over SUBSTEPS;
+ * returns whether it is finite. */
+static inline int filter_integrate(real duration, scene_control *c)
 {
-  const real share = (real)SUBSTEPS * (span / CONTROL_SAMPLE) - (real)1e-9;
-  int count = (int)share, k;
-  count += (real)count < share;
+  const real wanted = (real)SUBSTEPS * (duration / CONTROL_SAMPLE) - (real)1e-9;
+  int count = (int)wanted, k;
+  count += (real)count < wanted;
   count = count < 1 ? 1 : count;
   for (k = 0; k < count; ++k) {
-    if (!filter_step(span / (real)count, c)) {
+    if (!filter_step(duration / (real)count, c)) {
       return 0;
     }
   }
@@ -78,19 +81,20 @@ static inline int filter_move(real span, scene_control *c)
 }
 
 /* Predict the estimate over a time since the last command; returns whether it is finite. */
-static inline int filter_predict(real span, scene_control *c)
+static inline int filter_predict(real duration, scene_control *c)
 {
   int i, k;
   for (i = 0; i < N_X; ++i) {
     c->work.state[i] = c->estimate[i];
   }
-  for (k = 0; k < N_STRETCH && STRETCH_START[k] < span; ++k) {
-    real end = span;
-    if (k + 1 < N_STRETCH && STRETCH_START[k + 1] < span) {
+  /* Stretches of time between arrivals of delayed commands. */
+  for (k = 0; k < N_STRETCH && STRETCH_START[k] < duration; ++k) {
+    real end = duration;
+    if (k + 1 < N_STRETCH && STRETCH_START[k + 1] < duration) {
       end = STRETCH_START[k + 1];
     }
     actuators_apply_arrived(STRETCH_START[k], c);
-    if (!filter_move(end - STRETCH_START[k], c)) {
+    if (!filter_integrate(end - STRETCH_START[k], c)) {
       return 0;
     }
   }
@@ -100,9 +104,9 @@ static inline int filter_predict(real span, scene_control *c)
   return control_all_finite(c->estimate, N_X);
 }
 
-enum { FILTER_DOUBLINGS = 30 }; /* of the largest distance that is accepted, at most */
+enum { FILTER_DOUBLINGS = 30 }; /* of the bound of accepted deviations, at most */
 
-/* Set the bound of accepted distances as at the start: up to 200 standard deviations, for the estimate may begin with
+/* Set the bound of accepted deviations as at the start: up to 200 standard deviations, for the estimate may begin with
  * an error. */
 static inline void filter_reset_bound(scene_control *c)
 {
@@ -110,26 +114,31 @@ static inline void filter_reset_bound(scene_control *c)
   c->n_outliers = 0;
 }
 
-/* Whether measurements, so far (N_Y,) from their predictions, can be used: up to six standard deviations, or twice what
- * was accepted lately, which decays; twice as far after each one in a row that was not used. */
-static inline int filter_accept(const real *from, const real *to, real s, const real *off, scene_control *c)
+/* Whether measurements with these deviations (N_Y,) from their predictions are used: up to six standard deviations, or
+ * twice what was accepted lately, which decays; twice as many after each one in a row that was not used. weight_before,
+ * weight_after: 1 over the standard deviations at the knots about the time; fraction: of the time between them. */
+static inline int filter_is_plausible(
+    const real *weight_before, const real *weight_after, real fraction, const real *deviation, scene_control *c)
 {
-  real most = (real)0.0, bound = (real)2.0 * c->innovation;
+  real largest = (real)0.0, bound = (real)2.0 * c->innovation;
   int j;
+  /* The largest deviation, in standard deviations. */
   for (j = 0; j < N_Y; ++j) {
-    const real size = off[j] * (((real)1.0 - s) * from[j] + s * to[j]);
-    most = size > most ? size : -size > most ? -size : most;
+    const real size = deviation[j] * (((real)1.0 - fraction) * weight_before[j] + fraction * weight_after[j]);
+    largest = size > largest ? size : -size > largest ? -size : largest;
   }
+  /* The bound, and whether it is exceeded. */
   bound = bound > (real)6.0 ? bound : (real)6.0;
   for (j = 0; j < c->n_outliers && j < FILTER_DOUBLINGS; ++j) {
     bound *= (real)2.0;
   }
-  if (most > bound) {
+  if (largest > bound) {
     c->n_outliers += c->n_outliers < FILTER_DOUBLINGS;
     return 0;
   }
+  /* What was accepted lately. */
   c->innovation *= (real)0.7;
-  c->innovation = most > c->innovation ? most : c->innovation;
+  c->innovation = largest > c->innovation ? largest : c->innovation;
   c->n_outliers = 0;
   return 1;
 }
@@ -151,26 +160,29 @@ static inline void filter_restart(real time, scene_control *c)
 /* Correct the estimate by measurements (N_Y,) of a time; returns OK, OUTLIER or ESTIMATE_LOST. */
 static inline int filter_correct(real time, const real *measured, scene_control *c)
 {
-  real s;
-  const int k = control_interval(FILTER_TIME, N_FILTER, time, &s);
-  const real *from = FILTER_GAIN + k * N_E * N_Y, *to = from + N_E * N_Y;
-  real *off = c->work.expected;
+  real fraction;
+  const int k = control_interval(FILTER_TIME, N_FILTER, time, &fraction);
+  const real *gain_before = FILTER_GAIN + k * N_E * N_Y, *gain_after = gain_before + N_E * N_Y;
+  real *deviation = c->work.expected;
   int i, j;
-  if (control_measure(c->estimate, c->estimate + N_Q, c->input, c->work.values, off) != 0) {
+  /* Measurements minus their predictions; outliers are not used. */
+  if (control_measure(c->estimate, c->estimate + N_Q, c->input, c->work.values, deviation) != 0) {
     return SCENE_CONTROL_ESTIMATE_LOST;
   }
   for (j = 0; j < N_Y; ++j) {
-    off[j] = measured[j] - off[j];
+    deviation[j] = measured[j] - deviation[j];
   }
-  if (!filter_accept(FILTER_WEIGHT + k * N_Y, FILTER_WEIGHT + (k + 1) * N_Y, s, off, c)) {
+  if (!filter_is_plausible(FILTER_WEIGHT + k * N_Y, FILTER_WEIGHT + (k + 1) * N_Y, fraction, deviation, c)) {
     return SCENE_CONTROL_OUTLIER;
   }
+  /* The gain at this time times the deviations. */
   for (i = 0; i < N_E; ++i) {
-    real sum = (real)0.0;
+    real correction = (real)0.0;
     for (j = 0; j < N_Y; ++j) {
-      sum += (((real)1.0 - s) * from[i * N_Y + j] + s * to[i * N_Y + j]) * off[j];
+      correction +=
+          (((real)1.0 - fraction) * gain_before[i * N_Y + j] + fraction * gain_after[i * N_Y + j]) * deviation[j];
     }
-    c->estimate[i] += sum;
+    c->estimate[i] += correction;
   }
 #if WITH_DISTURBANCE
   for (i = 0; i < N_D; ++i) {

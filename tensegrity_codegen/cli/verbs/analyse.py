@@ -9,9 +9,9 @@ import typer
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import (
     CompilerOption,
-    JsonOption,
     OverwriteOption,
     PrestressOption,
+    PrintOptions,
     SceneArgument,
     SceneOutOption,
     check_prestress,
@@ -71,7 +71,8 @@ def analyse(
     scene_out: SceneOutOption = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
-    json: JsonOption = False,
+    *,
+    printing: PrintOptions,
 ) -> None:
     """Find self-stresses, mechanisms, a prestress with all cables in tension, stability and modes.
 
@@ -84,7 +85,7 @@ def analyse(
 
     Example: tensegrity-codegen analyse prism.toml --json
     """
-    output = Output(json)
+    output = Output(printing.json, printing.all)
     with output.guard(scene):
         check_prestress(prestress, scene_out)
         check_result(out, ".npz", inputs=[scene], overwrite=overwrite)
@@ -132,7 +133,7 @@ def _analyse(
 ) -> "tuple[Subject, Analysis, NDArray[np.float64] | None, ModelRequest]":
     """Return the structure, its analysis, the equilibrium if it was analysed, and the request."""
     from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
     from tensegrity_codegen.runtime.analysis.analyse import analyse as run
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -142,7 +143,7 @@ def _analyse(
     statics = with_statics(subject, request)
     near, offset = move_near_origin(subject, request)
     wanted = find_needs("analyse", near, statics).alone(statics)
-    model = build_library(near, wanted, compiler=compiler).load()
+    model = build_library(near, wanted, compiler=compiler, calls=FEW_CALLS).load()
     start = None
     if settle:
         settled = find_equilibrium(model, arguments=arguments, tolerance=SETTLED)

@@ -262,13 +262,12 @@ def _report(
 ) -> None:
     """Print what a library contains, where it is, and which command uses it."""
     from tensegrity_codegen.codegen.wheels.wheel import wheel_file_name
+    from tensegrity_codegen.report.long_table import add_row, new_table
     from tensegrity_codegen.report.tables import (
-        add_row,
         describe_parts,
         functions_table,
         left_out_table,
         memory_table,
-        new_table,
     )
     from tensegrity_codegen.system.summaries import describe_count
 

@@ -25,7 +25,7 @@ from tensegrity_codegen.cli.controlled_motion import (
     write_controller,
 )
 from tensegrity_codegen.cli.inputs import read_inputs
-from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
+from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import check_result, write_page
 from tensegrity_codegen.cli.verb import Verb, quote_command
@@ -53,7 +53,7 @@ def control(
     code: CodeOptions,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
-    json: JsonOption = False,
+    printing: PrintOptions,
 ) -> None:
     """Hold a motion by feedback: design it, and simulate it in the full model under disturbances.
 
@@ -64,7 +64,7 @@ def control(
 
     Example: tensegrity-codegen control pinned_prism.toml --to 'twist("bar*_B", "base_*")=165' --page c.html
     """
-    output = Output(json)
+    output = Output(printing.json, printing.all)
     with output.guard(scene):
         from tensegrity_codegen.runtime.model.array_file import write_arrays
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from tensegrity_codegen.cli.inputs import InputOption
-from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument
+from tensegrity_codegen.cli.options import CompilerOption, PrintOptions, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.runtime.statics.methods import Method
@@ -38,7 +38,8 @@ def equilibrium(
     out: OutOption = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
-    json: JsonOption = False,
+    *,
+    printing: PrintOptions,
 ) -> None:
     """Find the stable equilibrium of a scene, and report how far the nodes moved.
 
@@ -47,7 +48,7 @@ def equilibrium(
 
     Example: tensegrity-codegen equilibrium prism.toml --load t1=0,0,-10 --json
     """
-    output = Output(json)
+    output = Output(printing.json, printing.all)
     with output.guard(scene):
         from tensegrity_codegen.cli.settle import settle_scene
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
-from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
+from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import check_result
 from tensegrity_codegen.cli.verb import Verb
@@ -25,7 +25,6 @@ ROUNDING = 64 * sys.float_info.epsilon  # of lengths, over lengths and coordinat
 SETTLED_ROUNDING = 1e-11  # the same, of lengths that the equilibrium gives
 # Acceleration, over extent and square of the lowest angular frequency, that counts as none.
 BALANCE_TOLERANCE = 1e-4
-SHOWN = 20  # modes in text
 
 
 def linearize(
@@ -40,7 +39,8 @@ def linearize(
     ] = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
-    json: JsonOption = False,
+    *,
+    printing: PrintOptions,
 ) -> None:
     """Linearize the equations of motion: x' = A (x - x0) + B (u - u0) + r, exact sparse derivatives.
 
@@ -51,7 +51,7 @@ def linearize(
 
     Example: tensegrity-codegen linearize prism.toml --settle --json
     """
-    output = Output(json)
+    output = Output(printing.json, printing.all)
     with output.guard(scene):
         from tensegrity_codegen.runtime.linear.write_linear import LINEAR_ENDINGS
 
@@ -67,7 +67,7 @@ def _linearize(
 ) -> "tuple[LinearModel, Mapping[str, bool]]":
     """Return the linear model of a scene about its own state or the equilibrium, and its kinks."""
     from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.runtime.linear.kinks import find_kinks
     from tensegrity_codegen.runtime.linear.linearize import linearize as run
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -77,7 +77,7 @@ def _linearize(
     cables = [name for name, bar in zip(structure.member_name, structure.is_bar, strict=True) if not bar]
     wanted = find_needs("linearize", structure, request).alone(request)
     wanted = find_needs("equilibrium", structure, request).besides(wanted) if settle else wanted
-    model = build_library(structure, wanted, compiler=compiler).load()
+    model = build_library(structure, wanted, compiler=compiler, calls=FEW_CALLS).load()
     # What is left of the forces turns neutral motions into slow ones.
     found = find_equilibrium(model, arguments=values, tolerance=SETTLED) if settle else None
     if found is not None:
@@ -136,8 +136,8 @@ def _report(output: Output, linear: "LinearModel", kinks: Mapping[str, bool], ou
         say_finding(linear.natural_frequency, linear.spectrum),
         f"{data['n_states']} states, {data['n_inputs']} inputs; A has {linear.A.nnz} non-zeros, "
         f"B {linear.B.nnz}",
-        modes_table(linear.natural_frequency, linear.damping_ratio, SHOWN),
-        *say_spectrum(linear.spectrum, SHOWN),
+        modes_table(linear.natural_frequency, linear.damping_ratio),
+        *say_spectrum(linear.spectrum),
         "x' = A (x - x0) + B (u - u0) + r; largest entry of r, the state derivative at x0: "
         f"{data['largest_residual_rate']:.3g}",
     )

@@ -10,7 +10,7 @@ import typer
 
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.load_ramp import RampKind, build_ramp
-from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
+from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
@@ -99,7 +99,7 @@ def load_path(
     out: OutOption = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
-    json: JsonOption = False,
+    printing: PrintOptions,
 ) -> None:
     """Follow the equilibrium under increasing loads, through limit points, and locate events.
 
@@ -111,7 +111,7 @@ def load_path(
 
     Example: tensegrity-codegen load-path prism.toml --load t1=0,0,-1 --most 20 --json
     """
-    output = Output(json)
+    output = Output(printing.json, printing.all)
     with output.guard(scene):
         kinds = _parse_events(events)
         _check_options(most, floor, step, out, scene, overwrite)
@@ -141,7 +141,7 @@ def load_path(
         data["limits"] = flaws.as_evidence()
         finding = "; but ".join([f"{path.status}: {path.message}", *flaws.describe()])
         said = [text for text in (finding, data["hint"], _summary(path)) if text]
-        output.result(data, *said, events_table(shown) if shown else "no event")
+        output.result(data, *said, events_table(shown, output.whole) if shown else "no event")
         if not path.is_followed:
             raise typer.Exit(3)
 
@@ -200,7 +200,7 @@ def _build(
 ) -> "ModelPath":
     """Return the problem of a scene under these loads and inputs, its library with all that a path needs."""
     from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import with_statics
     from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
     from tensegrity_codegen.runtime.paths.bar_path import build_path
@@ -210,7 +210,7 @@ def _build(
     request = with_statics(subject, request)
     wanted = find_needs("load_path", subject, request).alone(request)
     wanted = wanted.wanting(*wanted.quantities, *MEMBER_WATCH_QUANTITIES, parameters=ramp.parameters)
-    model = build_library(subject, wanted, compiler=compiler).load()
+    model = build_library(subject, wanted, compiler=compiler, calls=FEW_CALLS).load()
     path = build_path(model, ramp.pattern, {**ramp.base, **merge_inputs(model.manifest, inputs)})
     ramp.check_moves(path, load)
     return path

@@ -1,6 +1,6 @@
 """`tensegrity-codegen plan`: rest lengths that move a structure to a target through stable equilibria."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,7 +9,7 @@ import typer
 
 from tensegrity_codegen.cli.control_options import ActuateOption
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
-from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
+from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.planned_motion import compile_actuated, find_plan
 from tensegrity_codegen.cli.scene_files import check_result, write_page
@@ -132,7 +132,7 @@ def plan(
     motion: MotionOption = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
-    json: JsonOption = False,
+    printing: PrintOptions,
 ) -> None:
     """Plan rest lengths that move a structure to a target, through stable equilibria within its limits.
 
@@ -141,7 +141,7 @@ def plan(
 
     Example: tensegrity-codegen plan prism12.toml --to twist=165 --out plan.csv
     """
-    output = Output(json)
+    output = Output(printing.json, printing.all)
     with output.guard(scene):
         from tensegrity_codegen.control.planning.record_plan import ENDINGS, write_plan
         from tensegrity_codegen.pipeline.analyses import find_needs
@@ -154,11 +154,8 @@ def plan(
         check_result(motion, *MOTION_ENDINGS, inputs=[scene], overwrite=overwrite)
         analysis = "plan" if motion is None else "time_motion"
 
-        def find_request(
-            subject: "Subject", request: "ModelRequest", quantities: Sequence[str]
-        ) -> "ModelRequest":
-            needs = find_needs(analysis, subject, request).alone(request)
-            return needs.wanting(*needs.quantities, *quantities)
+        def find_request(subject: "Subject", request: "ModelRequest") -> "ModelRequest":
+            return find_needs(analysis, subject, request).alone(request)
 
         subject, model, chosen = compile_actuated(output, scene, to, actuate, compiler, find_request)
         arguments = read_inputs(input, subject, output)

@@ -9,8 +9,8 @@ import typer
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import (
     CompilerOption,
-    JsonOption,
     OverwriteOption,
+    PrintOptions,
     SceneArgument,
     parse_loads,
 )
@@ -66,7 +66,8 @@ def sensitivity(
     ] = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
-    json: JsonOption = False,
+    *,
+    printing: PrintOptions,
 ) -> None:
     """Find the equilibrium, and differentiate positions and tensions by the rest lengths.
 
@@ -75,7 +76,7 @@ def sensitivity(
 
     Example: tensegrity-codegen sensitivity prism.toml --node t1 --json
     """
-    output = Output(json)
+    output = Output(printing.json, printing.all)
     with output.guard(scene):
         check_result(out, ".npz", inputs=[scene], overwrite=overwrite)
         subject, request = output.load(scene, settles=True)
@@ -105,7 +106,7 @@ def _find(
 ) -> "Sensitivity":
     """Return the sensitivity at the equilibrium under these arguments."""
     from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
     from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -114,7 +115,7 @@ def _find(
     loads = {"node_load": tuple(range(subject.n_nodes))} if "node_load" in arguments else {}
     wanted = statics.wanting(*find_needs("sensitivity", subject, statics).quantities, parameters=loads)
     near, _ = move_near_origin(subject, request)
-    model = build_library(near, wanted, compiler=compiler).load()
+    model = build_library(near, wanted, compiler=compiler, calls=FEW_CALLS).load()
     start = find_equilibrium(model, arguments=arguments, tolerance=SETTLED)
     output.warn(*start.warnings)
     with output.progress("differentiating"):
@@ -143,7 +144,7 @@ def _report(
         "members": {name: dict(row) for name, row in by_member.items()},
         "out": None if out is None else str(out),
     }
-    tables = [columns_table(found)] if not nodes and not members else []
+    tables: list[Any] = [columns_table(data["columns"])] if not nodes and not members else []
     for name, rows in by_node.items():
         tables += [ranks_table(f"{name} along {axis}", "m/m", row) for axis, row in rows.items() if row]
     tables += [ranks_table(f"tension of {name}", "N/m", row) for name, row in by_member.items()]

@@ -213,7 +213,6 @@ def simulate(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
         from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
         from tensegrity_codegen.runtime.trajectory.write_motion import check_motion_file
 
@@ -225,6 +224,8 @@ def simulate(
             inputs = [path for path in (scene, many.batch, given.profile) if path is not None]
             check_output(out, inputs=inputs, overwrite=overwrite)
         if many.batch is not None:
+            from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
+
             check_no_other(settle=settle, until=until)
             options = choose_batch_control(options, integration.control)
             built, values, schedule = build_for_batch(
@@ -293,7 +294,7 @@ def _build(
     scene: Path, asked: _Asked, t_end: float, compiler: str | None, flags: str | None, output: Output
 ) -> "tuple[BuiltLibrary, dict[str, Any]]":
     """Return the library that the run needs; its start (None: of the scene), inputs and schedule, by name."""
-    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import has_statics, settle_structure
     from tensegrity_codegen.structure.structure import Structure
 
@@ -317,7 +318,7 @@ def _build(
         )
         asked = replace(asked, settle=False)
     wanted = _require(structure, request, asked)
-    built = build_library(structure, wanted, compiler=compiler, flags=flags)
+    built = build_library(structure, wanted, compiler=compiler, flags=flags, calls=MANY_CALLS)
     if not asked.settle:
         return built, {"coordinate": None, **given}
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium

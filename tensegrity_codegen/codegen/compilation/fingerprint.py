@@ -61,6 +61,20 @@ def hash_package(*folders: Path) -> str:
     return digest.hexdigest()
 
 
+@functools.cache
+def hash_package_state(*folders: Path) -> str:
+    """Return the sha256 of names, sizes and times of every source file below `folders`.
+
+    It takes a quarter of the time of hash_package, and differs between copies of the same files.
+    """
+    states = []
+    for folder in folders:
+        for name in _list_sources(folder):
+            found = os.stat(os.path.join(folder, name))  # noqa: PTH116, PTH118 - half of pathlib's time
+            states.append(f"{name} {found.st_size} {found.st_mtime_ns} {found.st_ctime_ns}")
+    return hash_text(*map(str, folders), *states)
+
+
 def _list_sources(folder: Path) -> list[str]:
     """Return the names of the source files below a folder, relative to it."""
     top = len(str(folder)) + 1

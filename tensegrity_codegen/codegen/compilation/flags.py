@@ -4,7 +4,7 @@ import hashlib
 import platform
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tensegrity_codegen.system.errors import FormulationError, check_choice
@@ -80,6 +80,12 @@ def find_flags(name: str, where: str = "model.flags") -> FlagSet:
     return FLAG_SETS[name]
 
 
+def compile_quickly(flags: FlagSet) -> FlagSet:
+    """Return the flag set with less optimisation, for functions that are called a few hundred times."""
+    options = tuple("-O1" if item == "-O2" else item for item in flags.options)
+    return replace(flags, options=options)
+
+
 def build_command(
     compiler: Compiler,
     flags: FlagSet,
@@ -98,7 +104,13 @@ def build_command(
         return (*compiler.command[:-1], "ar", "rcsD", output, *sources)  # zig cc -> zig ar
     kind = target.shared if shared else ("-c",)
     libraries = target.libraries if shared else ()
-    own = _replace_cpu(OWN_OPTIONS.get(compiler.name, ()), target)
+    # A target that chooses a processor replaces the compiler's own choice.
+    chosen = any(option.startswith("-mcpu=") for option in target.options)
+    own = tuple(
+        option
+        for option in OWN_OPTIONS.get(compiler.name, ())
+        if not (chosen and option.startswith("-mcpu="))
+    )
     options = (*own, *flags.options, *WARNINGS, *target.position, *target.options)
     return (*compiler.command, *options, *kind, *sources, "-o", output, *libraries)
 
@@ -145,9 +157,3 @@ def describe_cpu() -> str:
     wanted = ("model name", "flags", "Features", "CPU part", "isa")
     rows = {line for line in text.splitlines() if line.split("\t")[0].strip(" :") in wanted}
     return hashlib.sha256("\n".join(sorted(rows)).encode("utf-8")).hexdigest()
-
-
-def _replace_cpu(options: tuple[str, ...], target: Target) -> tuple[str, ...]:
-    """Return the options without their choice of a processor where the target makes one."""
-    chosen = any(option.startswith("-mcpu=") for option in target.options)
-    return tuple(option for option in options if not (chosen and option.startswith("-mcpu=")))

@@ -28,7 +28,12 @@ def read_code_size(data: bytes) -> int | None:
         if len(data) >= 4 and struct.unpack_from("<I", data)[0] == MACHO_64:
             return _read_macho(data)
         if len(data) >= 2 and struct.unpack_from("<H", data)[0] in COFF_MACHINES:
-            return _read_coff(data)
+            count = struct.unpack_from("<H", data, 2)[0]
+            first = 20 + struct.unpack_from("<H", data, 16)[0]
+            headers = [first + 40 * k for k in range(count)]
+            code = [at for at in headers if _text(data, at, 8).startswith(CODE_NAMES)]
+            size: int = sum(struct.unpack_from("<I", data, at + 16)[0] for at in code)
+            return size
     except (struct.error, IndexError, ValueError, OverflowError):
         return None
     return None
@@ -62,14 +67,6 @@ def _read_macho(data: bytes) -> int:
                     total += struct.unpack_from("<Q", data, section + 40)[0]
         at += size
     return total
-
-
-def _read_coff(data: bytes) -> int:
-    count = struct.unpack_from("<H", data, 2)[0]
-    first = 20 + struct.unpack_from("<H", data, 16)[0]
-    headers = [first + 40 * k for k in range(count)]
-    code = [at for at in headers if _text(data, at, 8).startswith(CODE_NAMES)]
-    return sum(struct.unpack_from("<I", data, at + 16)[0] for at in code)
 
 
 def _read_wasm(data: bytes) -> int:

@@ -49,20 +49,16 @@ def _start_command(command: list[str], memory_limit: int) -> None:
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         os.dup2(2, 1)
         if memory_limit:
-            _limit_memory(memory_limit)
+            # A system that refuses (macOS) runs without a bound.
+            with contextlib.suppress(OSError, ValueError):
+                hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+                bound = memory_limit if hard == resource.RLIM_INFINITY else min(memory_limit, hard)
+                resource.setrlimit(resource.RLIMIT_AS, (bound, bound))
         os.execvp(command[0], command)
     except OSError as error:
         os.write(2, f"cannot start {command[0]}: {error.strerror}\n".encode())
     finally:
         os._exit(CANNOT_START)
-
-
-def _limit_memory(memory_limit: int) -> None:
-    """Bound the address space; a system that refuses (macOS) runs without a bound."""
-    with contextlib.suppress(OSError, ValueError):
-        hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-        bound = memory_limit if hard == resource.RLIM_INFINITY else min(memory_limit, hard)
-        resource.setrlimit(resource.RLIMIT_AS, (bound, bound))
 
 
 def _set_group(child: int) -> None:

@@ -1,7 +1,7 @@
 """Integrations of several states side by side: which integrators have them, and the memory that they take."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.manifest import IntegratorSpec
@@ -10,36 +10,28 @@ from tensegrity_codegen.tables.precision import Precision
 LINE_BYTES = 64  # of the cache: lanes begin at a multiple of it
 
 
-@dataclass(frozen=True)
-class BatchMemory:
-    """Numbers in the work memory: single rows for samples and functions without lanes, and all of it."""
-
-    row_size: int
-    work_size: int
-
-
 def count_line(precision: Precision) -> int:
     """Return how many numbers fill a line of the cache."""
     return LINE_BYTES // precision.dtype.itemsize
 
 
-def plan_memory(
+def count_batch_work(
     name: str, n_coordinates: int, argument_sizes: Iterable[int], width: int, precision: Precision
-) -> BatchMemory:
-    """Return the memory of integrator `name` over `width` states of n_coordinates each.
+) -> int:
+    """Return how many numbers of work memory integrator `name` takes over `width` states.
 
     argument_sizes: numbers in each argument that it passes on.
     """
     line, n = count_line(precision), n_coordinates
     table = INTEGRATORS[name].tableau
-    # state, trial, acceleration, stages; rows: old (q, v, a), new (q, v, a), spare
+    # Lanes: state, trial, acceleration, stages. Row: old and new (q, v, a), spare.
     if table is None or not table.errors:
         lanes, row = (2 + 2 + 1 + 7) * n, 7 * n
     else:  # may the step grow, lost, state, change, trial, spare, rates, dense output
         dense = 3 + len(table.dense) if table.dense else 0
         lanes, row = 1 + 2 * n * (5 + table.rates + dense), (8 + 2 * dense) * n
     row = -(-row // line) * line
-    return BatchMemory(row, line + row + width * (lanes + sum(argument_sizes)))
+    return line + row + width * (lanes + sum(argument_sizes))
 
 
 def with_batch(
@@ -48,5 +40,5 @@ def with_batch(
     """Return the integrator with the memory of its batch function, if the library has batches and it one."""
     if not width or not INTEGRATORS[spec.name].in_batches:
         return spec
-    memory = plan_memory(spec.name, n_coordinates, argument_sizes, width, precision)
-    return replace(spec, batch_work_size=memory.work_size)
+    size = count_batch_work(spec.name, n_coordinates, argument_sizes, width, precision)
+    return replace(spec, batch_work_size=size)

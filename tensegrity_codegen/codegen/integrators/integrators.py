@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
-from tensegrity_codegen.codegen.integrators.batch_integrators import BatchMemory, plan_memory
 from tensegrity_codegen.codegen.integrators.energy_keeping import (
     KEPT_QUANTITIES,
     keeper_context,
@@ -23,7 +22,6 @@ from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.integrators import INTEGRATORS, called_quantities
 from tensegrity_codegen.tables.integrators.integrator import Integrator
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest
-from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 
 # Functions of redundant coordinates that bring a state back onto their constraints; integrators call them.
@@ -249,7 +247,7 @@ def _context(
             "arguments": [arguments[name] for name in spec.arguments],
             "argument_name": spec.arguments,
             "saddle": implicit_context(spec, manifest, functions),
-            "batch": None,
+            "batch_work_size": 0,
         }
     kernel, keeps_constraints = (
         functions["acceleration"].arguments,
@@ -272,16 +270,8 @@ def _context(
         "settings": _method_settings(spec, row, keeps_constraints),
         "dense_title": row.dense_title,
         "tableau": _tableau_context(row.tableau) if row.tableau else None,
-        "batch": _batch_context(spec, manifest),
+        "batch_work_size": spec.batch_work_size,
     }
-
-
-def _batch_context(spec: IntegratorSpec, manifest: Manifest) -> BatchMemory | None:
-    if not spec.batch_work_size:
-        return None
-    sizes = [len(manifest.argument(name).nominal) for name in spec.arguments]
-    precision = find_precision(manifest.precision)
-    return plan_memory(spec.name, len(manifest.coordinate_name), sizes, manifest.batch_width, precision)
 
 
 def _tableau_context(table: Tableau) -> dict[str, Any]:

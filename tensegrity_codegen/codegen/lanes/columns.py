@@ -63,15 +63,12 @@ def _find_runs(parts: NodePosition, sparsity: ca.Sparsity) -> list[_Run] | None:
         keys = [node_axis[row] for row in rows[start[column] : start[column + 1]]]
         for node, group in itertools.groupby(keys, key=lambda key: key[0]):
             axes = [axis for _, axis in group]
-            if axes != list(range(len(axes))) or len(axes) != _n_free(parts, node):
+            n_free = sum((node, axis) in parts.map.index for axis in parts.map.axes)
+            if axes != list(range(len(axes))) or len(axes) != n_free:
                 return None
             runs.append(_Run(column, node, place, len(axes)))
             place += len(axes)
     return runs
-
-
-def _n_free(parts: NodePosition, node: int) -> int:
-    return sum((node, axis) in parts.map.index for axis in parts.map.axes)
 
 
 def _find_terms(parts: NodePosition, place: Mapping[int, tuple[int, int]]) -> dict[tuple[int, int], Terms]:

@@ -85,11 +85,9 @@ class BlockLines(ForceLines):
         end = f"return pack_is_below(total, {LARGEST_SUM}) || {finite};"
         if self.is_settled:
             end = f"return pack_is_below(total + spread, {LARGEST_SUM});"
-        return [*self.given.lines(), *start, *self._lines, *self._sums(place), end]
-
-    def _sums(self, place: dict[int, tuple[int, int]]) -> list[str]:
         name, sparsity = self.function.quantity.name, self.function.sparsity
-        return write_columns(self.parts, sparsity, name, place) or self._sums_of_entries(place)
+        sums = write_columns(self.parts, sparsity, name, place) or self._sums_of_entries(place)
+        return [*self.given.lines(), *start, *self._lines, *sums, end]
 
     def _sums_of_entries(self, place: dict[int, tuple[int, int]]) -> list[str]:
         members = list(place)

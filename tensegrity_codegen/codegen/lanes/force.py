@@ -114,8 +114,12 @@ class ForceLines:
             "damping": [ca.SX(0.0)] * self.structure.n_members if self.is_static else list(values.damping),
             **{name: list(items) for name, items in values.law_parameter.items()},
         }
+        # mu = k + EA / rho stands for both where it is a number.
         for e in range(self.structure.n_members):
-            self._fold_stiffness(e)
+            parts = [self.values[name][e] for name in ("spring_constant", "axial_stiffness", "rest_length")]
+            if all(part.is_constant() for part in parts):
+                self.values["spring_constant"][e] = compute_spring_constant(*parts)
+                self.values["axial_stiffness"][e] = ca.SX(0.0)
 
     def lines(self) -> list[str]:
         """Return all statements."""
@@ -147,13 +151,6 @@ class ForceLines:
     def _sums_begin(self) -> list[str]:
         names = ("spread", "pulled")[: 1 + self.has_forces] if self.is_settled else ()
         return [f"lanes_pack {name} = pack_all(0.0);" for name in names]
-
-    def _fold_stiffness(self, e: int) -> None:
-        """Let mu = k + EA / rho stand for both where it is a number."""
-        values = [self.values[name][e] for name in ("spring_constant", "axial_stiffness", "rest_length")]
-        if all(value.is_constant() for value in values):
-            self.values["spring_constant"][e] = compute_spring_constant(*values)
-            self.values["axial_stiffness"][e] = ca.SX(0.0)
 
     def _kinds(self) -> list[list[tuple[int, ...]]]:
         """Return fours of members that take the same values, in the order of the plan.
@@ -198,7 +195,9 @@ class ForceLines:
 
     def _quad(self, number: int, quad: tuple[int, ...]) -> None:
         """Work out the pulls of up to four members."""
-        self._density(number, self._lanes(number, quad, "density"))
+        kernel = self._lanes(number, quad, "density")
+        passed = self._passed(number, kernel)
+        self._lines.append(f"const lanes_four density_{number} = {kernel.name}_four({passed});")
         if self.is_settled:
             self._lines.append(f"pulled = pulled + four_size(density_{number});")
         for k, e in enumerate(quad):
@@ -248,10 +247,6 @@ class ForceLines:
         if all(item.is_constant() for item in values):
             value = f"four_of({', '.join(print_number(float(item)) for item in values)})"
         self._lines.append(f"const lanes_four {name} = {value};")
-
-    def _density(self, number: int, kernel: DensityKernel) -> None:
-        passed = self._passed(number, kernel)
-        self._lines.append(f"const lanes_four density_{number} = {kernel.name}_four({passed});")
 
     def _passed(self, number: int, kernel: DensityKernel) -> str:
         return ", ".join(f"{name}_{number}" for name in kernel.parameters)

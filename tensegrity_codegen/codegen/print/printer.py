@@ -130,22 +130,16 @@ class _Body:
                 self.reads.add(item.place[0])
                 self.value[k] = Text(self.place(self.inputs[item.place[0]], item.place[1]))
             elif item.operation == ca.OP_OUTPUT:
-                self._print_output(item)
+                result, entry = item.place
+                comment = self.annotations.entry.get(entry, "") if result == 0 else ""
+                text = f"{self.place(self.outputs[result], entry)} = {self.value[item.operands[0]].text};"
+                fits = comment and len(text) + len(comment) <= LONGEST_LINE
+                self.lines.append(f"{text} /* {comment} */" if fits else text)
             else:
-                self._print_operation(k, item)
+                self.value[k] = self._express(item)
+                if not self._is_read_soon(k):
+                    self._keep(k)
         return PrintedBody(tuple(self.lines), frozenset(self.reads))
-
-    def _print_output(self, item: Instruction) -> None:
-        result, entry = item.place
-        comment = self.annotations.entry.get(entry, "") if result == 0 else ""
-        text = f"{self.place(self.outputs[result], entry)} = {self.value[item.operands[0]].text};"
-        fits = comment and len(text) + len(comment) <= LONGEST_LINE
-        self.lines.append(f"{text} /* {comment} */" if fits else text)
-
-    def _print_operation(self, k: int, item: Instruction) -> None:
-        self.value[k] = self._express(item)
-        if not self._is_read_soon(k):
-            self._keep(k)
 
     def _express(self, item: Instruction) -> Text:
         """Return the expression of an operation; parts of one that is too long become values before it."""

@@ -51,7 +51,9 @@ class SolveCoupled:
             pivots.append(pivot)
             for group in groups:
                 nodes = tuple(group)
-                known[nodes] = known.get(nodes) or self._factorise(nodes)
+                known[nodes] = known.get(nodes) or factorise(
+                    self._mass[list(nodes)].tolist(), self.model.inertia.coupling_of(nodes)
+                )
                 there, back, pivot = _sweep_group(known[nodes], coordinate[group].tolist())
                 forward.append(there)
                 backward.append(back)
@@ -72,9 +74,6 @@ class SolveCoupled:
         there = np.column_stack([at[:, 1], at[:, 0], factor])
         pivot = np.column_stack([at.T.reshape(-1), np.concatenate([first, second - factor * between])])
         return there, pivot
-
-    def _factorise(self, nodes: tuple[int, ...]) -> SymmetricFactor:
-        return factorise(self._mass[list(nodes)].tolist(), self.model.inertia.coupling_of(nodes))
 
     @property
     def repeats(self) -> int:

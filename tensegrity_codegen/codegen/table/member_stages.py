@@ -15,7 +15,6 @@ from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.modules.blocks import ModuleBlocks
 from tensegrity_codegen.codegen.table.modules.forces import ModuleForces
 from tensegrity_codegen.structure.assembly import MemberGroup
-from tensegrity_codegen.system.arrays import IntArray
 
 # The stage that sets an array to the external force on nodes.
 
@@ -50,7 +49,11 @@ class FillForces:
         """Return the loop over entries, or over nodes where forces are not all constant."""
         external = self.external
         if not self.arguments:
-            left = self._left()
+            # Entries that no other stage sets.
+            is_left = np.ones(len(self.external.values), dtype=bool)
+            if self.modules is not None:
+                is_left[self.external.index[self.modules.nodes_started]] = False
+            left = np.flatnonzero(is_left)
             if not len(left):
                 return []
             text = writer.real_at("external_constant", external.values[left], "k")
@@ -70,13 +73,6 @@ class FillForces:
             else:
                 lines.append(f"if ({table}[{at}] >= 0) {{ {self.target}[{table}[{at}]] = external[{k}]; }}")
         return loop("n", len(node), lines)
-
-    def _left(self) -> IntArray:
-        """Return the entries that no other stage sets."""
-        is_left = np.ones(len(self.external.values), dtype=bool)
-        if self.modules is not None:
-            is_left[self.external.index[self.modules.begun]] = False
-        return np.flatnonzero(is_left)
 
 
 def force_stages(model: TableModel, kernel: str, sink: AddToNodes) -> list[Stage]:

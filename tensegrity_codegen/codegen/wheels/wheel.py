@@ -93,7 +93,9 @@ def build_wheel(manifest: Manifest, library: Path) -> tuple[str, bytes]:
     }
     info = f"{name}-{version}.dist-info"
     files[f"{info}/METADATA"] = _format_metadata(manifest, package, name, version).encode("utf-8")
-    files[f"{info}/WHEEL"] = _format_tags(tag).encode("utf-8")
+    tags = "".join(f"Tag: py3-none-{part}\n" for part in tag.split("."))
+    made = f"Wheel-Version: 1.0\nGenerator: tensegrity_codegen {VERSION}\nRoot-Is-Purelib: false\n"
+    files[f"{info}/WHEEL"] = (made + tags).encode("utf-8")
     files[f"{info}/RECORD"] = _format_record(files, f"{info}/RECORD").encode("utf-8")
     return wheel_file_name(manifest), _pack(files)
 
@@ -133,11 +135,6 @@ def _format_metadata(manifest: Manifest, package: str, name: str, version: str) 
         f"Import it as `{package}`. Written by tensegrity_codegen {VERSION} from a scene file;\n"
         f"`help({package})` describes functions, shapes and units.\n\n{functions}\n"
     )
-
-
-def _format_tags(tag: str) -> str:
-    tags = "".join(f"Tag: py3-none-{part}\n" for part in tag.split("."))
-    return f"Wheel-Version: 1.0\nGenerator: tensegrity_codegen {VERSION}\nRoot-Is-Purelib: false\n{tags}"
 
 
 def _format_record(files: Mapping[str, bytes], own: str) -> str:

@@ -199,7 +199,13 @@ class CompiledLoop:
                 raise LibraryError(
                     "the simulated loop does not load", where=str(path), given=str(error)
                 ) from error
-        self._functions = self._bind(source)
+        # Functions of the plant as C pointers.
+        own, ffi = self.model.library, self._ffi
+        functions = ffi.new("plant_functions *")
+        for field, symbol in source.symbols.items():
+            address = int(own.ffi.cast("uintptr_t", own.symbol(symbol)))
+            setattr(functions, field, ffi.cast(ffi.typeof(getattr(functions, field)), address))
+        self._functions = functions
 
     def run(self, draw: LoopStart, count: int) -> ControlRun:
         """Return the run of a draw over so many samples; several threads may call it at the same time."""
@@ -234,15 +240,6 @@ class CompiledLoop:
         yielding = np.zeros((done, len(self.model.manifest.member_name)), dtype=bool)
         yielding[:, self.parts.distribution.cables.driven] = found["yields"][:done] != 0
         return yielding
-
-    def _bind(self, source: LoopSource) -> Any:
-        """Return the functions of the plant as C pointers."""
-        own, ffi = self.model.library, self._ffi
-        functions = ffi.new("plant_functions *")
-        for field, symbol in source.symbols.items():
-            address = int(own.ffi.cast("uintptr_t", own.symbol(symbol)))
-            setattr(functions, field, ffi.cast(ffi.typeof(getattr(functions, field)), address))
-        return functions
 
     def _draw_noise(self, seed: int, count: int) -> FloatArray:
         """Return the noise of the measurements (n_samples, n_y), in the order of `simulate_control`."""

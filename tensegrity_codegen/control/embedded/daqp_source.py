@@ -98,11 +98,12 @@ def emit_daqp(archive: bytes, *, single: bool = False) -> str:
     Raises MissingSourceError: the archive does not hold the expected text.
     """
     files = _read(archive)
+    lines = [f" * {line.replace('*/', '* /')}".rstrip() for line in files["LICENSE"].strip().splitlines()]
     head = HEAD.format(
         version=DAQP_VERSION,
         archive=DAQP_ARCHIVE,
         digest=DAQP_SHA256,
-        licence=_as_comment(files["LICENSE"]),
+        licence="\n".join(lines) + "\n",
         silenced="".join(f'#pragma GCC diagnostic ignored "-W{name}"\n' for name in SILENCED),
     )
     text = "\n".join(_join(files[f"csrc/{name}"]) for name in PARTS)
@@ -112,7 +113,11 @@ def emit_daqp(archive: bytes, *, single: bool = False) -> str:
     text = _substitute(PRECISION, f"typedef {'float' if single else 'double'} c_float;\n", text)
     text = OUTER.sub("static ", text)
     if single:
-        text = _make_single(text)
+        # Literals of single precision, comments as they are.
+        parts = COMMENT.split(text)
+        for k in range(0, len(parts), 2):
+            parts[k] = DOUBLE.sub(r"\1f", parts[k]).replace("DBL_EPSILON", "FLT_EPSILON")
+        text = "".join(parts)
     return f"{head}{_tidy(text)}\n{TAIL}"
 
 
@@ -155,19 +160,6 @@ def _substitute(pattern: re.Pattern[str], new: str, text: str) -> str:
     return text
 
 
-def _make_single(text: str) -> str:
-    """Return the text with literals of single precision; comments stay."""
-    parts = COMMENT.split(text)
-    for k in range(0, len(parts), 2):
-        parts[k] = DOUBLE.sub(r"\1f", parts[k]).replace("DBL_EPSILON", "FLT_EPSILON")
-    return "".join(parts)
-
-
 def _tidy(text: str) -> str:
     lines = [line.rstrip() for line in text.splitlines()]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
-
-
-def _as_comment(text: str) -> str:
-    lines = [f" * {line.replace('*/', '* /')}".rstrip() for line in text.strip().splitlines()]
-    return "\n".join(lines) + "\n"

@@ -117,7 +117,11 @@ def count_knots(parts: ControllerParts) -> dict[str, int]:
 def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
     """Return all tables but those of the mass matrix."""
     printer = TablePrinter(precision)
-    tables = [*_tabulate_motion(parts, printer), *_tabulate_actuators(parts, printer)]
+    states, inputs = tabulate_states(parts.motion), tabulate_inputs(parts.motion)
+    text = "coordinates, velocities, accelerations, and by how much the next coordinates leave a parabola"
+    tables = printer.knots("MOTION_TIME", "MOTION_STATE", states, text)
+    tables.append(printer.real("MOTION_INPUT", inputs.row, "values and slopes of all inputs at each knot"))
+    tables += _tabulate_actuators(parts, printer)
     if parts.gains is not None:
         knots = tabulate_gains(parts.gains.time, parts.gains.K, parts.sample)
         tables += printer.knots("GAIN_TIME", "GAIN", knots, "gains: rows of actuators at each knot")
@@ -138,15 +142,6 @@ def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
         if len(parts.disturbed):
             tables.append(printer.whole("DISTURBED", parts.disturbed, "coordinates with a disturbance force"))
     return tables
-
-
-def _tabulate_motion(parts: ControllerParts, printer: TablePrinter) -> list[Table]:
-    states, inputs = tabulate_states(parts.motion), tabulate_inputs(parts.motion)
-    text = "coordinates, velocities, accelerations, and by how much the next coordinates leave a parabola"
-    return [
-        *printer.knots("MOTION_TIME", "MOTION_STATE", states, text),
-        printer.real("MOTION_INPUT", inputs.row, "values and slopes of all inputs at each knot"),
-    ]
 
 
 def _tabulate_actuators(parts: ControllerParts, printer: TablePrinter) -> list[Table]:

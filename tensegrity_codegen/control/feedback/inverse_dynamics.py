@@ -77,7 +77,12 @@ class InverseDynamics:
         self.plan_model, self.model = plan_model, plan_model.model
         driven = plan_model.incidence.any(axis=1)
         self.bar = np.flatnonzero(np.asarray(structure.is_bar) & ~driven)
-        self.damping = _read_damping(plan_model, np.array(structure.damping))
+        # Damping of members [N s/m]: as stated, or as given among the arguments.
+        self.damping = np.array(structure.damping)
+        given, manifest = plan_model.arguments.get("damping"), plan_model.model.manifest
+        spec = next((item for item in manifest.arguments if item.name == "damping"), None)
+        if given is not None and spec is not None:
+            self.damping[[manifest.member_name.index(name) for name in spec.over]] = np.ravel(given)
         one_sided = np.asarray(structure.tension_only)
         self.least = np.where(one_sided, np.maximum(structure.limits.least_tension, 0.0), -np.inf)
         self.most = np.asarray(structure.limits.most_tension)
@@ -230,15 +235,6 @@ def _find_scale(plan_model: PlanModel, coordinate: FloatArray) -> FloatArray:
         return np.ones(len(coordinate))
     problem.to_search_coordinate(coordinate)
     return np.array(problem.scale)
-
-
-def _read_damping(plan_model: PlanModel, stated: FloatArray) -> FloatArray:
-    """Return the damping of members [N s/m]: as stated, or as given among the arguments."""
-    given, manifest = plan_model.arguments.get("damping"), plan_model.model.manifest
-    spec = next((item for item in manifest.arguments if item.name == "damping"), None)
-    if given is not None and spec is not None:
-        stated[[manifest.member_name.index(name) for name in spec.over]] = np.ravel(given)
-    return stated
 
 
 # Inputs over time that drive a motion: those of its equilibria, or those that produce its accelerations.

@@ -69,7 +69,12 @@ def read_law(law: str | ArrayLike) -> TimeLaw:
     time, value = _read_table(law)
     part = time / time[-1]
     smooth = _build_spline(part, value)
-    return TimeLaw(smooth if _rises(smooth) else _build_monotone(part, value), float(time[-1]))
+    # It never goes back where the smallest of its slopes is not negative.
+    slope = smooth.derivative()
+    extreme = np.asarray(slope.derivative().roots(extrapolate=False), dtype=float)
+    values = slope(np.concatenate([extreme[np.isfinite(extreme)], smooth.x]))
+    rises = bool(values.min() >= -SLOPE_ROUNDING * np.abs(values).max())
+    return TimeLaw(smooth if rises else _build_monotone(part, value), float(time[-1]))
 
 
 def _read_table(law: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -114,14 +119,6 @@ def _build_monotone(part: FloatArray, value: FloatArray) -> PPoly:
     rate = np.concatenate([[0.0], inner, [0.0]])
     knots = np.stack([value, rate, np.zeros_like(value)], axis=1)
     return PPoly.from_bernstein_basis(BPoly.from_derivatives(part, knots))
-
-
-def _rises(piece: PPoly) -> bool:
-    """Return whether a law never goes back: the smallest of its slopes is not negative."""
-    slope = piece.derivative()
-    extreme = np.asarray(slope.derivative().roots(extrapolate=False), dtype=float)
-    values = slope(np.concatenate([extreme[np.isfinite(extreme)], piece.x]))
-    return bool(values.min() >= -SLOPE_ROUNDING * np.abs(values).max())
 
 
 # Largest rates of the actuators in a motion, and the shortest duration that their limits permit.

@@ -8,7 +8,7 @@ from rich.table import Table
 from tensegrity_codegen.control.feedback.study.control_study import LOOP_NAMES, ControlStudy, count_worse
 from tensegrity_codegen.control.feedback.study.linear_loop import MOST_SAMPLES, Margins
 from tensegrity_codegen.control.feedback.study.loop_result import LoopResult
-from tensegrity_codegen.report.tables import add_row, new_table
+from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 
 LIMIT_NAMES = {"least_tension": "least tension", "most_tension": "largest tension", "clearance": "clearance"}
 STEP_NAMES = {
@@ -88,20 +88,30 @@ def errors_table(study: ControlStudy, name: str) -> Table:
     return table
 
 
-def actuators_table(study: ControlStudy, name: str) -> Table:
+def actuators_table(study: ControlStudy, name: str) -> LongTable:
     """Return a table of the actuators in the worst draw: rest lengths and rates, with their limits."""
-    heads = {"rest length\n[m]": "right", "range\n[m]": "right"}
-    heads |= {"motion needs\n[m/s]": "right", "commanded\n[m/s]": "right", "rate\n[m/s]": "right"}
-    table = new_table(f"{name}: actuators with feedback, draw {study.worst_draw}", "actuator", **heads)
-    for actuator, use in find_actuator_use(study).items():
+    uses = list(find_actuator_use(study).items())
+
+    def describe(k: int) -> tuple[str, ...]:
+        actuator, use = uses[k]
         low, high = use["rest_length"]
-        add_row(
-            table, actuator, f"{low:.4f} to {high:.4f}",
+        return (
+            actuator, f"{low:.4f} to {high:.4f}",
             "" if use["range"] is None else f"{use['range'][0]:g} to {use['range'][1]:g}",
             f"{use['motion_rate']:.4f}", f"{use['peak_rate']:.4f}",
             "" if use["rate"] is None else f"{use['rate']:g}",
         )  # fmt: skip
-    return table
+
+    part = [-use["peak_rate"] / (use["rate"] or np.inf) for _, use in uses]
+    heads = ("rest length\n[m]", "range\n[m]", "motion needs\n[m/s]", "commanded\n[m/s]", "rate\n[m/s]")
+    return LongTable(
+        f"{name}: actuators with feedback, draw {study.worst_draw}", ("actuator", *heads), "frrrrr",
+        len(uses), describe, "actuators",
+        (
+            ("nearest to their rate", rank_rows(part)),
+            ("fastest", rank_rows([-use["peak_rate"] for _, use in uses])),
+        ),
+    )  # fmt: skip
 
 
 def describe_facts(study: ControlStudy) -> list[str]:

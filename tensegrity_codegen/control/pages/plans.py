@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.joined_series import join_names
-from tensegrity_codegen.report.tables import add_row, new_table
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, Contradiction, PlanResult
 from tensegrity_codegen.structure.limits import Limits
@@ -61,44 +61,50 @@ def targets_table(found: PlanResult, name: str) -> Table:
     return table
 
 
-def actuators_table(found: PlanResult, name: str) -> Table | None:
+def actuators_table(found: PlanResult, name: str) -> LongTable | None:
     """Return a table of the actuators: rest lengths at the start and at the end; None without a path."""
     if found.n_steps == 0:
         return None
-    heads = {"start\n[m]": "right", "end\n[m]": "right", "change\n[mm]": "right"}
-    table = new_table(f"{name}: rest lengths", "actuator", **heads)
-    for k, actuator in enumerate(found.actuator_name):
-        start, end = found.rest_length[0, k], found.rest_length[-1, k]
-        own = 1000 * float(found.change[-1, k] - found.change[0, k])  # that of its own input
-        add_row(table, actuator, f"{start:.6f}", f"{end:.6f}", f"{own:+.3f}")
-    return table
+    start, end = found.rest_length[0], found.rest_length[-1]
+    own = 1000 * (found.change[-1] - found.change[0])  # those of their own inputs
+    return LongTable(
+        f"{name}: rest lengths", ("actuator", "start\n[m]", "end\n[m]", "change\n[mm]"), "frrr",
+        len(found.actuator_name),
+        lambda k: (found.actuator_name[k], f"{start[k]:.6f}", f"{end[k]:.6f}", f"{own[k]:+.3f}"),
+        "actuators", (("largest change", rank_rows(-np.abs(own))),),
+    )  # fmt: skip
 
 
-def binding_table(found: PlanResult, name: str) -> Table | None:
+def binding_table(found: PlanResult, name: str) -> LongTable | None:
     """Return a table of the limits that block a path, with their multipliers; None without a block."""
     if found.block is None or not found.block.binding:
         return None
-    table = new_table(
-        f"{name}: limits that bind", "limit", "of", value="right", **{"progress for a unit": "right"}
-    )
-    for item in found.block.binding:
-        value = f"{item.bound:.6g} {item.unit}"
-        gained = (
-            f"{item.multiplier:.4g} /{item.unit}" if "/" not in item.unit else f"{item.multiplier:.4g} m/N"
-        )
-        add_row(table, LIMIT_WORDS[item.limit], item.name, value, gained)
-    return table
+    binding = found.block.binding
+
+    def describe(k: int) -> tuple[str, ...]:
+        item = binding[k]
+        unit = f"/{item.unit}" if "/" not in item.unit else "m/N"
+        value, gained = f"{item.bound:.6g} {item.unit}", f"{item.multiplier:.4g} {unit}"
+        return LIMIT_WORDS[item.limit], item.name, value, gained
+
+    order = rank_rows([-abs(item.multiplier) for item in binding])
+    return LongTable(
+        f"{name}: limits that bind", ("limit", "of", "value", "progress for a unit"), "ffrr", len(binding),
+        describe, "limits", (("most progress for a unit", order),),
+    )  # fmt: skip
 
 
-def certificate_table(found: PlanResult, name: str) -> Table | None:
+def certificate_table(found: PlanResult, name: str) -> LongTable | None:
     """Return a table of the members in the displacements that prove it; None without such a proof."""
     proof = found.certificate
     if not isinstance(proof, Certificate):
         return None
-    table = new_table(f"{name}: displacements that prove it", "member", **{"change of length": "right"})
-    for member, value in zip(found.member_name, proof.elongation, strict=True):
-        add_row(table, member, f"{value:+.3g}")
-    return table
+    change = proof.elongation
+    return LongTable(
+        f"{name}: displacements that prove it", ("member", "change of length"), "fr",
+        len(found.member_name), lambda e: (found.member_name[e], f"{change[e]:+.3g}"), "members",
+        (("largest change of length", rank_rows(-np.abs(change))),),
+    )  # fmt: skip
 
 
 def describe_extremes(found: PlanResult) -> list[str]:

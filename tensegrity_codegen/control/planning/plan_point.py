@@ -180,7 +180,9 @@ class PlanModel:
         except NonFiniteError:
             return None, 0.0
         neutral = self.neutral(problem, point, stiffness)
-        floor = _find_floor(stiffness, point)
+        # What the rounding of the coordinates alone explains [N].
+        far = max(float(np.abs(point.coordinate).max(initial=0.0)), point.longest)
+        floor = ROUNDING * far * float(np.abs(stiffness.diagonal()).max(initial=0.0))
         rounding = float(np.finfo(float).eps) * float(abs(stiffness).sum(axis=0).max(initial=0.0))
         factors, _ = factorise(stiffness, sparse.csc_array(neutral.T), neutral, rounding)
         force = problem.directional_residual(point)[:, None]
@@ -221,12 +223,6 @@ class PlanModel:
 
 def _is_balanced(point: Point, floor: float) -> bool:
     return point.node_force <= max(RESIDUAL_TOLERANCE * point.largest_force, floor)
-
-
-def _find_floor(stiffness: Any, point: Point) -> float:
-    """Return the residual that the rounding of the coordinates alone explains [N]."""
-    far = max(float(np.abs(point.coordinate).max(initial=0.0)), point.longest)
-    return ROUNDING * far * float(np.abs(stiffness.diagonal()).max(initial=0.0))
 
 
 def find_lowest(stiffness: Any, neutral: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -28,7 +28,10 @@ def choose_looks(names: Iterable[str]) -> Mapping[str, Look]:
 
 def join_series(series: Sequence[Series]) -> tuple[Series, ...]:
     """Return series of which those that coincide are one line, with the look of the first and all names."""
-    height = _find_height(series)
+    # The range of all finite values, zero without any.
+    values = np.concatenate([np.zeros(0), *(np.ravel(np.asarray(item.y, dtype=float)) for item in series)])
+    finite = values[np.isfinite(values)]
+    height = float(np.ptp(finite)) if len(finite) else 0.0
     groups: list[list[Series]] = []
     for item in series:
         for group in groups:
@@ -52,13 +55,6 @@ def joined_figure(name: str, diagram: Diagram, caption: str, alt: str) -> Figure
     """Return a diagram as a figure whose coinciding lines are drawn as one; its data has every line."""
     drawn = replace(diagram, series=join_series(diagram.series))
     return Figure(draw_picture(draw_diagram(drawn), name), caption, alt, diagram.as_dict())
-
-
-def _find_height(series: Sequence[Series]) -> float:
-    """Return the range of all finite values, zero without any."""
-    values = np.concatenate([np.zeros(0), *(np.ravel(np.asarray(item.y, dtype=float)) for item in series)])
-    finite = values[np.isfinite(values)]
-    return float(np.ptp(finite)) if len(finite) else 0.0
 
 
 def _coincide(one: Series, other: Series, near: float) -> bool:

@@ -34,7 +34,7 @@ class Rates:
 
     Stiff are the two-sided members whose tensions the implicit method takes as unknowns. stiffness_ratio:
     the largest mu of these over the largest of the others, infinite where there are no others; meeting: how
-    many of them meet in one node at most; has_jumps: whether a cable is damped, so that its force jumps.
+    many of them meet in one node at most.
     """
 
     frequency: float
@@ -43,7 +43,6 @@ class Rates:
     slow_decay: float
     stiffness_ratio: float
     meeting: int
-    has_jumps: bool
 
 
 def find_rates(model: Model, stiff: tuple[int, ...], arguments: Mapping[str, Any]) -> Rates | None:
@@ -72,7 +71,6 @@ def find_rates(model: Model, stiff: tuple[int, ...], arguments: Mapping[str, Any
         slow_decay=slow_decay,
         stiffness_ratio=ratio,
         meeting=int(count[np.isfinite(mass)].max(initial=1)),
-        has_jumps=bool(np.any(c[~is_stiff] > 0)),
     )
 
 

@@ -59,16 +59,12 @@ def find_optimum(
         if change is None:
             break  # rounding of the slack itself; what was found stays
         better = found + zoom * change
-        if _is_better(cost, rows, limit, better, found):
+        # Better is what violates the limits less, or as much at a lower cost.
+        excess = max(float((rows @ better - limit).max(initial=0.0)), ROUNDING)
+        before = max(float((rows @ found - limit).max(initial=0.0)), ROUNDING)
+        if excess < before or (excess == before and float(cost @ (better - found)) < 0.0):
             found = better
     return found
-
-
-def _is_better(cost: FloatArray, rows: Any, limit: FloatArray, one: FloatArray, other: FloatArray) -> bool:
-    """Return whether a solution violates the limits less than another, or as much at a lower cost."""
-    excess = max(float((rows @ one - limit).max(initial=0.0)), ROUNDING)
-    before = max(float((rows @ other - limit).max(initial=0.0)), ROUNDING)
-    return excess < before or (excess == before and float(cost @ (one - other)) < 0.0)
 
 
 def _solve(cost: FloatArray, rows: Any, limit: FloatArray, most: float | None) -> FloatArray | None:

@@ -3,7 +3,6 @@
 import math
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -58,6 +57,8 @@ def integrate_batch(motion: Motion, options: RunOptions, threads: int = 1) -> Ra
             integrate(start)
             motion.report(done / len(groups))
         return run.result()
+    from concurrent.futures import ThreadPoolExecutor  # which imports logging
+
     with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
         try:
             for done, _ in enumerate(pool.map(integrate, groups), 1):

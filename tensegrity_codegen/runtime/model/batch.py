@@ -1,7 +1,6 @@
 """A function over a whole batch: elements side by side in the lanes of a core, chunks of them in threads."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -68,7 +67,7 @@ class BatchFunction:
     def __call__(self, *values: ArrayLike, threads: int = 1, on_error: str = "raise") -> Any:
         """Return the quantity of every element, (n_batch, *shape) or a SparseBatch; see compute_batch."""
         check_threads(threads)
-        _check_on_error(on_error)
+        check_choice(on_error, ON_ERROR, "word", "on_error")
         arrays, n_batch = self._convert_all(values)
         result = np.empty((n_batch, *self._shape), self.precision.dtype)
         status = np.zeros(n_batch, np.int32)
@@ -95,7 +94,7 @@ class BatchFunction:
             for array, is_batched in arrays:
                 passed += [
                     self._pointer(array[start:stop] if is_batched else array),
-                    self._stride(array, is_batched),
+                    int(np.prod(array.shape[1:])) if is_batched else 0,
                 ]
             self._call(
                 stop - start,
@@ -108,12 +107,10 @@ class BatchFunction:
             for start in starts:
                 evaluate(start)
             return
+        from concurrent.futures import ThreadPoolExecutor  # which imports logging
+
         with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
             list(pool.map(evaluate, starts))
-
-    @staticmethod
-    def _stride(array: FloatArray, is_batched: bool) -> int:
-        return int(np.prod(array.shape[1:])) if is_batched else 0
 
     def _convert_all(self, values: Sequence[ArrayLike]) -> tuple[list[tuple[FloatArray, bool]], int]:
         """Return each array with whether it has the batch axis, and how long that axis is."""
@@ -163,7 +160,3 @@ class BatchFunction:
 def check_threads(threads: int) -> None:
     """Raise InvalidValueError for what is no number of threads."""
     check_whole(threads, "threads", 1, problem="not a number of threads")
-
-
-def _check_on_error(on_error: str) -> None:
-    check_choice(on_error, ON_ERROR, "word", "on_error")

@@ -103,16 +103,13 @@ class CompiledFunction:
 
     def _convert_all(self, values: Sequence[Any]) -> list[FloatArray]:
         if len(values) != len(self._shapes):
-            self._refuse_count(len(values))
+            raise InvalidValueError(
+                "wrong number of arguments",
+                where=self.spec.quantity,
+                given=len(values),
+                allowed=f"{len(self.arguments)}: {', '.join(self.arguments)}",
+            )
         return [self._convert(index, value) for index, value in enumerate(values)]
-
-    def _refuse_count(self, given: int) -> None:
-        raise InvalidValueError(
-            "wrong number of arguments",
-            where=self.spec.quantity,
-            given=given,
-            allowed=f"{len(self.arguments)}: {', '.join(self.arguments)}",
-        )
 
     def _convert(self, index: int, value: ArrayLike) -> FloatArray:
         shape, name = self._shapes[index], self.arguments[index]
@@ -185,7 +182,9 @@ class CompiledModel(Summarised):
             require_precision(self.manifest, precision, str(self.path))
         self.library = LoadedLibrary(self.path, self.manifest)
         specs = {argument.name: argument for argument in self.manifest.arguments}
-        self._nominal = {name: self._nominal_array(spec) for name, spec in specs.items()}
+        self._nominal = {
+            name: np.array(spec.nominal, dtype=self.dtype).reshape(spec.shape) for name, spec in specs.items()
+        }
         self._functions = {
             spec.quantity: CompiledFunction(self.library, spec, specs) for spec in self.manifest.functions
         }
@@ -216,9 +215,6 @@ class CompiledModel(Summarised):
     def dtype(self) -> np.dtype[Any]:
         """NumPy's type of every number that the library takes and returns."""
         return self.library.precision.dtype
-
-    def _nominal_array(self, spec: ArgumentSpec) -> FloatArray:
-        return np.array(spec.nominal, dtype=self.dtype).reshape(spec.shape)
 
     @property
     def quantities(self) -> tuple[str, ...]:

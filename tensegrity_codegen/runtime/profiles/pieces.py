@@ -58,7 +58,7 @@ class Pieces:
         return (min(values), max(values)), np.inf if jumps else max(map(abs, rates))
 
 
-def _find_turns(curve: np.polynomial.Polynomial) -> list[float]:
+def _find_turns(curve: "np.polynomial.Polynomial") -> list[float]:
     """Return the values of a polynomial at 0, at 1 and where its slope is zero in between."""
     slope = curve.deriv().coef
     slope = np.polynomial.polynomial.polytrim(slope, tol=1e-12 * float(np.abs(slope).max()))

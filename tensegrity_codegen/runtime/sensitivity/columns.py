@@ -52,7 +52,10 @@ def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ..
     if isinstance(columns, Mapping):
         members = [_find_group(name, columns[name], member_name) for name in names]
     else:
-        known = _find_inputs(model) | {name: (e,) for e, name in enumerate(member_name)}
+        structure = getattr(model, "structure", None)
+        inputs = () if structure is None else structure.inputs
+        known = {item.name: tuple(item.targets) for item in inputs if item.kind == "rest_length"}
+        known |= {name: (e,) for e, name in enumerate(member_name)}
         for name in names:
             check_choice(name, known, "member or input", "columns")
         members = [known[name] for name in names]
@@ -60,13 +63,6 @@ def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ..
     places = np.repeat(np.arange(len(names)), [len(item) for item in members])
     shape = (len(member_name), len(names))
     return names, sparse.csc_array((np.ones(len(rows)), (rows, places)), shape=shape)
-
-
-def _find_inputs(model: Model) -> dict[str, tuple[int, ...]]:
-    """Return the members of each input that changes rest lengths; none where the structure is not known."""
-    structure = getattr(model, "structure", None)
-    inputs = () if structure is None else structure.inputs
-    return {item.name: tuple(item.targets) for item in inputs if item.kind == "rest_length"}
 
 
 def _find_group(name: str, given: Sequence[str], member_name: Sequence[str]) -> tuple[int, ...]:

@@ -81,7 +81,8 @@ class _Translator:
             number = float(str(node.value))
             return Part(shorten_part(node), (), lambda values: number)
         if isinstance(node, ast.Name):
-            return self._name(node.id)
+            shape = () if node.id == "time" else self._shape(node.id)
+            return Part(node.id, shape, lambda values: values[node.id], takes_positions=node.id == POSITION)
         if isinstance(node, ast.UnaryOp | ast.BinOp):
             return self._operation(node)
         if isinstance(node, ast.Call):
@@ -91,10 +92,6 @@ class _Translator:
         assert isinstance(node, ast.Attribute)
         assert isinstance(node.value, ast.Name)
         return self._place(node, ast.Constant(node.value.id), ast.Constant(node.attr))
-
-    def _name(self, name: str) -> Part:
-        shape = () if name == "time" else self._shape(name)
-        return Part(name, shape, lambda values: values[name], takes_positions=name == POSITION)
 
     def _shape(self, quantity: str) -> tuple[int, ...]:
         if quantity == POSITION:

@@ -121,7 +121,12 @@ def _check_part(node: ast.expr) -> np.float64 | None:
     elif isinstance(node, ast.Name):
         _check_name(node.id)
     elif isinstance(node, ast.UnaryOp | ast.BinOp) and type(node.op) in OPERATORS:
-        value = _check_operation(node)
+        operate = OPERATORS[type(node.op)]
+        operands = [node.operand] if isinstance(node, ast.UnaryOp) else [node.left, node.right]
+        values = [_check_part(operand) for operand in operands]
+        if isinstance(node.op, ast.Div) and values[1] == 0:
+            raise NonFiniteError("division by zero", where=WHERE, given=shorten_part(node))
+        value = _apply_to_constants(operate, values)
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         value = _check_call(node, node.func.id)
     elif isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
@@ -154,15 +159,6 @@ def _check_name(name: str) -> None:
     if name not in QUANTITIES and name not in ("time", POSITION):
         known = [*QUANTITIES, *FUNCTIONS, "time"]
         raise UnknownNameError("unknown quantity", where=WHERE, given=name[:80], hint=suggest(name, known))
-
-
-def _check_operation(node: ast.UnaryOp | ast.BinOp) -> np.float64 | None:
-    operate = OPERATORS[type(node.op)]
-    operands = [node.operand] if isinstance(node, ast.UnaryOp) else [node.left, node.right]
-    values = [_check_part(operand) for operand in operands]
-    if isinstance(node.op, ast.Div) and values[1] == 0:
-        raise NonFiniteError("division by zero", where=WHERE, given=shorten_part(node))
-    return _apply_to_constants(operate, values)
 
 
 def _check_call(node: ast.Call, name: str) -> np.float64 | None:

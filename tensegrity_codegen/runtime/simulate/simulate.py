@@ -30,6 +30,7 @@ from tensegrity_codegen.runtime.simulate.given import (
 )
 from tensegrity_codegen.runtime.simulate.until import Until, read_until
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import require_simulation
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.moved_arguments import with_moved
@@ -125,6 +126,7 @@ def simulate(
     times = read_sample_times(samples, t_end)
     check_options(options, t_end, len(times))
     require_double(model.manifest, "a simulation from Python")
+    require_simulation(model)
     check_sample_memory(model.manifest, len(times))
     check_profiles(model, schedule, arguments)
     given = merge_inputs(model.manifest, arguments)

@@ -39,6 +39,7 @@ from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_batch, select_motion
 from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, STATE
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import require_simulation
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback
@@ -107,7 +108,7 @@ def simulate_batch(
     LibraryError
         The library has no batch functions.
     FormulationError
-        The library lacks the integrator.
+        The library lacks the integrator, or a quantity of the samples.
 
     Notes
     -----
@@ -128,6 +129,7 @@ def simulate_batch(
     steps = read_stepping(stepping)
     options = steps.with_method(method, rtol)
     check_options(options, t_end, samples)
+    require_simulation(model)
     options = choose_batch_control(options, steps.control)
     side_by_side = runs_side_by_side(options) and schedule is None
     if side_by_side:

@@ -1,4 +1,4 @@
-"""The smallest eigenvalue of a stiffness off given motions: dense for small structures, by Lanczos for large."""
+"""The smallest eigenvalue of a stiffness off given motions: dense if small, by Lanczos if large."""
 
 from typing import Any
 
@@ -59,7 +59,7 @@ def find_lowest_sparse(stiffness: Any, neutral: FloatArray) -> tuple[float, Floa
 
 
 def _factorise_shifted(matrix: Any, shift: float) -> Solve:
-    """Return the solution with matrix + s I for the first s of shift, 10 shift, ... that makes it definite."""
+    """Return the solution with matrix + s I, with s of shift, 10 shift, ... the first that is enough."""
     factoriser, eye = Factoriser(), scipy.sparse.eye_array(matrix.shape[0], format="csc")
     while (solve := factoriser.factorise(matrix + shift * eye)) is None:
         shift *= 10

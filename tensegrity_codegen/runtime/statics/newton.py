@@ -1,9 +1,9 @@
 """Minimum of the potential energy by Newton's method with damping of single members.
 
-Each step solves (K* + damping) s = f, see `damping` and `stiff_members`. Where the residual vanishes and the
-energy still curves down, the search leaves the saddle along the lowest eigenvector, so that it ends in minima.
-Savings too small to show in the energy, through rounding, are taken from the forces instead: half the sum of
-residuals at both ends times the step.
+Each step solves (K* + damping) s = f, see `damping` and `stiff_members`. Where the residual vanishes and
+the energy still curves down, the search leaves the saddle along the lowest eigenvector, so that it ends in
+minima. Savings too small to show in the energy, through rounding, are taken from the forces instead: half
+the sum of residuals at both ends times the step.
 """
 
 from collections.abc import Callable
@@ -63,7 +63,7 @@ class Stability:
 class Outcome:
     """Where a search ended, why, after how many iterations, and what is worth saying about it.
 
-    saddles_left: unstable equilibria that the search came to and left.
+    saddles_left: unstable equilibria that the search came to and left. stability: of the point, where known.
     """
 
     status: str
@@ -71,6 +71,7 @@ class Outcome:
     iterations: int
     message: str = ""
     saddles_left: int = 0
+    stability: Stability | None = None
 
 
 def find_idle_motions(problem: StaticProblem, point: Point, stiffness: Any) -> tuple[FloatArray, float]:
@@ -121,7 +122,9 @@ def find_minimum(
             progress(iteration, search.point.node_force)
         ended = search.find_overwork() or search.advance(tolerance)
         if ended is not None:
-            return Outcome(ended[0], search.best, iteration, ended[1], search.escapes)
+            known = search.stability if search.stable_point is search.best else None
+            point = problem.state_tensions(search.best, tolerance)
+            return Outcome(ended[0], point, iteration, ended[1], search.escapes, known)
     message = "no convergence within the allowed iterations"
     return Outcome("iteration_limit", search.best, max_iterations, message, search.escapes)
 
@@ -136,6 +139,8 @@ class _Search:
         self.damping = MemberDamping(problem)
         self.waited = 0
         self.escapes = 0
+        self.stability: Stability | None = None  # of stable_point
+        self.stable_point: Point | None = None
 
     def find_overwork(self) -> tuple[str, str] | None:
         """Return status and message where the search has taken as long as anybody waits."""
@@ -191,6 +196,7 @@ class _Search:
     def _settle(self, status: str, message: str) -> tuple[str, str] | None:
         """End in a minimum, or leave a saddle along its lowest eigenvector."""
         stability = find_stability(self.problem, self.point)
+        self.stability, self.stable_point = stability, self.point
         if not stability.is_unstable:
             return status, message
         if self.escapes < MOST_ESCAPES and self._escape(stability):
@@ -214,7 +220,7 @@ class _Search:
         return False
 
     def _move(self, stiffness: Any, floor: float) -> bool:
-        """Take a step, with more and more damping until the energy falls as it should; say whether one did."""
+        """Take a step, with more damping until the energy falls as it should; say whether one did."""
         problem, point, damping = self.problem, self.point, self.damping
         path = problem.find_path_stiffness(stiffness, point)
         difference = problem.find_differences(point.coordinate)

@@ -1,7 +1,7 @@
 """The static problem at fixed loads and parameters: energy, residual and stiffness over the coordinates."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -158,13 +158,20 @@ class StaticProblem:
         row = choose_stiff(spring_constant)
         self.stiff = StiffMembers(self.model.manifest, row, spring_constant[row]) if len(row) else None
 
+    def state_tensions(self, point: Point, tolerance: float) -> Point:
+        """Return a point with the tensions that the laws of stiff members state, where these balance too."""
+        if self.stiff is None or point.unrounded_force > tolerance * point.largest_force:
+            return point
+        tension = np.array(self.forces(point.coordinate)[1])
+        return replace(point, tension=tension, node_force=point.unrounded_force)
+
     @property
     def kept_members(self) -> IntArray:
         """Numbers of the members whose lengths steps keep."""
         return np.zeros(0, dtype=np.int64) if self.stiff is None else self.stiff.row
 
     def find_path_stiffness(self, stiffness: Any, point: Point) -> Any:
-        """Return the Hessian of the energy along the curves that steps follow, of the shape of `stiffness`."""
+        """Return the Hessian of the energy along the curves that steps follow."""
         if self.stiff is None:
             return stiffness
         return self.stiff.correct_stiffness(stiffness, self.node_position(point.coordinate), point.residual)
@@ -187,7 +194,7 @@ class StaticProblem:
         return SINGULAR_TOLERANCE * float(column.max(initial=0.0)) + 4 * EPSILON * whole
 
     def find_differences(self, coordinate: FloatArray) -> Any:
-        """Return D: s_i - s_j of each member for directions s, (3 n_members, n_directions), dense if small."""
+        """Return D: s_i - s_j of members for directions s, (3 n_members, n_directions), dense if small."""
         return self.subtract_ends(self._velocity)
 
     def subtract_ends(self, velocity: Any) -> Any:

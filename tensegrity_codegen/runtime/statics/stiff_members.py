@@ -1,20 +1,22 @@
 """Members that are much stiffer than the others: steps keep to the lengths that their tensions ask for.
 
-A straight step s stretches a turning bar of length l by s^2 / 2 l, which a stiff bar answers with a huge force;
-steps along the tangent are therefore tiny, or fail. Here a step leads to the nearest configuration in which each
-stiff member has the length l + J s of its linear prediction, J = dl/dq. Along such a curve the energy is, to second
-order, that of the Hessian in which the tensions of stiff members are those that balance the other forces best,
+A straight step s stretches a turning bar of length l by s^2 / 2 l, which a stiff bar answers with a huge
+force; steps along the tangent are therefore tiny, or fail. Here a step leads to the nearest configuration
+in which each stiff member has the length l + J s of its linear prediction, J = dl/dq. Along such a curve
+the energy is, to second order, that of the Hessian in which the tensions of stiff members are those that
+balance the other forces best,
 
     t* = t + argmin |f - J^T dt|,     K* = K + sum_b (t*_b - t_b) d2l_b/dq2
 
-so that neither step lengths nor the number of steps depend on how stiff these members are. In equilibrium K* = K.
-(Forces of stiff members as unknowns: D. Magisano, L. Leonetti, G. Garcea, "How to improve efficiency and robustness of
-the Newton method in geometrically non-linear structural problem discretized via displacement-based finite elements",
-Computer Methods in Applied Mechanics and Engineering 313, 2017; steps along curves: P.-A. Absil, C. G. Baker,
-K. A. Gallivan, "Trust-region methods on Riemannian manifolds", Foundations of Computational Mathematics 7, 2007.)
+so that neither step lengths nor the number of steps depend on how stiff these members are. In equilibrium
+K* = K. (Forces of stiff members as unknowns: D. Magisano, L. Leonetti, G. Garcea, "How to improve
+efficiency and robustness of the Newton method in geometrically non-linear structural problem discretized
+via displacement-based finite elements", Computer Methods in Applied Mechanics and Engineering 313, 2017;
+steps along curves: P.-A. Absil, C. G. Baker, K. A. Gallivan, "Trust-region methods on Riemannian
+manifolds", Foundations of Computational Mathematics 7, 2007.)
 
-Tensions k (l - l0) of stiff members are only known to k times the rounding of l; within that, those count that
-balance the other forces.
+Tensions k (l - l0) of stiff members are only known to k times the rounding of l; within that, those count
+that balance the other forces.
 """
 
 from collections.abc import Callable
@@ -48,7 +50,7 @@ def find_spring_constants(compute: Callable[[str, FloatArray], Any], coordinate:
 
 
 def choose_stiff(spring_constant: FloatArray) -> IntArray:
-    """Return the numbers of the members above the widest gap between spring constants, none if it is narrow."""
+    """Return the numbers of members above the widest gap of spring constants, none if it is narrow."""
     return np.flatnonzero(are_stiff(spring_constant))
 
 

@@ -1,5 +1,7 @@
 """Quantities that a simulation needs of a model."""
 
+from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.tables.formulations import find_formulation
 
 # In any formulation; the integrators come besides.
@@ -9,3 +11,9 @@ SIMULATION_QUANTITIES = ("acceleration", "member_tension", "kinetic_energy", "to
 def simulation_quantities(formulation: str) -> tuple[str, ...]:
     """Return what a simulation needs of a model in this formulation."""
     return (*SIMULATION_QUANTITIES, *find_formulation(formulation).simulation_quantities)
+
+
+def require_simulation(model: Model) -> None:
+    """Raise FormulationError where a model lacks what the samples of a motion consist of."""
+    of_nodes = () if model.manifest.coordinate_node_axis else ("node_position", "node_velocity")
+    require_quantities(model, (*SIMULATION_QUANTITIES, *of_nodes), "a simulation needs")

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.accuracy.choice import integrators_for
 from tensegrity_codegen.runtime.accuracy.integrate import integrate
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress
@@ -105,7 +105,9 @@ class CaseModels:
 
     def _build(self, structure: Structure, request: ModelRequest) -> CompiledModel:
         request = replace(request, emitter="auto")
-        return build_library(structure, request, compiler=self.compiler, flags=self.flags).load()
+        return build_library(
+            structure, request, compiler=self.compiler, flags=self.flags, calls=MANY_CALLS
+        ).load()
 
 
 def list_methods(structure: Structure) -> tuple[str, ...]:

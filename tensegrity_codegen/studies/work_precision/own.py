@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from tensegrity_codegen.codegen.choose_emitter import MOST_STRAIGHT_LINE_MEMBERS
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
@@ -98,7 +98,9 @@ def compile_problem(
         emitter=variant.emitter,
     )
     try:
-        return build_library(problem.structure, request, compiler=compiler, flags=flags).load()
+        return build_library(
+            problem.structure, request, compiler=compiler, flags=flags, calls=MANY_CALLS
+        ).load()
     except TensegrityError as error:
         raise Unavailable(error.problem) from error
 

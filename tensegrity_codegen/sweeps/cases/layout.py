@@ -39,7 +39,11 @@ class CaseLayout:
         chunk, inner = [1] * len(shape), 1
         for axis in reversed(range(len(shape))):
             if inner * shape[axis] > task_size:
-                chunk[axis] = _divide_evenly(shape[axis], max(task_size // inner, 1))
+                # Parts that are about equal and of whole lanes.
+                n, most = shape[axis], max(task_size // inner, 1)
+                part = -(-n // -(-n // most))
+                whole = -(-part // LANES) * LANES
+                chunk[axis] = whole if whole <= most else part
                 break
             chunk[axis] = shape[axis]
             inner *= shape[axis]
@@ -86,10 +90,3 @@ class CaseLayout:
         for part, n in zip(self.box_of(task), self.shape, strict=True):
             first, last = first * n + part.start, last * n + part.stop - 1
         return first, last + 1
-
-
-def _divide_evenly(n: int, most: int) -> int:
-    """Return a part of `n`, at most `most`, such that parts are about equal and of whole lanes."""
-    part = -(-n // -(-n // most))
-    whole = -(-part // LANES) * LANES
-    return whole if whole <= most else part

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.apply.mapper import CaseGroup
 from tensegrity_codegen.sweeps.engines.cluster import (
@@ -106,7 +106,7 @@ class _Cluster:
         if number not in self.sources:
             group = self.work.plan.groups[number]
             request = library_request(group, self.work.operation)
-            built = build_library(group.structure, request)
+            built = build_library(group.structure, request, calls=MANY_CALLS)
             self.sources[number] = self._send(make_parcel(built, request.flags))
         return self.sources[number]
 
@@ -143,7 +143,12 @@ def compute_remotely(
     check_versions(remote.versions, describe_versions(), platform.node())
 
     def load(group: CaseGroup) -> CompiledModel:
-        return _load(sources[group.number], group)
+        # The first thread that needs a library compiles it.
+        parcel = sources[group.number]
+        with _lock:
+            if parcel.hash not in _models:
+                _models[parcel.hash] = load_parcel(parcel, group.structure)
+            return _models[parcel.hash]
 
     work = remote.work
     task = work.plan.tasks[number]
@@ -152,11 +157,3 @@ def compute_remotely(
     started = time.perf_counter()
     result = compute_task(work, task, load)
     return result, time.perf_counter() - started, {"machine": platform.node()}
-
-
-def _load(parcel: SourceParcel, group: CaseGroup) -> CompiledModel:
-    """Return a library of this process; the first thread that needs it compiles it."""
-    with _lock:
-        if parcel.hash not in _models:
-            _models[parcel.hash] = load_parcel(parcel, group.structure)
-        return _models[parcel.hash]

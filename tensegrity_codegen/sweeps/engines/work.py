@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.apply.mapper import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.plan import SweepPlan, Task
@@ -71,7 +71,9 @@ def compute_task(work: SweepWork, task: Task, load: LoadModel) -> TaskResult:
         model = load(group)
         found = work.operation.run(model, select_arguments(model, applied), int(good.sum()))
         own = work.operation.outputs(model.manifest) if work.is_joint else work.outputs
-        _insert(arrays, _place(own, work.outputs), places[good], found)
+        for name, inner in _place(own, work.outputs).items():
+            rows: Any = places[good] if inner is None else np.ix_(places[good], *inner)
+            arrays[name][rows] = found.arrays[name]
         status[places[good]] = found.status
         for place, message in zip(places[good].tolist(), found.messages, strict=True):
             messages[place] = message
@@ -102,16 +104,6 @@ def _place(own: tuple[Output, ...], joint: tuple[Output, ...]) -> dict[str, Plac
     return {output.name: find_places(output, known[output.name]) for output in own}
 
 
-def _insert(
-    arrays: dict[str, NDArray[Any]], at: dict[str, Places], rows: NDArray[np.int64], found: TaskResult
-) -> None:
-    for name, places in at.items():
-        if places is None:
-            arrays[name][rows] = found.arrays[name]
-        else:
-            arrays[name][np.ix_(rows, *places)] = found.arrays[name]
-
-
 @dataclass(eq=False)
 class Libraries:
     """Libraries by the number of their group.
@@ -130,7 +122,7 @@ class Libraries:
     def load(self, group: CaseGroup) -> CompiledModel:
         """Return the library of a group; raises as `build_library`."""
         if group.number not in self.models:
-            built = build_library(group.structure, library_request(group, self.operation))
+            built = build_library(group.structure, library_request(group, self.operation), calls=MANY_CALLS)
             self.models[group.number] = built.load()
         return self.models[group.number]
 

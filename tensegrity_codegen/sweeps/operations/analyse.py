@@ -1,6 +1,6 @@
 """The operation `analyse`: self-stresses, mechanisms, prestress and stiffness of every case."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -9,41 +9,39 @@ import numpy as np
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.state_names import name_states
-from tensegrity_codegen.sweeps.tasks.at_point import Arrays, AtPoint, Point
-from tensegrity_codegen.sweeps.tasks.operation import Output
-from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.sweeps.tasks.at_point import AtPoint, Point, Result
 
 DEFAULT_RESULTS = (
     *("is_stable", "n_selfstress", "n_mechanisms", "prestress", "least_tension", "mechanism_stiffness"),
     *("smallest_eigenvalue", "natural_frequency"),
 )
-# Results of each analysis: axis, type, unit, sentence.
-RESULTS = {
+# Results of each analysis: axes, type, unit, sentence.
+RESULTS: Mapping[str, Result] = {
     "is_stable": (
-        "",
+        (),
         "int64",
         "1",
         "1 where tensions exist that stretch all cables and stiffen all mechanisms.",
     ),
-    "n_selfstress": ("", "int64", "1", "Independent self-stresses."),
-    "n_mechanisms": ("", "int64", "1", "Independent mechanisms."),
-    "n_rigid_motions": ("", "int64", "1", "Independent rigid motions."),
-    "prestress": ("member", "float64", "1", "Tensions without loads, the largest force being 1."),
-    "least_tension": ("", "float64", "1", "Least tension of a cable in this prestress; NAN without cables."),
+    "n_selfstress": ((), "int64", "1", "Independent self-stresses."),
+    "n_mechanisms": ((), "int64", "1", "Independent mechanisms."),
+    "n_rigid_motions": ((), "int64", "1", "Independent rigid motions."),
+    "prestress": (("member",), "float64", "1", "Tensions without loads, the largest force being 1."),
+    "least_tension": ((), "float64", "1", "Least tension of a cable in this prestress; NAN without cables."),
     "mechanism_stiffness": (
-        "",
+        (),
         "float64",
         "1",
         "Least stiffness that the tensions give to a mechanism, over the largest force density; NAN without.",
     ),
     "smallest_eigenvalue": (
-        "",
+        (),
         "float64",
         "N/m",
         "Smallest eigenvalue of the stiffness off neutral motions.",
     ),
-    "residual": ("", "float64", "N", "Largest static force on a node."),
-    "natural_frequency": ("mode", "float64", "Hz", "Undamped natural frequencies; NAN without masses."),
+    "residual": ((), "float64", "N", "Largest static force on a node."),
+    "natural_frequency": (("mode",), "float64", "Hz", "Undamped natural frequencies; NAN without masses."),
 }
 
 
@@ -62,37 +60,22 @@ class Analyse(AtPoint):
     name: ClassVar[str] = "analyse"
     success_phrase: ClassVar[str] = "were analysed"
     analysis: ClassVar[str] = "analyse"
-    result_names: ClassVar[tuple[str, ...]] = tuple(RESULTS)
+    results: ClassVar[Mapping[str, Result]] = RESULTS
     default_results: ClassVar[tuple[str, ...]] = DEFAULT_RESULTS
 
-    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
-        """Return one array for each thing that is kept."""
-        sizes = {"member": len(manifest.member_name), "mode": len(name_states(manifest)) // 2}
-        found = []
-        for name in self.list_kept():
-            dim, dtype, unit, sentence = RESULTS[name]
-            labels = {dim: manifest.member_name} if dim == "member" else {}
-            dims, shape = ((dim,), (sizes[dim],)) if dim else ((), ())
-            found.append(Output(name, dims, shape, dtype, unit, sentence, labels))
-        return tuple(found)
-
     def compute_case(
-        self, model: CompiledModel, point: Point, arguments: Mapping[str, Any], empty: Arrays
+        self, model: CompiledModel, point: Point, arguments: Mapping[str, Any], names: Collection[str]
     ) -> Mapping[str, Any]:
         """Return what is kept of the analysis of one case."""
         others = {name: value for name, value in arguments.items() if name != "velocity"}
         modes = len(name_states(model.manifest)) // 2
         found = analyse(model, coordinate=point[0], arguments=others, n_modes=modes)
-        known: dict[str, Any] = {name: getattr(found, name, None) for name in empty}
+        known: dict[str, Any] = {name: getattr(found, name, None) for name in names}
         known["is_stable"] = found.status == "stable"
         known["prestress"] = found.prestress.tension
         known["least_tension"] = _finite(found.prestress.least_tension)
         known["mechanism_stiffness"] = _finite(found.stability.smallest_eigenvalue)
-        if "natural_frequency" in empty:
-            frequency = np.array([]) if found.modes is None else found.modes.frequency
-            known["natural_frequency"] = np.concatenate(
-                [frequency, empty["natural_frequency"][len(frequency) :]]
-            )
+        known["natural_frequency"] = () if found.modes is None else found.modes.frequency
         return known
 
 

@@ -124,7 +124,7 @@ def _bind(texts: tuple[KeptText, ...], manifest: Manifest) -> dict[str, Kept]:
 
 
 def _describe_result(text: KeptText, manifest: Manifest) -> Output:
-    expression = "" if text.name == text.text else text.text
+    expression = text.text_beside_name
     if text.expression in RESULTS:
         return Output(text.name, (), (), *RESULTS[text.expression], expression=expression)
     dim, names = label_axis(manifest, "n_coordinates", COORDINATE)

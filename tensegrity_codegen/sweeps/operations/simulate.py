@@ -120,7 +120,7 @@ class Simulate(Operation):
         return tuple(
             reduce_output(text, bound[text.name].output, time)
             if text.name in bound
-            else Output(text.name, (), (), *RESULTS[text.expression], expression=_differs(text))
+            else Output(text.name, (), (), *RESULTS[text.expression], expression=text.text_beside_name)
             for text in self._texts()
         )
 
@@ -142,21 +142,19 @@ class Simulate(Operation):
         require_double(model.manifest, "an integration from Python")
         bound = self._bind(model.manifest)
         arrays = {item.name: item.full_of_nan(case_arguments.count) for item in self.outputs(model.manifest)}
-        size = self._block(model.manifest, tuple(bound.values()))
+        # How many motions are integrated at a time: a whole number of lanes.
+        manifest = model.manifest
+        nodes, members = len(manifest.node_name), len(manifest.member_name)
+        numbers = 4 * len(manifest.coordinate_name) + 6 * nodes + members + 2
+        numbers += sum(int(np.prod(item.output.shape)) for item in bound.values())
+        width = max(manifest.batch_width, 1)
+        size = width * max(1, MOST_BYTES // (8 * numbers * self.samples * width))
         for first in range(0, case_arguments.count, size):
             rows = slice(first, min(first + size, case_arguments.count))
             batch = self._integrate(model, case_arguments, rows, threads)
             self._keep(model, batch, case_arguments, rows, bound, arrays, threads)
             outcomes.mark_ok(batch.status, batch.message, first)
         return arrays
-
-    def _block(self, manifest: Manifest, kept: tuple[Kept, ...]) -> int:
-        """Return how many motions are integrated at a time: a whole number of lanes."""
-        nodes, members = len(manifest.node_name), len(manifest.member_name)
-        numbers = 4 * len(manifest.coordinate_name) + 6 * nodes + members + 2
-        numbers += sum(int(np.prod(item.output.shape)) for item in kept)
-        width = max(manifest.batch_width, 1)
-        return width * max(1, MOST_BYTES // (8 * numbers * self.samples * width))
 
     def _integrate(
         self, model: CompiledModel, case_arguments: CaseArguments, rows: slice, threads: int
@@ -256,10 +254,6 @@ def _with_velocity(manifest: Manifest) -> Manifest:
     return replace(manifest, functions=(*manifest.functions, spec))
 
 
-def _differs(text: KeptText) -> str:
-    return "" if text.name == text.text else text.text
-
-
 def reduce_output(text: KeptText, output: Output, time: RealArray) -> Output:
     """Return the array of a motion from that of one sample; time: of the samples, (n_t,) [s]."""
     if text.reduction == FIRST:
@@ -290,7 +284,11 @@ def reduce_values(text: KeptText, values: RealArray, time: RealArray) -> RealArr
     if text.reduction == "min":
         return np.asarray(values.min(axis=1))
     if text.reduction in ("mean", "rms"):
-        weight = _weigh(time).reshape(-1, *(1,) * (values.ndim - 2))
+        # Weights (n_t,) of the trapezoidal rule that add up to 1.
+        part = np.zeros(len(time))
+        part[1:] += np.diff(time) / 2
+        part[:-1] += np.diff(time) / 2
+        weight = np.asarray(part / part.sum()).reshape(-1, *(1,) * (values.ndim - 2))
         if text.reduction == "mean":
             return np.asarray((weight * values).sum(axis=1))
         return np.asarray(np.sqrt((weight * values**2).sum(axis=1)))
@@ -310,14 +308,6 @@ def find_first_time(values: RealArray, time: RealArray) -> RealArray:
         part = np.where(k > 0, -low / (high - low), 0.0)
     first: RealArray = time[before] + part * (time[k] - time[before])
     return np.asarray(np.where(holds.any(axis=1), first, np.nan))
-
-
-def _weigh(time: RealArray) -> RealArray:
-    """Return weights (n_t,) of the trapezoidal rule that add up to 1."""
-    weight = np.zeros(len(time))
-    weight[1:] += np.diff(time) / 2
-    weight[:-1] += np.diff(time) / 2
-    return np.asarray(weight / weight.sum())
 
 
 OPERATION = Simulate

@@ -103,7 +103,13 @@ class StoreContents:
 
     def list_arrays(self) -> list[StoredArray]:
         """Return all arrays but the values of a sample or table."""
-        return [*self._axes(), *self._labels(), *self._results(), self._records()]
+        sentence = {"long_name": "JSON of each finished task: its cases, time, attempts and machine"}
+        return [
+            *self._axes(),
+            *self._labels(),
+            *self._results(),
+            StoredArray(RECORD, (TASK,), (self.layout.n_tasks,), (1,), TEXT, "", sentence),
+        ]
 
     def list_points(self) -> list[StoredArray]:
         """Return the arrays of the values of a sample or table, one a key."""
@@ -171,10 +177,6 @@ class StoreContents:
                 np.nan if is_float else -1,
                 attributes,
             )
-
-    def _records(self) -> StoredArray:
-        sentence = {"long_name": "JSON of each finished task: its cases, time, attempts and machine"}
-        return StoredArray(RECORD, (TASK,), (self.layout.n_tasks,), (1,), TEXT, "", sentence)
 
 
 def _whole(name: str, dims: tuple[str, ...], values: NDArray[Any], attributes: dict[str, Any]) -> StoredArray:

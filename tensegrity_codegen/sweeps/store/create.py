@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.sweeps.cases.cases import Points
 from tensegrity_codegen.sweeps.store.contents import StoreContents, StoredArray
 from tensegrity_codegen.sweeps.store.folder import (
     ATTRIBUTE,
@@ -86,7 +85,12 @@ def _write_coordinates(group: Any, contents: StoreContents) -> None:
             if item.values is not None and item.values.size:
                 group[item.name][...] = item.values.astype(object) if item.dtype == "string" else item.values
         if contents.cases.points is not None:
-            _write_points(contents.cases.points, [group[item.name] for item in contents.list_points()])
+            points, arrays = contents.cases.points, [group[item.name] for item in contents.list_points()]
+            part = arrays[0].chunks[0]
+            for first in range(0, points.count, part):
+                last = min(first + part, points.count)
+                for array, column in zip(arrays, points.values(first, last).T, strict=True):
+                    array[first:last] = column
 
 
 def _create_array(group: Any, item: StoredArray) -> Any:
@@ -110,11 +114,3 @@ def _find_codecs(dtype: str) -> Any:
     size = np.dtype(dtype).itemsize
     shuffle = "shuffle" if size > 1 else "noshuffle"
     return codecs.BloscCodec(typesize=size, cname="lz4", clevel=5, shuffle=shuffle), codecs.Crc32cCodec()
-
-
-def _write_points(points: Points, arrays: list[Any]) -> None:
-    part = arrays[0].chunks[0]
-    for first in range(0, points.count, part):
-        last = min(first + part, points.count)
-        for array, column in zip(arrays, points.values(first, last).T, strict=True):
-            array[first:last] = column

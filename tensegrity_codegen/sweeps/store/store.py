@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.sweeps.store.folder import (
     ATTRIBUTE,
@@ -54,7 +53,12 @@ class SweepStore:
         self.keys: Mapping[str, str] = self._stored.attributes[ATTRIBUTE]["keys"]
         self._group = open_group(self._stored, "r+")
         self._arrays: dict[str, Any] = {}
-        _remove_partial(self.path)
+        # Temporary files that a killed process left are removed.
+        for place, _, names in os.walk(self.path):
+            for name in names:
+                if name.endswith(PARTIAL):
+                    with suppress(OSError):
+                        Path(place, name).unlink()
 
     def find_finished(self) -> frozenset[int]:
         """Return the numbers of the tasks that have a record and of which no file is damaged."""
@@ -110,8 +114,11 @@ class SweepStore:
         with deferred_signals():
             self._remove(task)  # what is damaged, or was written without its record
             try:
+                box = self.layout.box_of(task)
+                shape = tuple(part.stop - part.start for part in box)
                 for name, array in values.items():
-                    self._write_box(name, task, array)
+                    stored = self._array(name)
+                    stored[box] = array.reshape(*shape, *stored.shape[len(shape) :])
                 _flush([self._stored.chunk_file(name, task) for name in self._stored.results])
                 self._array(RECORD)[task : task + 1] = np.array([facts], dtype=object)
                 _flush([self._stored.chunk_file(RECORD, task)])
@@ -124,11 +131,6 @@ class SweepStore:
             with writing_empty_chunks():
                 self._arrays[name] = self._group[name]
         return self._arrays[name]
-
-    def _write_box(self, name: str, task: int, values: NDArray[Any]) -> None:
-        array, box = self._array(name), self.layout.box_of(task)
-        shape = tuple(part.stop - part.start for part in box)
-        array[box] = values.reshape(*shape, *array.shape[len(shape) :])
 
     def _remove(self, task: int) -> None:
         """Remove the files of a task, its record and its status first."""
@@ -163,15 +165,6 @@ def _flush_one(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-
-
-def _remove_partial(folder: Path) -> None:
-    """Remove the temporary files that a killed process left."""
-    for place, _, names in os.walk(folder):
-        for name in names:
-            if name.endswith(PARTIAL):
-                with suppress(OSError):
-                    Path(place, name).unlink()
 
 
 def _explain(path: Path, error: OSError) -> OutputError:

@@ -1,18 +1,17 @@
 """The finding of a sweep in one sentence of numbers, the headline of its page; its tables in the terminal."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from rich import box
-from rich.table import Table
 
+from tensegrity_codegen.report.long_table import LongTable, rank_rows
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.sweeps.summary.statistics import Distribution, describe_count, is_difference_clear
-from tensegrity_codegen.sweeps.summary.summary import SweepSummary
+from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
 from tensegrity_codegen.sweeps.tasks.quantities import BEYOND, LIMIT_USE
 
 MOST_STATUSES = 2
@@ -106,33 +105,35 @@ def _unit(unit: str) -> str:
     return "" if unit in ("", "1") else f" {unit}"
 
 
-def list_tables(summary: SweepSummary) -> Iterator[Table | str]:
+def list_tables(summary: SweepSummary) -> Iterator[LongTable | str]:
     """Yield endings, keys of failures, results, what these depend on, and worst cases."""
-    table = _start("status", "cases", "first case", "its message")
-    for ending in summary.endings:
-        table.add_row(ending.status, f"{ending.count:,}", str(ending.first), ending.message)
-    yield table
-    if summary.failing:
-        table = _start("key", "distance of failed cases", "median, failed", "median, good")
-        for row in summary.failing:
-            table.add_row(row.key, f"{row.distance:.2f}", f"{row.failed:.5g}", f"{row.good:.5g}")
-        yield table
+    endings = [(item.status, f"{item.count:,}", str(item.first), item.message) for item in summary.endings]
+    yield _table(("status", "cases", "first case", "its message"), endings, "statuses")
+    failing = [
+        (row.key, f"{row.distance:.2f}", f"{row.failed:.5g}", f"{row.good:.5g}") for row in summary.failing
+    ]
+    if failing:
+        heads = ("key", "distance of failed cases", "median, failed", "median, good")
+        yield _table(heads, failing, "keys", "largest distance")
     if not summary.chosen:
         return
-    table = _start("result", "unit", "least", "5 %", "median", "mean", "95 %", "largest")
-    for item in summary.chosen:
-        spread = item.distribution
-        numbers = (
-            spread.least, spread.percent_5, spread.median, spread.mean, spread.percent_95, spread.largest
-        )  # fmt: skip
-        table.add_row(item.result.name, item.result.unit, *(f"{value:.5g}" for value in numbers))
-    yield table
+    columns = ("result", "unit", "least", "5 %", "median", "mean", "95 %", "largest")
+    yield _table(columns, [_describe_spread(item) for item in summary.chosen], "results")
     yield from _causes(summary)
 
 
-def _causes(summary: SweepSummary) -> Iterator[Table | str]:
+def _describe_spread(item: ResultSummary) -> tuple[str, ...]:
+    """Return a result with its distribution, as a row."""
+    spread = item.distribution
+    numbers = (
+        spread.least, spread.percent_5, spread.median, spread.mean, spread.percent_95, spread.largest
+    )  # fmt: skip
+    return (item.result.name, item.result.unit, *(f"{value:.5g}" for value in numbers))
+
+
+def _causes(summary: SweepSummary) -> Iterator[LongTable | str]:
     """Yield a table of indices and correlations; reasons where there are no indices."""
-    table = _start("result", "key", "first order", "total", "rank correlation")
+    rows = []
     for item in summary.chosen:
         found = item.indices if isinstance(item.indices, Indices) else None
         for place, key in enumerate(summary.results.keys):
@@ -142,14 +143,21 @@ def _causes(summary: SweepSummary) -> Iterator[Table | str]:
                     f"{found.first[place]:.3f} ± {found.first_error[place]:.3f}",
                     f"{found.total[place]:.3f} ± {found.total_error[place]:.3f}",
                 )
-            table.add_row(item.result.name, key, *words, f"{item.correlation[place]:.2f}")
-    yield table
+            rows.append((item.result.name, key, *words, f"{item.correlation[place]:.2f}"))
+    order = rank_rows(-np.concatenate([item.strength for item in summary.chosen]))
+    heads = ("result", "key", "first order", "total", "rank correlation")
+    yield _table(heads, rows, "pairs of result and key", "strongest", order)
     for reason in sorted({item.indices for item in summary.chosen if isinstance(item.indices, str)}):
         yield f"no Sobol' indices: {reason}"
 
 
-def _start(*names: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
-    for name in names:
-        table.add_column(name, overflow="fold")
-    return table
+def _table(
+    heads: tuple[str, ...],
+    rows: Sequence[tuple[str, ...]],
+    things: str,
+    why: str = "first",
+    order: Sequence[int] | None = None,
+) -> LongTable:
+    """Return a table without title; order: of its rows, where the first are not those that matter most."""
+    ranking = ((why, range(len(rows)) if order is None else order),)
+    return LongTable("", heads, "f" * len(heads), len(rows), rows.__getitem__, things, ranking)

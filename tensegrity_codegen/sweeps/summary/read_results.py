@@ -120,16 +120,12 @@ def _find_kept(group: Any, coordinates: set[str], layout: CaseLayout) -> dict[st
             unit=str(array.attrs.get("units", "")),
             sentence=str(array.attrs.get("long_name", "")),
             labels=tuple(
-                _read_labels(group, dim, size) for dim, size in zip(names[lead:], shape, strict=True)
+                list(group[dim][...].tolist()) if dim in group else list(range(size))
+                for dim, size in zip(names[lead:], shape, strict=True)
             ),
             blocks=_Blocks(array, layout),
         )
     return kept
-
-
-def _read_labels(group: Any, dim: str, size: int) -> list[Any]:
-    """Return what stands along a dimension; places from 0 where nothing does."""
-    return list(group[dim][...].tolist()) if dim in group else list(range(size))
 
 
 class _Blocks:

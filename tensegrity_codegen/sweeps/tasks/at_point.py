@@ -1,7 +1,7 @@
 """Base class of operations that analyse each case at one point, its state or the equilibrium from there."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from tensegrity_codegen.pipeline.analyses import BATCH_WIDTH, Needs, find_needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double
+from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes
-from tensegrity_codegen.sweeps.tasks.operation import Operation, Option
+from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     DuplicateNameError,
@@ -23,13 +24,14 @@ from tensegrity_codegen.system.errors import (
     TensegrityError,
     check_choice,
 )
+from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
 COORDINATE = "coordinate"
 POINTS = ("start", "equilibrium")
 POINT_TOLERANCE = 1e-12  # of equilibria: what is left of the forces turns neutral motions into slow ones
 Point = tuple[NDArray[Any] | None, NDArray[Any] | None]  # coordinates and velocities, None: of the scene
-Arrays = Mapping[str, NDArray[Any]]
+Result = tuple[tuple[str, ...], str, str, str]  # axes, type, unit, sentence
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,8 @@ class AtPoint(Operation):
     """
 
     analysis: ClassVar[str]  # whose needs the library has to serve, as of `find_needs`
-    result_names: ClassVar[tuple[str, ...]]  # names of all results
-    default_results: ClassVar[tuple[str, ...]]  # those that are kept by default
+    results: ClassVar[Mapping[str, Result]]  # all results by name
+    default_results: ClassVar[tuple[str, ...]]  # names of those that are kept by default
 
     about: Annotated[
         str, Option("about the equilibrium of each case, not its state.", flag=("settle", "equilibrium"))
@@ -57,18 +59,32 @@ class AtPoint(Operation):
         model: CompiledModel,
         point: Point,
         arguments: Mapping[str, Any],
-        empty: Mapping[str, NDArray[Any]],
+        names: Collection[str],
     ) -> Mapping[str, Any]:
-        """Return what is kept of one case, by name; empty: arrays of NaN of the shapes of the results."""
+        """Return results of one case by these names; those of fewer modes than coordinates are shorter."""
 
     def list_kept(self) -> tuple[str, ...]:
         """Return the names of what is kept; raises UnknownNameError or DuplicateNameError."""
         for name in self.keep:
-            check_choice(name, self.result_names, f"result of {self.name}", f"keep {name!r}")
+            check_choice(name, self.results, f"result of {self.name}", f"keep {name!r}")
         if len(set(self.keep)) < len(self.keep):
             raise DuplicateNameError("kept twice", where="keep", given=", ".join(self.keep))
         check_choice(self.about, POINTS, "point", "about")
         return self.keep or self.default_results
+
+    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
+        """Return one array for each thing that is kept, NAN behind the last mode."""
+        states = name_states(manifest)
+        labels = {"member": manifest.member_name, "input": manifest.input_name}
+        labels |= {"state": states, "state_column": states}
+        sizes = {dim: len(names) for dim, names in labels.items()} | {"mode": len(states) // 2}
+        found = []
+        for name in self.list_kept():
+            dims, dtype, unit, sentence = self.results[name]
+            shape = tuple(sizes[dim] for dim in dims)
+            own = {dim: labels[dim] for dim in dims if dim in labels}
+            found.append(Output(name, dims, shape, dtype, unit, sentence, own))
+        return tuple(found)
 
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:
         """Return what the analysis needs, and equilibria where it is about these."""
@@ -96,16 +112,17 @@ class AtPoint(Operation):
         for k in np.flatnonzero(outcomes.is_ok).tolist():
             own = {**case_arguments.shared, **{name: array[k] for name, array in rows.items()}}
             point = own.pop(COORDINATE, None), own.pop("velocity", None)
-            empty = {name: array[k] for name, array in arrays.items()}
             try:
-                kept = self.compute_case(model, point, own, empty)
+                kept = self.compute_case(model, point, own, arrays.keys())
             except (NonFiniteError, ConvergenceError, np.linalg.LinAlgError) as error:
                 status = "not_converged" if isinstance(error, ConvergenceError) else "non_finite_result"
                 message = error.problem if isinstance(error, TensegrityError) else str(error)
                 outcomes.mark(k, status, message)
                 continue
             for name, array in arrays.items():
-                array[k] = kept[name]
+                value = np.asarray(kept[name])
+                place: tuple[Any, ...] = (k, *map(slice, value.shape))
+                array[place] = value
         return arrays
 
 

@@ -59,6 +59,11 @@ class KeptText:
     step: int = 1
 
     @property
+    def text_beside_name(self) -> str:
+        """The text, empty where it is the name."""
+        return "" if self.name == self.text else self.text
+
+    @property
     def tree(self) -> ast.expr:
         """The checked syntax tree of the expression."""
         return parse_condition(self.expression)

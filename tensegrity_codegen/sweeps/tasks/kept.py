@@ -90,7 +90,8 @@ def _bind(item: KeptText, manifest: Manifest) -> Kept:
             )
     if item.expression in specs and item.expression != POSITION:
         output = describe_quantity(manifest, specs[item.expression])
-        return Kept(item, _name_output(output, item), (item.expression,), None)
+        output = replace(output, name=item.name, expression=item.text_beside_name)
+        return Kept(item, output, (item.expression,), None)
     try:
         part = build_part(item.tree, manifest)
     except TensegrityError as error:
@@ -106,14 +107,9 @@ def _bind(item: KeptText, manifest: Manifest) -> Kept:
         unit=axes.unit,
         sentence=QUANTITIES[POSITION].sentence if item.expression == POSITION else f"Value of {item.text}.",
         coordinates={dim: labels for dim, labels in axes.labels.items() if dim in axes.dims},
-        expression="" if item.name == item.text else item.text,
+        expression=item.text_beside_name,
     )
     return Kept(item, output, names, None if item.expression == POSITION else part)
-
-
-def _name_output(output: Output, item: KeptText) -> Output:
-    """Return the output of a quantity under the name that it is kept by."""
-    return replace(output, name=item.name, expression="" if item.name == item.text else item.text)
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,6 @@ BODIES = (
         ("n_coordinates",),
         "Terms c(q, q') of the equations of motion that are quadratic in the velocities.",
         "SCS 9",
-        needs_mass=True,
     ),
     Quantity(
         "load_matrix",
@@ -43,7 +42,7 @@ BODIES = (
         ("n_coordinates", "n_inputs"),
         "Load matrix: H F balances the generalised force of the force and torque inputs F.",
         "SCS 10",
-        True,
+        sparse=True,
     ),
     Quantity(
         "node_jacobian",
@@ -52,7 +51,7 @@ BODIES = (
         ("n_node_components", "n_coordinates"),
         "Jacobian of the node positions, node by node, to the coordinates.",
         "SCS 6",
-        True,
+        sparse=True,
     ),
     Quantity(
         "chart_margin",

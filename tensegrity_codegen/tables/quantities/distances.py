@@ -18,8 +18,7 @@ DISTANCES = (
         ("n_coordinates", "n_coordinates"),
         "Diagonal inertia of all pairs, H = D^T H_delta D + J_c^T M J_c.",
         "S&K 4",
-        True,
-        True,
+        sparse=True,
     ),
     Quantity(
         "distance_inertia_inverse",
@@ -28,8 +27,7 @@ DISTANCES = (
         ("n_coordinates", "n_coordinates"),
         "What turns forces of pairs into accelerations, block by block.",
         "S&K 4",
-        True,
-        True,
+        sparse=True,
     ),
     Quantity(
         "constraint_basis",
@@ -38,7 +36,7 @@ DISTANCES = (
         ("n_coordinates", "n_constraints"),
         "Basis of the constraints between differences, L^T D = 0.",
         "S&K 4",
-        True,
+        sparse=True,
     ),
     Quantity(
         "constraint_residual",
@@ -71,7 +69,6 @@ DISTANCES = (
         ("n_constraints",),
         "Multipliers of the constraints, H_delta delta'' + L lambda = f.",
         "S&K 7",
-        needs_mass=True,
     ),
     Quantity(
         "rigidity_error",
@@ -79,7 +76,6 @@ DISTANCES = (
         "m",
         ("n_bars",),
         "Estimate of the length of each rigid bar that its stiffness would change and the model neglects.",
-        needs_mass=True,
     ),
     Quantity(
         "saddle_matrix",
@@ -88,8 +84,7 @@ DISTANCES = (
         ("n_saddle", "n_saddle"),
         "Matrix of the saddle system; n_saddle = n_coordinates + n_constraints.",
         "S&K 7",
-        True,
-        True,
+        sparse=True,
     ),
     Quantity(
         "force_jacobian",
@@ -98,7 +93,7 @@ DISTANCES = (
         ("n_coordinates", "n_coordinates"),
         "Block-diagonal Jacobian of the member forces to the differences.",
         "S&K 5",
-        True,
+        sparse=True,
     ),
     Quantity(
         "control_jacobian",
@@ -107,6 +102,6 @@ DISTANCES = (
         ("n_coordinates", "n_inputs"),
         "Jacobian of the member forces to the rest-length inputs, one column block an actuated member.",
         "S&K 6",
-        True,
+        sparse=True,
     ),
 )

@@ -42,6 +42,6 @@ INTERFERENCE = (
         ("n_bar_pairs", "n_coordinates"),
         "Jacobian of the distances between bars; where axes meet, of one of the two sides.",
         "LIN 3.2",
-        True,
+        sparse=True,
     ),
 )

@@ -14,7 +14,6 @@ class Quantity:
     sentence: str
     source: str = "S&K 2"
     sparse: bool = False
-    needs_mass: bool = False
 
     @property
     def over_bar_pairs(self) -> bool:

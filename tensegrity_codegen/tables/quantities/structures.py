@@ -19,15 +19,14 @@ STRUCTURES = (
     ),
     Quantity("elastic_energy", "U_e", "J", (), "Strain energy sum mu_e (l_e - rho_e)^2 / 2 of taut members."),
     Quantity("potential_energy", "U", "J", (), "Strain energy minus the work of gravity and loads."),
-    Quantity("kinetic_energy", "T", "J", (), "Kinetic energy q'^T H q' / 2.", needs_mass=True),
-    Quantity("total_energy", "T + U", "J", (), "Kinetic plus potential energy.", needs_mass=True),
+    Quantity("kinetic_energy", "T", "J", (), "Kinetic energy q'^T H q' / 2."),
+    Quantity("total_energy", "T + U", "J", (), "Kinetic plus potential energy."),
     Quantity(
         "acceleration",
         "q''",
         "m/s2",
         ("n_coordinates",),
         "Accelerations q'' = H^-1 f of the free coordinates.",
-        needs_mass=True,
     ),
     Quantity(
         "state_derivative",
@@ -35,7 +34,6 @@ STRUCTURES = (
         "m/s, m/s2",
         ("n_states",),
         "Derivative of the state x = (q, q').",
-        needs_mass=True,
     ),
     Quantity(
         "mass_matrix",
@@ -44,8 +42,7 @@ STRUCTURES = (
         ("n_coordinates", "n_coordinates"),
         "Mass matrix; a uniform bar adds (m/6) [2 1; 1 2] kron I.",
         "S&K 2; consistent mass of a uniform bar",
-        True,
-        True,
+        sparse=True,
     ),
     Quantity(
         "material_stiffness",
@@ -54,7 +51,7 @@ STRUCTURES = (
         ("n_coordinates", "n_coordinates"),
         "Material part of the tangent stiffness: mu_e d d^T / l^2 of each taut member.",
         "S&K 5",
-        True,
+        sparse=True,
     ),
     Quantity(
         "geometric_stiffness",
@@ -63,7 +60,7 @@ STRUCTURES = (
         ("n_coordinates", "n_coordinates"),
         "Geometric part of the tangent stiffness: t_e/l_e (I - d d^T / l^2).",
         "S&K 5",
-        True,
+        sparse=True,
     ),
     Quantity(
         "tangent_stiffness",
@@ -72,7 +69,7 @@ STRUCTURES = (
         ("n_coordinates", "n_coordinates"),
         "Tangent stiffness K = K_M + K_G, the Hessian of the potential energy.",
         "S&K 5",
-        True,
+        sparse=True,
     ),
     Quantity(
         "damping_matrix",
@@ -81,7 +78,7 @@ STRUCTURES = (
         ("n_coordinates", "n_coordinates"),
         "Damping matrix -df/dq': c_e d d^T / l^2 of each taut member.",
         "S&K 2",
-        True,
+        sparse=True,
     ),
     Quantity(
         "equilibrium_matrix",
@@ -90,7 +87,7 @@ STRUCTURES = (
         ("n_coordinates", "n_members"),
         "Equilibrium matrix: A t balances the loads on the free coordinates.",
         "S&K 2",
-        True,
+        sparse=True,
     ),
     Quantity(
         "state_jacobian",
@@ -99,8 +96,7 @@ STRUCTURES = (
         ("n_states", "n_states"),
         "Jacobian of the state derivative to the state.",
         "S&K 5",
-        True,
-        True,
+        sparse=True,
     ),
     Quantity(
         "input_jacobian",
@@ -109,8 +105,7 @@ STRUCTURES = (
         ("n_states", "n_inputs"),
         "Jacobian of the state derivative to the inputs.",
         "S&K 5",
-        True,
-        True,
+        sparse=True,
     ),
     Quantity(
         "rest_length_jacobian",
@@ -119,8 +114,7 @@ STRUCTURES = (
         ("n_states", "n_members"),
         "Jacobian of the state derivative to the rest lengths of all members.",
         "S&K 5",
-        True,
-        True,
+        sparse=True,
     ),
     Quantity(
         "residual_rest_length_jacobian",
@@ -147,8 +141,7 @@ STRUCTURES = (
         ("n_states", "n_parameters"),
         "Jacobian of the state derivative to all run-time parameters.",
         "S&K 5",
-        True,
-        True,
+        sparse=True,
     ),
     Quantity(
         "cable_margin",

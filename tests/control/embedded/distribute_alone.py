@@ -47,8 +47,8 @@ int run(const real *coordinate, const real *wanted, const real *low, const real 
   s.wanted = wanted;
   s.low = low;
   s.high = high;
-  s.least = least;
-  s.most = most;
+  s.range_low = least;
+  s.range_high = most;
   memcpy(memory.base, base, sizeof memory.base);
   memcpy(memory.preferred, preferred, sizeof memory.preferred);
   status = distribution_find(&s, command, &memory);

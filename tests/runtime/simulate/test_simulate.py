@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate import c_run
 from tensegrity_codegen.runtime.integrate.methods import METHODS
 from tensegrity_codegen.runtime.integrate.options import Stepping
@@ -19,6 +20,7 @@ from tensegrity_codegen.system.errors import (
     NonFiniteError,
     UnknownNameError,
 )
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.models import simulator
 from tests.runtime.build import cable, make_structure, prism, spring
@@ -423,6 +425,13 @@ def test_a_library_without_the_integrator_says_how_to_get_it() -> None:
             simulate(model, 1.0, **options)
         assert "integrators" in caught.value.hint
     assert simulate(model, 0.1, method="scipy_rk45").status == "ok"
+
+
+def test_a_library_without_the_energies_names_them() -> None:
+    library = build_library(two_nodes(), ModelRequest(("acceleration", "member_tension")))
+    with pytest.raises(FormulationError, match="functions that a simulation needs") as caught:
+        simulate(library.load(), 1.0, method="scipy_rk45")
+    assert caught.value.given == "kinetic_energy, total_energy"
 
 
 @pytest.mark.parametrize(

@@ -377,8 +377,9 @@ def test_what_does_not_fit_is_refused(model: CompiledModel) -> None:
         ({"batch_width": 0, "integrators": ("rk853",)}, LibraryError, "no batch functions"),
         ({"integrators": ("rk4",)}, FormulationError, "no integrator 'rk853'"),
         ({"precision": "single", "integrators": ("rk853",)}, LibraryError, "double precision"),
+        ({"quantities": ("acceleration",)}, FormulationError, "functions that a simulation needs"),
     ],
-    ids=["no batches", "no integrator", "single precision"],
+    ids=["no batches", "no integrator", "single precision", "no energies"],
 )
 def test_a_library_that_cannot_is_named(changes: dict[str, Any], error: type[Exception], match: str) -> None:
     two = make_structure([[0, 0, 0], [1, 0, 0]], [bar(0, 1, 0.9)], axes="xy")

@@ -120,7 +120,7 @@ def test_coordinates_are_scaled_to_the_way_of_the_points() -> None:
     inside = problem.to_search_coordinate(tower.coordinate)
     scale = inside[0] / tower.coordinate[0]
     assert scale == pytest.approx(1.0)  # declination: the far end moves l a radian
-    azimuth = tower.find_coordinate("bar11_azimuth")
+    azimuth = tower.coordinate_name.index("bar11_azimuth")
     assert inside[azimuth] / tower.coordinate[azimuth] == pytest.approx(np.sin(np.radians(40)))
     np.testing.assert_allclose(problem.to_model_coordinate(inside), tower.coordinate)
 

@@ -66,7 +66,7 @@ def test_bodies_of_each_kind() -> None:
 
 def test_angles_are_degrees_in_the_scene_and_radians_inside() -> None:
     system, _ = assemble_document(EVERYTHING)
-    at = system.find_coordinate
+    at = system.coordinate_name.index
     assert system.coordinate[at("mast_azimuth")] == pytest.approx(np.radians(-10))
     assert system.velocity[at("leg_declination")] == pytest.approx(np.radians(-30))
     assert system.velocity[at("plate_phi")] == pytest.approx(np.radians(50))

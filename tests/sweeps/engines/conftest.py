@@ -17,7 +17,7 @@ from tensegrity_codegen.sweeps.apply.mapper import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.engines.work import SweepWork
 from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
-from tensegrity_codegen.sweeps.statuses import encode_statuses
+from tensegrity_codegen.sweeps.statuses import encode_status
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult
 from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.tables.manifest import Manifest
@@ -52,7 +52,7 @@ class Square(Operation):
             if self.way == "kill":
                 os.kill(os.getpid(), signal.SIGKILL)
             raise LibraryError("no such library") if self.way == "library" else ZeroDivisionError("by zero")
-        return TaskResult({"square": x**2}, encode_statuses(["ok"] * count), ("",) * count)
+        return TaskResult({"square": x**2}, np.full(count, encode_status("ok"), dtype=np.int8), ("",) * count)
 
 
 @dataclass(frozen=True)

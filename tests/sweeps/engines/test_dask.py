@@ -11,9 +11,9 @@ from tensegrity_codegen.sweeps.engines.cluster import check_versions, describe_v
 from tensegrity_codegen.sweeps.engines.dask_engine import DaskEngine
 from tensegrity_codegen.sweeps.engines.engine import FinishedTask
 from tensegrity_codegen.sweeps.engines.work import SweepWork
-from tensegrity_codegen.sweeps.statuses import decode_statuses
 from tensegrity_codegen.system.errors import ClusterError
 from tests.sweeps.engines.conftest import Square, make_work
+from tests.sweeps.status_words import decode_statuses
 
 pytest.importorskip("distributed", reason="Dask is missing: pip install '.[cluster]'")
 pytestmark = [

@@ -11,10 +11,10 @@ import pytest
 from tensegrity_codegen.sweeps.engines.engine import FinishedTask
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
 from tensegrity_codegen.sweeps.engines.work import SweepWork
-from tensegrity_codegen.sweeps.statuses import decode_statuses
 from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.system.forked import can_fork
 from tests.sweeps.engines.conftest import NoLibraries, Square, make_work
+from tests.sweeps.status_words import decode_statuses
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="these tests need a system that forks processes")
 

@@ -8,10 +8,10 @@ import pytest
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.sweeps.operations.analyse import RESULTS, Analyse
-from tensegrity_codegen.sweeps.statuses import decode_statuses
 from tensegrity_codegen.sweeps.sweep import sweep
 from tensegrity_codegen.system.errors import TensegrityError
 from tests.cases import thorough
+from tests.sweeps.status_words import decode_statuses
 from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
 from tests.sweeps.tasks.scenes import BODIES, PRISM, TRIANGLE
 

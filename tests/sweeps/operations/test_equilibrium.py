@@ -9,9 +9,9 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.sweeps.operations import OPERATIONS, build_operation
 from tensegrity_codegen.sweeps.operations.equilibrium import FindEquilibrium
-from tensegrity_codegen.sweeps.statuses import decode_statuses
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, TensegrityError, UnknownKeyError
 from tests.cases import thorough
+from tests.sweeps.status_words import decode_statuses
 from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
 from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 

@@ -9,9 +9,9 @@ import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.sweeps.operations.evaluate import Evaluate
-from tensegrity_codegen.sweeps.statuses import decode_statuses
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 from tests.cases import thorough
+from tests.sweeps.status_words import decode_statuses
 from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
 from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 

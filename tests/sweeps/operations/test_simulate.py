@@ -10,7 +10,6 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.sweeps.operations import simulate as module
 from tensegrity_codegen.sweeps.operations.simulate import Simulate
-from tensegrity_codegen.sweeps.statuses import decode_statuses
 from tensegrity_codegen.system.errors import (
     FormulationError,
     InvalidValueError,
@@ -18,6 +17,7 @@ from tensegrity_codegen.system.errors import (
     TensegrityError,
 )
 from tests.cases import thorough
+from tests.sweeps.status_words import decode_statuses
 from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
 from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 

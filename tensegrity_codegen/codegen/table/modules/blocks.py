@@ -22,14 +22,14 @@ class ModuleBlocks(ModuleStage):
     def entries_set(self) -> IntArray:
         """Return the entries of the pattern that are set here, whatever they were before."""
         pattern, blocks = self.sink.pattern, []
-        for modules, fresh in zip(self.shapes, self.is_fresh, strict=True):
+        for modules, starts_sum in zip(self.shapes, self.starts_sums, strict=True):
             for module in modules:
                 member = module.member[np.isin(module.kind, self.kinds)].ravel()
                 blocks += pattern.block_nodes(member)[1::2]
                 own = [
                     nodes
                     for column, nodes in enumerate(module.column)
-                    if fresh[column] and self.ends_in(module, column)
+                    if starts_sum[column] and self.ends_in(module, column)
                 ]
                 blocks += [(nodes, nodes) for nodes in own]
         coordinate = pattern.model.coordinate
@@ -49,10 +49,10 @@ class ModuleBlocks(ModuleStage):
             return []
         size = next(iter(kernels.values())).stores
         lines: list[str] = []
-        for number, (modules, fresh) in enumerate(zip(self.shapes, self.is_fresh, strict=True)):
+        for number, (modules, starts_sum) in enumerate(zip(self.shapes, self.starts_sums, strict=True)):
             n_sums = size * min(len(modules[0].column), TOGETHER)
             loops = BlockLoops(writer, modules, number, kernels, size, n_sums)
-            loops.sink, loops.fresh = self.sink, fresh
+            loops.sink, loops.starts_sum = self.sink, starts_sum
             lines += loops.write()
         if not self.sink.size:
             return lines

@@ -22,11 +22,11 @@ LAST = 2**31 - 1  # behind all nodes
 class BlockLoops(ShapeLoops):
     """Parts are -S, [strand][entry], its upper triangle or all rows; behind them sums of a column's nodes.
 
-    fresh: for each column, whether no column before holds any of its nodes.
+    starts_sum: for each column, whether no column before holds any of its nodes.
     """
 
     sink: AddBlocks
-    fresh: list[bool]
+    starts_sum: list[bool]
 
     def row(self, kernel: DensityKernel) -> list[str]:
         """Return the statements that store a block with its sign turned."""
@@ -48,7 +48,10 @@ class BlockLoops(ShapeLoops):
         last = {runs.columns[-1]: number for number, runs in enumerate(self.joined)}
         for column in range(self.text.n_columns):
             if self.entries(column):
-                written = self._whole(column) if self.runs[column] is None else []
+                # Calls that write the blocks on the diagonal.
+                written = (
+                    self._spread("sum", self._diagonal(column), "q") if self.runs[column] is None else []
+                )
                 if column in last:
                     written = self._in_runs(last[column], self.joined[last[column]])
                 lines += self.over_nodes(column, [*self._sums(column), *written])
@@ -77,7 +80,7 @@ class BlockLoops(ShapeLoops):
     @cached_property
     def joined(self) -> list[ColumnRuns]:
         """The same with columns together where they can be."""
-        return join_runs([runs for runs in self.runs if runs], self.text.first.extent, self.fresh)
+        return join_runs([runs for runs in self.runs if runs], self.text.first.extent, self.starts_sum)
 
     def _line(self, r: int, c: int) -> int:
         n, low, high = len(self.axes), min(r, c), max(r, c)
@@ -119,12 +122,12 @@ class BlockLoops(ShapeLoops):
 
         The sizes of all blocks are those of these sums: what is not finite in a block is not in them either.
         """
-        entries, room, fresh = self.entries(column), self.text.room, self.fresh[column]
+        entries, room, starts_sum = self.entries(column), self.text.room, self.starts_sum[column]
         own = f"{self.writer.real} *const sum = part + {self.lines.of_sums(column)};"
-        lines, adding = [own, *([] if fresh else self._take(self._diagonal(column)))], []
+        lines, adding = [own, *([] if starts_sum else self._take(self._diagonal(column)))], []
         for line in range(self.size):
             here, zero = plus(line * room), self.writer.number(0.0)
-            start = f"row_all({zero})" if fresh else f"row_load(sum + c{here})"
+            start = f"row_all({zero})" if starts_sum else f"row_load(sum + c{here})"
             adding.append(f"lanes_row sum{line} = {start};")
             for strand, _, offset in entries:
                 at = self.lines.of_strand(strand, offset) + line * room
@@ -150,10 +153,6 @@ class BlockLoops(ShapeLoops):
                 f" sum{plus(start * room)});"
             )
         return found
-
-    def _whole(self, column: int) -> list[str]:
-        """Return the calls that write the blocks on the diagonal."""
-        return self._spread("sum", self._diagonal(column), "q")
 
     def _in_runs(self, number: int, runs: ColumnRuns) -> list[str]:
         """Return what writes all blocks in the columns of nodes: in runs, or one by one."""

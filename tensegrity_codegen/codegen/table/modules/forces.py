@@ -26,14 +26,14 @@ class ModuleForces(ModuleStage):
     external: "ExternalForce"
 
     @cached_property
-    def begun(self) -> IntArray:
+    def nodes_started(self) -> IntArray:
         """Nodes whose sums begin here, with an external force that is constant."""
         nodes = [
             module.column[column]
-            for modules, fresh in zip(self.shapes, self.is_fresh, strict=True)
+            for modules, starts_sum in zip(self.shapes, self.starts_sums, strict=True)
             for module in modules
-            for column in range(len(fresh))
-            if fresh[column] and self.ends_in(module, column) and not self.external.arguments
+            for column in range(len(starts_sum))
+            if starts_sum[column] and self.ends_in(module, column) and not self.external.arguments
         ]
         return np.concatenate([np.zeros(0, dtype=np.int64), *nodes])
 
@@ -45,10 +45,10 @@ class ModuleForces(ModuleStage):
         }
         n_axes = writer.model.n_axes
         lines: list[str] = []
-        for number, (modules, fresh) in enumerate(zip(self.shapes, self.is_fresh, strict=True)):
+        for number, (modules, starts_sum) in enumerate(zip(self.shapes, self.starts_sums, strict=True)):
             loops = _Forces(writer, modules, number, kernels, n_axes, n_axes)
             loops.sink, loops.external = self.sink, self.external
-            loops.fresh = [item and not self.external.arguments for item in fresh]
+            loops.starts_sum = [item and not self.external.arguments for item in starts_sum]
             lines += loops.write()
         return lines
 
@@ -58,7 +58,7 @@ class _Forces(ShapeLoops):
 
     sink: "AddToNodes"
     external: "ExternalForce"
-    fresh: list[bool]
+    starts_sum: list[bool]
 
     def row(self, kernel: DensityKernel) -> list[str]:
         """Return the statements that store a pull."""
@@ -75,42 +75,44 @@ class _Forces(ShapeLoops):
         return [line for column in range(self.text.n_columns) for line in self._gather(column)]
 
     def _gather(self, column: int) -> list[str]:
-        text, room, sink = self.text, self.text.room, self.sink
+        """Return the statements that add up the pulls on the nodes of a column."""
+        text, line_length, sink = self.text, self.text.room, self.sink
         entries = self.entries(column)
         if not entries:
             return []
-        at = text.places(self.writer, sink.target, sink.index[:, 0])(str(column), "k")
-        begin, source = self._begin(column)
-        adding = []
+        place = text.places(self.writer, sink.target, sink.index[:, 0])(str(column), "k")
+        first_value, source = self._find_first_values(column)
+        additions = []
         for axis in self.axes:
-            line = plus(axis * room)
-            adding.append(f"lanes_row sum{axis} = {begin[axis] or f'row_load(sum + c{line})'};")
+            line = plus(axis * line_length)
+            additions.append(f"lanes_row sum{axis} = {first_value[axis] or f'row_load(sum + c{line})'};")
             for strand, end, offset in entries:
-                start = (strand * len(self.axes) + axis) * room + MAX_SHIFT_GAP - offset
-                adding.append(f"sum{axis} = sum{axis} {'+' if end else '-'} row_load(part + c + {start});")
-            adding.append(f"row_store(sum + c{line}, sum{axis});")
-        lines = ", ".join(f"sum{plus(axis * room)}" for axis in self.axes)
-        taken = f"nodes_to_lanes({source}, {at}, NULL, 0, q, {text.chunk}, {room}, sum);"
+                pull = (strand * len(self.axes) + axis) * line_length + MAX_SHIFT_GAP - offset
+                additions.append(f"sum{axis} = sum{axis} {'+' if end else '-'} row_load(part + c + {pull});")
+            additions.append(f"row_store(sum + c{line}, sum{axis});")
+        lines = ", ".join(f"sum{plus(axis * line_length)}" for axis in self.axes)
+        reading = f"nodes_to_lanes({source}, {place}, NULL, 0, q, {text.chunk}, {line_length}, sum);"
         return self.over_nodes(
             column,
             [
-                *([taken] if source else []),
+                *([reading] if source else []),
                 "for (c = 0; c < q; c += ROW) {",
-                *(f"  {line}" for line in adding),
+                *(f"  {line}" for line in additions),
                 "}",
-                f"lanes_to_nodes({lines}, {at}, NULL, 0, q, {sink.target});",
+                f"lanes_to_nodes({lines}, {place}, NULL, 0, q, {sink.target});",
             ],
         )
 
-    def _begin(self, column: int) -> tuple[list[str], str]:
-        """Return what sums of a column begin with, "" for what is read, and the array to read it from."""
-        if not self.fresh[column]:
+    def _find_first_values(self, column: int) -> tuple[list[str], str]:
+        """Return the first values of a column's sums, "" for what is read, and the array to read it from."""
+        if not self.starts_sum[column]:
             return [""] * len(self.axes), self.sink.target
         node = np.concatenate([module.column[column] for module in self.text.modules])
         force = self.external.constant[node]
-        is_even = [np.array_equal(force[:, axis], np.full(len(force), force[0, axis])) for axis in self.axes]
-        begin = [
-            f"row_all({self.writer.number(force[0, axis])})" if is_even[axis] else "" for axis in self.axes
+        # A force that all of these nodes have is a constant in the code.
+        is_equal = [np.array_equal(force[:, axis], np.full(len(force), force[0, axis])) for axis in self.axes]
+        values = [
+            f"row_all({self.writer.number(force[0, axis])})" if is_equal[axis] else "" for axis in self.axes
         ]
-        source = "" if all(is_even) else self.writer.reals("external_constant", self.external.values)
-        return begin, source
+        source = "" if all(is_equal) else self.writer.reals("external_constant", self.external.values)
+        return values, source

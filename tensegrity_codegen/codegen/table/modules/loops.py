@@ -52,18 +52,18 @@ class ModuleStage:
         return [kind for kind, cls in enumerate(self.model.plan.classes) if cls in classes] if classes else []
 
     @cached_property
-    def is_fresh(self) -> list[list[bool]]:
+    def starts_sums(self) -> list[list[bool]]:
         """For each shape and column: whether no column before holds any of its nodes."""
         found: list[list[bool]] = []
         touched = np.zeros(self.model.structure.n_nodes if self.loops else 0, dtype=bool)
         for modules in self.shapes:
-            fresh = [True] * len(modules[0].column)
+            starts_sum = [True] * len(modules[0].column)
             for module in modules:
                 for column, nodes in enumerate(module.column):
                     if self.ends_in(module, column):
-                        fresh[column] &= not touched[nodes].any()
+                        starts_sum[column] &= not touched[nodes].any()
                         touched[nodes] = True
-            found.append(fresh)
+            found.append(starts_sum)
         return found
 
     def ends_in(self, module: Module, column: int) -> bool:

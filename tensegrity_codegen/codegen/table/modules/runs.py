@@ -91,15 +91,17 @@ def find_runs(
     return runs if min(len(line) for line, _ in runs.runs) >= SHORTEST else None
 
 
-def join_runs(found: Sequence[ColumnRuns], extent: Sequence[int], fresh: Sequence[bool]) -> list[ColumnRuns]:
+def join_runs(
+    found: Sequence[ColumnRuns], extent: Sequence[int], starts_sum: Sequence[bool]
+) -> list[ColumnRuns]:
     """Return the runs with those of columns after one another in one, where their nodes go side by side.
 
-    extent: how many nodes beyond the repetitions each column has; fresh: whether it reads nothing of the
+    extent: how many nodes beyond the repetitions each column has; starts_sum: whether it reads nothing of the
     matrix, which the columns before may have to write first.
     """
     joined: list[ColumnRuns] = []
     for runs in found:
-        can_join = joined and fresh[runs.columns[0]]
+        can_join = joined and starts_sum[runs.columns[0]]
         both = _join(joined[-1], runs, extent) if can_join else None
         joined[len(joined) - bool(both) :] = [both or runs]
     return joined

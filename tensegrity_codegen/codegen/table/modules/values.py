@@ -20,7 +20,12 @@ class RowValues:
         self.text, self.writer = text, writer
         self.first, self.last = first, last
         self.member_class = text.model.plan.classes[kind]
-        group = MemberGroup(self.member_class, self._members(), is_interior=True, in_module=True)
+        # The members of all modules, strand by strand, the last one repeated to fill a row.
+        parts = []
+        for module, length in zip(self.text.modules, self._padded().tolist(), strict=True):
+            repetition = np.minimum(np.arange(length), module.n_repetitions - 1)
+            parts.append(module.member[self.first : self.last, repetition].ravel())
+        group = MemberGroup(self.member_class, np.concatenate(parts), is_interior=True, in_module=True)
         self.access = MemberAccess(text.model, f"{text.name}_{kind}", group, group.member)
         self.of_strand: list[str] = []
         self.of_row: list[str] = []
@@ -34,16 +39,8 @@ class RowValues:
     def _padded(self) -> IntArray:
         return np.array([module.n_repetitions + self.writer.widest for module in self.text.modules])
 
-    def _members(self) -> IntArray:
-        """Return the members of all modules, strand by strand, the last one repeated to fill a row."""
-        parts = []
-        for module, length in zip(self.text.modules, self._padded().tolist(), strict=True):
-            repetition = np.minimum(np.arange(length), module.n_repetitions - 1)
-            parts.append(module.member[self.first : self.last, repetition].ravel())
-        return np.concatenate(parts)
-
     def _start(self) -> str:
-        """Return the C expression of the place of repetition k of strand s among `_members`."""
+        """Return the C expression of the place of repetition k of strand s among all members."""
         padded = self._padded()
         before = np.concatenate([[0], np.cumsum(padded * (self.last - self.first))[:-1]])
         begin = self.writer.index_at(f"{self.text.name}_begin{self.first}", before, "g")

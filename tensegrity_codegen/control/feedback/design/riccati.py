@@ -68,7 +68,8 @@ def find_stationary(
     recursion itself, which contracts towards P.
     """
     p = _solve_by_doubling(a, b, q, r)
-    if p is None or not _is_stable(a - b @ compute_gain(p, a, b, r)):
+    closed = None if p is None else np.linalg.eigvals(a - b @ compute_gain(p, a, b, r))
+    if p is None or closed is None or not np.abs(closed).max(initial=0.0) < 1.0:
         p = _solve_by_decomposition(a, b, q, r, where)
     best, residual = p, np.inf
     for _ in range(MOST_POLISHING):
@@ -113,10 +114,6 @@ def _solve_by_doubling(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArra
         if np.abs(added).max() <= DOUBLING_TOLERANCE * size:
             return cost
     return None
-
-
-def _is_stable(closed: FloatArray) -> bool:
-    return bool(np.abs(np.linalg.eigvals(closed)).max(initial=0.0) < 1.0)
 
 
 def _solve_by_decomposition(

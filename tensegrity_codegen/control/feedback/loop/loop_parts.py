@@ -127,7 +127,11 @@ def read_disturbance(
     check_instance(disturbance, (Disturbance, type(None)), where, "a Disturbance")
     stated = disturbance or Disturbance()
     seed = check_whole(stated.seed, "seed" if where == "disturbance" else f"{where}.seed", 0)
-    given = _find_given(model, stated)
+    given = merge_inputs(model.manifest, stated.arguments)
+    if stated.axial_stiffness is not None:
+        allowed = "one stiffness for each member of the run-time parameter [N]"
+        given["axial_stiffness"] = to_doubles(stated.axial_stiffness, "axial_stiffness", allowed)
+    check_arguments(model.manifest, given)
     start = _find_state(motion, stated)
     return LoopStart(start, given, bind_gust(model, stated.gust, given.get(NODE_LOAD)), seed)
 
@@ -144,13 +148,3 @@ def _find_state(motion: Motion, stated: Disturbance) -> FloatArray:
             check_finite(error, name)
             state[place : place + n] += error
     return state
-
-
-def _find_given(model: CompiledModel, stated: Disturbance) -> dict[str, Any]:
-    """Return the run-time arguments of the simulated model by name; raises for those that it lacks."""
-    given = merge_inputs(model.manifest, stated.arguments)
-    if stated.axial_stiffness is not None:
-        allowed = "one stiffness for each member of the run-time parameter [N]"
-        given["axial_stiffness"] = to_doubles(stated.axial_stiffness, "axial_stiffness", allowed)
-    check_arguments(model.manifest, given)
-    return given

@@ -26,7 +26,7 @@ class RunMeasures:
     at all; end_angle [rad]: largest error of an angle at the end, nan without angles; end_node: the node;
     least_tension [N], least_member: of cables over all times; end_tension [N]: at the end;
     broken: limits of the scene that are exceeded at the end, with the members; steps: number of commands of
-    each status; command_peak [m/s]: largest rate of the commands.
+    each status.
     """
 
     status: str
@@ -39,7 +39,6 @@ class RunMeasures:
     end_tension: float
     broken: Mapping[str, tuple[str, ...]]
     steps: Mapping[str, int]
-    command_peak: float
 
     @property
     def is_unstable(self) -> bool:
@@ -66,9 +65,6 @@ def measure_run(model: CompiledModel, run: ControlRun, last: float) -> RunMeasur
         least = float(tension[:, cables].min())
         member = run.member_name[int(cables[tension[:, cables].min(axis=0).argmin()])]
         end = float(tension[ending][:, cables].min())
-    rates = (
-        np.diff(run.command, axis=0) / (run.time[1] - run.time[0]) if len(run.command) > 1 else np.zeros(1)
-    )
     return RunMeasures(
         status=run.status,
         end_error=float(away[ending][step, node]),
@@ -80,7 +76,6 @@ def measure_run(model: CompiledModel, run: ControlRun, last: float) -> RunMeasur
         end_tension=end,
         broken=_find_broken(model, run, ending),
         steps=dict(Counter(run.step_status)),
-        command_peak=float(np.abs(rates).max(initial=0.0)),
     )
 
 

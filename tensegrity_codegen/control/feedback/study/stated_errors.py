@@ -230,7 +230,11 @@ def _find_nodes(model: CompiledModel, item: RandomGust) -> list[str]:
     spec = next((argument for argument in manifest.arguments if argument.name == NODE_LOAD), None)
     known = () if spec is None else spec.over
     found = [name for name in known if fnmatchcase(name, item.nodes)]
-    held = _find_held(model)
+    # Nodes that no coordinate moves.
+    q = np.asarray(model.nominal("coordinate"), dtype=float)
+    change = PROBE * np.random.default_rng(0).normal(size=q.shape)
+    moved = np.linalg.norm(place_nodes(model, q + change) - place_nodes(model, q), axis=1)
+    held = {name for name, way in zip(manifest.node_name, moved.tolist(), strict=True) if way < HELD_WITHIN}
     free = [name for name in found if name not in held]
     if not free:
         raise UnknownNameError(
@@ -241,15 +245,6 @@ def _find_nodes(model: CompiledModel, item: RandomGust) -> list[str]:
             hint=suggest(item.nodes, [name for name in known if name not in held]),
         )
     return free
-
-
-def _find_held(model: CompiledModel) -> set[str]:
-    """Return the nodes that no coordinate moves."""
-    q = np.asarray(model.nominal("coordinate"), dtype=float)
-    change = PROBE * np.random.default_rng(0).normal(size=q.shape)
-    moved = np.linalg.norm(place_nodes(model, q + change) - place_nodes(model, q), axis=1)
-    names = model.manifest.node_name
-    return {name for name, way in zip(names, moved.tolist(), strict=True) if way < HELD_WITHIN}
 
 
 # Times of a study: sample, motion, simulated time, gusts; checked before work begins.

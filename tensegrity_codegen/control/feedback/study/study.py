@@ -247,22 +247,21 @@ class _Work:
         spread = None if is_open else self.distribution
         parts: dict[str, Any] = {"t_end": self.t_end, "sample": self.gains.sample, "compare": False}
         parts["estimator"] = self.estimator if name == LOOPS[2] else None
-        states = [self._describe(item, first + k) for k, item in enumerate(drawn)]
+        states = [
+            Disturbance(
+                coordinate_error=item.coordinate,
+                arguments={**self.given, **item.arguments},
+                gust=item.gusts or None,
+                seed=int(np.random.SeedSequence([self.draws.seed, first + k]).generate_state(1)[0]),
+            )
+            for k, item in enumerate(drawn)
+        ]
         if self.draws.batch is not None and spread is None:
             return self.draws.batch(self.model, self.motion, gains, draws=states, **parts)
         return [
             simulate_control(self.model, self.motion, gains, distribution=spread, disturbance=state, **parts)
             for state in states
         ]
-
-    def _describe(self, drawn: DrawnErrors, draw: int) -> Disturbance:
-        """Return a draw for `simulate_control`."""
-        return Disturbance(
-            coordinate_error=drawn.coordinate,
-            arguments={**self.given, **drawn.arguments},
-            gust=drawn.gusts or None,
-            seed=int(np.random.SeedSequence([self.draws.seed, draw]).generate_state(1)[0]),
-        )
 
 
 def _find_estimator(

@@ -70,7 +70,11 @@ def find_scales(model: CompiledModel, motion: Motion, arguments: Mapping[str, An
     place = [model.manifest.input_name.index(name) for name in motion.actuators]
     push = model.compute("input_jacobian", **at).toarray()[n:, place]
     gain = lever[:, None] * np.linalg.lstsq(stiffness, push, rcond=NO_STIFFNESS)[0]
-    return Scales(size, lever, is_angle, _find_frequency(stiffness), gain)
+    # Lowest frequency of q'' = -stiffness q [rad/s].
+    squares = np.linalg.eigvals(stiffness).real
+    positive = squares[squares > NO_STIFFNESS * np.abs(squares).max(initial=0.0)]
+    frequency = float(np.sqrt(positive.min())) if len(positive) else 0.0
+    return Scales(size, lever, is_angle, frequency, gain)
 
 
 def find_angles(model: CompiledModel) -> BoolArray:
@@ -88,13 +92,6 @@ def _find_lever(model: CompiledModel, q: FloatArray, k: int, arguments: Mapping[
         moved[k] += step
         ends.append(place_nodes(model, moved, arguments=_without_input(arguments)))
     return float(np.linalg.norm(ends[0] - ends[1], axis=1).max(initial=0.0)) / (2 * STEP)
-
-
-def _find_frequency(stiffness: FloatArray) -> float:
-    """Return the lowest frequency of q'' = -stiffness q [rad/s]."""
-    squares = np.linalg.eigvals(stiffness).real
-    positive = squares[squares > NO_STIFFNESS * np.abs(squares).max(initial=0.0)]
-    return float(np.sqrt(positive.min())) if len(positive) else 0.0
 
 
 def _without_input(arguments: Mapping[str, Any]) -> dict[str, Any]:

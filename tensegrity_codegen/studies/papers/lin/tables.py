@@ -10,7 +10,7 @@ import numpy as np
 from scipy import optimize
 
 from tensegrity_codegen.pipeline.analyses import equilibrium_quantities
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver, SolvedPath
 from tensegrity_codegen.scene.read import parse_scene
@@ -56,7 +56,7 @@ def compile_prism(
             "spring_constant": tuple(range(system.n_members)),
         },
     )
-    return build_library(system, wanted).load()
+    return build_library(system, wanted, calls=MANY_CALLS).load()
 
 
 def place_load(top: int, force: Any) -> FloatArray:

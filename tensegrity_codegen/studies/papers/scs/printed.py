@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -157,20 +157,6 @@ class PrintedTower:
         )
         return float(spin + self.bar_moment * self.side / math.sqrt(3.0) * coupling)
 
-    def determinant_condition(self, alpha: float, delta: float, height: float) -> float:
-        """Return the left side of (42) [m2], zero where det(A_r) is."""
-        l, b, cosine = self.length, self.side, math.cos(delta)  # noqa: E741, as in the paper
-        u = math.sin(delta) * math.cos(alpha + THIRTY)
-        linear = (3 * l * u + b / math.sqrt(3.0)) * cosine
-        return height**2 * u - height * linear + (3 * l * u + math.sqrt(3.0) / 2 * b) * l * cosine**2
-
-    def torque_free(self, alpha: float, delta: float, alpha_0: float, delta_0: float) -> float:
-        """Return f(alpha, delta) of (49) [kg m2], zero on motions without torque from (alpha_0, delta_0)."""
-        coupling = self.bar_moment * self.side / math.sqrt(3.0)
-        turned = math.sin(delta) * math.cos(alpha + SIXTY) - math.sin(delta_0) * math.cos(alpha_0 + SIXTY)
-        spin = 3 * self.bar_inertia * math.sin(alpha - alpha_0) * math.sin(delta) * math.sin(delta_0)
-        return spin + coupling * turned
-
 
 # The full model of the tower, driven open loop by the controls of a reconfiguration.
 #
@@ -211,7 +197,7 @@ def compile_tower(tower: SymmetricTower, integrators: tuple[str, ...] = ()) -> C
     request = ModelRequest(
         simulation_quantities("bodies"), everything, formulation="bodies", integrators=integrators
     )
-    return build_library(tower.system, request).load()
+    return build_library(tower.system, request, calls=MANY_CALLS).load()
 
 
 def drive(plan: Reconfiguration) -> Schedule:

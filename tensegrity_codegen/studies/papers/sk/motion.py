@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Figure, Paragraph, Remark, Section, diagram_figure
@@ -109,7 +109,7 @@ def compile_in(structure: Structure, formulation: str, *quantities: str, **optio
         formulation=formulation,
         options=options,
     )
-    return build_library(structure, request).load()
+    return build_library(structure, request, calls=MANY_CALLS).load()
 
 
 def measure_constraint_drift(

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run, Unavailable
 from tensegrity_codegen.studies.work_precision.own import ATOL_OF_RTOL
 from tensegrity_codegen.symbolic.build import build_model
@@ -137,7 +137,7 @@ def _write_compiled(problem: MotionProblem, compiler: str | None) -> tuple[dict[
         ("acceleration",), formulation="node_position", emitter="auto", interfaces=("casadi",)
     )
     try:
-        built = build_library(problem.structure, request, flags="native", compiler=compiler)
+        built = build_library(problem.structure, request, flags="native", compiler=compiler, calls=MANY_CALLS)
     except TensegrityError as error:
         raise Unavailable(error.problem) from error
     model = built.load()

@@ -16,7 +16,7 @@ from tensegrity_codegen.studies.papers.scs.figures import (
 )
 from tensegrity_codegen.studies.papers.scs.printed import PAPER_POSES, PrintedTower
 from tensegrity_codegen.system.errors import InvalidValueError
-from tests.studies.papers.scs.subjects import pose, tower
+from tests.studies.papers.scs.subjects import determinant_condition, pose, tower
 
 
 def test_every_printed_number_is_met() -> None:
@@ -110,7 +110,7 @@ def test_prestressable_configurations_balance_without_load() -> None:
     assert (found.tension > 0).all()
     assert np.linalg.norm(found.tension) == pytest.approx(1.0)
     # SCS (42) holds there, by its closed form.
-    assert abs(PrintedTower.of(tower()).determinant_condition(*found.pose.parameter)) < 1e-14
+    assert abs(determinant_condition(PrintedTower.of(tower()), *found.pose.parameter)) < 1e-14
 
 
 def test_prestressable_configurations_border_on_the_feasible_ones_of_both_forces() -> None:

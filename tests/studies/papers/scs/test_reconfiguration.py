@@ -13,7 +13,7 @@ from tensegrity_codegen.studies.papers.scs.printed import PrintedTower
 from tensegrity_codegen.studies.papers.scs.reconfiguration import plan_reconfiguration
 from tensegrity_codegen.studies.papers.scs.symmetry import GROUPS
 from tensegrity_codegen.system.errors import InfeasibleError, InvalidValueError, NonFiniteError
-from tests.studies.papers.scs.subjects import paper_motion, pose, tower
+from tests.studies.papers.scs.subjects import paper_motion, pose, torque_free, tower
 
 START, DURATION = pose(70.0, 30.0, 1.60504), 5.0
 
@@ -49,13 +49,13 @@ def test_path_without_torque_holds_48_to_51() -> None:
     for time in np.linspace(0.0, DURATION, 11):
         motion = path.at(float(time))
         alpha, delta, _ = motion.s
-        assert abs(printed.torque_free(alpha, delta, START.alpha, START.delta)) < 1e-15
+        assert abs(torque_free(printed, alpha, delta, START)) < 1e-15
         # f' = 0, its derivatives by differences
         h = 1e-6
         by_alpha, by_delta = (
             (
-                printed.torque_free(alpha + a, delta + d, START.alpha, START.delta)
-                - printed.torque_free(alpha - a, delta - d, START.alpha, START.delta)
+                torque_free(printed, alpha + a, delta + d, START)
+                - torque_free(printed, alpha - a, delta - d, START)
             )
             / (2 * h)
             for a, d in ((h, 0.0), (0.0, h))

@@ -23,10 +23,10 @@ def place(system: BodySystem, al: float, de: float, z: float) -> np.ndarray:
     """Return the coordinates (16) of a symmetrical configuration; angles in rad."""
     q = np.zeros(system.n_coordinates)
     for bar, turn in AZIMUTH.items():
-        q[system.find_coordinate(f"{bar}_azimuth")] = al + np.radians(turn)
-        q[system.find_coordinate(f"{bar}_declination")] = de
-    q[system.find_coordinate("top_psi")] = np.radians(300)
-    q[system.find_coordinate("top_z")] = z
+        q[system.coordinate_name.index(f"{bar}_azimuth")] = al + np.radians(turn)
+        q[system.coordinate_name.index(f"{bar}_declination")] = de
+    q[system.coordinate_name.index("top_psi")] = np.radians(300)
+    q[system.coordinate_name.index("top_z")] = z
     return q
 
 
@@ -34,8 +34,8 @@ def rates(system: BodySystem, al: float, de: float, z: float) -> np.ndarray:
     """Return rates or accelerations of a symmetrical motion."""
     v = place(system, al, de, z)
     for bar, turn in AZIMUTH.items():
-        v[system.find_coordinate(f"{bar}_azimuth")] -= np.radians(turn)
-    v[system.find_coordinate("top_psi")] = 0.0
+        v[system.coordinate_name.index(f"{bar}_azimuth")] -= np.radians(turn)
+    v[system.coordinate_name.index("top_psi")] = 0.0
     return v
 
 
@@ -226,8 +226,8 @@ def test_erratum_2_the_second_row_of_the_appendix_has_the_sine_of_the_declinatio
     full = EVALUATE("equilibrium_matrix", coordinate=place(TOWER, *position))
     kinds = np.repeat(np.eye(3), 6, axis=0)
     rows = full @ kinds
-    wanted = np.array([rows[TOWER.find_coordinate(f"bar11_{a}")] for a in ("declination", "azimuth")])
-    wanted = np.vstack([wanted, rows[TOWER.find_coordinate("top_z")]])
+    wanted = np.array([rows[TOWER.coordinate_name.index(f"bar11_{a}")] for a in ("declination", "azimuth")])
+    wanted = np.vstack([wanted, rows[TOWER.coordinate_name.index("top_z")]])
     np.testing.assert_allclose(printed_matrix(*position), wanted, atol=1e-13)
     assert np.abs(printed_matrix(*position, as_printed=True)[1] - slope).max() > 1e-2
 

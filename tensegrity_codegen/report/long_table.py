@@ -1,0 +1,165 @@
+"""Tables for the terminal whose rows are as many as a structure has nodes, members or modes."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+# Reasons why rows matter, each with the rows' numbers, the most important first.
+Ranking = tuple[tuple[str, Sequence[int]], ...]
+
+MOST_WHOLE = 30  # rows of all tables of a result, up to which all are printed if they fit
+MOST_TOGETHER = 20  # rows of all tables, where there are more
+MOST_ROWS = 10  # of one table then; a table with a fifth more is printed whole
+AROUND = 7  # lines of a table besides its rows
+SIDES = {"f": "left", "l": "left", "r": "right"}
+
+
+@dataclass(frozen=True)
+class LongTable:
+    """A table whose rows are made when they are printed: all, or those that matter most.
+
+    Attributes
+    ----------
+    title : str
+        Stands above it; may be empty.
+    heads : tuple of str
+        Headings of the columns.
+    sides : str
+        A letter for each column: "f" text that may fold into several lines, "l" text and "r" numbers that
+        stay on one line.
+    count : int
+        Number of rows.
+    row : callable
+        Returns the texts of the row of a number, from 0 on.
+    things : str
+        What the rows are, such as "members".
+    ranking : tuple of (str, sequence of int)
+        Why rows matter, and their numbers, the most important first.
+    caption : str
+        Stands below it; may be empty.
+    """
+
+    title: str
+    heads: tuple[str, ...]
+    sides: str
+    count: int
+    row: Callable[[int], Sequence[str]]
+    things: str
+    ranking: Ranking
+    caption: str = ""
+
+    def pick(self, most: int) -> list[int]:
+        """Return the numbers of at most `most` rows: the first of each reason in turn, reason by reason."""
+        picked: dict[int, int] = {}
+        for places in zip_longest(*(order[:most] for _, order in self.ranking)):
+            for reason, place in enumerate(places):
+                if place is not None and len(picked) < most:
+                    picked.setdefault(place, reason)
+        return sorted(picked, key=lambda place: picked[place])
+
+    def describe_cut(self, most: int) -> str:
+        """Return the title, how many rows are shown and why these, and how many are not."""
+        shown = len(self.pick(most))
+        why = ", ".join(reason for reason, order in self.ranking if len(order))
+        cut = f"{shown} of {self.count:,} {self.things} ({why}), {self.count - shown:,} more"
+        return f"{self.title}; {cut}" if self.title else cut
+
+    def __rich__(self) -> "Table":
+        from rich.text import Text
+
+        table = new_table(self.title)
+        for head, side in zip(self.heads, self.sides, strict=True):
+            justify: Any = SIDES[side]
+            folds = side == "f"
+            table.add_column(
+                Text(head), justify=justify, no_wrap=not folds, overflow="fold" if folds else "ellipsis"
+            )
+        for place in range(self.count):
+            add_row(table, *self.row(place))
+        if self.caption:
+            table.caption, table.caption_justify = Text(self.caption), "left"
+        return table
+
+    def write(self, rows: Sequence[int], title: str) -> str:
+        """Return rows as text in columns, a line each, which takes far less time than to draw them."""
+        upward = zip_longest(*(head.split("\n")[::-1] for head in self.heads), fillvalue="")
+        heads, texts = [*upward][::-1], [*map(self.row, rows)]
+        widths = [max(map(len, column)) for column in zip(*heads, *texts, strict=True)]
+        columns = zip(self.sides, widths, strict=True)
+        form = "  ".join(f"{{:{'>' if side == 'r' else '<'}{width}}}" for side, width in columns)
+        rule = "-" * (sum(widths) + 2 * len(widths) - 2)
+        lines = [title, *(form.format(*row) for row in heads), rule, *(form.format(*row) for row in texts)]
+        return "\n".join(line.rstrip() for line in [*lines, self.caption] if line) + "\n\n"
+
+
+def find_most_rows(counts: Sequence[int], lines: int = 55) -> int:
+    """Return how many rows a table of a result may have.
+
+    Parameters
+    ----------
+    counts : sequence of int
+        Numbers of rows of the result's tables.
+    lines : int
+        Lines that these tables may take.
+
+    Returns
+    -------
+    int
+        The largest number of rows where all are few enough; otherwise as many as fit, ten at most.
+
+    Examples
+    --------
+    >>> find_most_rows([6, 12]), find_most_rows([4000, 9384]), find_most_rows([30, 30, 30])
+    (12, 10, 6)
+    """
+    room = lines - AROUND * len(counts)
+    if sum(counts) <= min(room, MOST_WHOLE):
+        return max(counts, default=0)
+    room = min(room, MOST_TOGETHER)
+    fitting = (most for most in range(MOST_ROWS, 1, -1) if sum(min(count, most) for count in counts) <= room)
+    return next(fitting, 1)
+
+
+def rank_rows(values: Any) -> list[int]:
+    """Return the numbers of rows in the order of their values, the smallest first, NaN last."""
+    import numpy as np  # which --help does without
+
+    order: list[int] = np.argsort(values, kind="stable").tolist()
+    return order
+
+
+def is_cut(count: int, most: int) -> bool:
+    """Return whether a table of so many rows is cut to `most`: a fifth more fits as well."""
+    return count > most + most // 5
+
+
+def new_table(title: str, *texts: str, **columns: str) -> "Table":
+    """Return an empty table with text columns, then columns by name -> alignment."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(
+        title=Text(title) if title else None,
+        box=box.SIMPLE_HEAD,
+        title_justify="left",
+        pad_edge=False,
+        collapse_padding=True,
+    )
+    for name in texts:
+        table.add_column(Text(name.replace("_", " ")), overflow="fold")
+    for name, side in columns.items():
+        justify: Any = side
+        table.add_column(Text(name.replace("_", " ")), justify=justify, no_wrap=True)
+    return table
+
+
+def add_row(table: "Table", *cells: str) -> None:
+    """Add a row of plain texts, in which square brackets mean themselves."""
+    from rich.text import Text
+
+    table.add_row(*(Text(cell) for cell in cells))
