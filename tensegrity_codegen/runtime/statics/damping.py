@@ -1,13 +1,14 @@
 """Damping of the members in a search for an equilibrium, each as much as its energy departs from its model.
 
-A step s solves (K* + D^T S D + mu I) s = f. D gives the difference s_i - s_j of each member, S its damping sigma_m
-[N/m] along all axes, so that motions as a rigid body cost little, however large they are, and a member that turns
-too far is held without slowing down the others. With elongation e and difference d along a step the energy of a
-member is t e + k e^2 / 2 + t (d^2 - e^2) / 2 l to second order; where the true one is larger by r, a damping of
-2 r / d^2 would have covered it. Such bounds for every member make the energy fall (methods that minimise a
-majorant: K. Lange, D. R. Hunter, I. Yang, "Optimization transfer using surrogate objective functions", Journal of
-Computational and Graphical Statistics 9, 2000). Where the matrix is not positive definite, members in compression
-are damped by a common part of |t| / l, their destabilising geometric stiffness.
+A step s solves (K* + D^T S D + mu I) s = f. D gives the difference s_i - s_j of each member, S its damping
+sigma_m [N/m] along all axes, so that motions as a rigid body cost little, however large they are, and a
+member that turns too far is held without slowing down the others. With elongation e and difference d along
+a step the energy of a member is t e + k e^2 / 2 + t (d^2 - e^2) / 2 l to second order; where the true one
+is larger by r, a damping of 2 r / d^2 would have covered it. Such bounds for every member make the energy
+fall (methods that minimise a majorant: K. Lange, D. R. Hunter, I. Yang, "Optimization transfer using
+surrogate objective functions", Journal of Computational and Graphical Statistics 9, 2000). Where the matrix
+is not positive definite, members in compression are damped by a common part of |t| / l, their destabilising
+geometric stiffness.
 """
 
 from dataclasses import dataclass
@@ -52,7 +53,7 @@ class Members:
 
 
 def locate_members(position: FloatArray, ends: IntArray, point: Any) -> Members:
-    """Return the members of a Point or Points with nodes at position (..., n_nodes, 3); ends: (n_members, 2)."""
+    """Return members of a Point or Points with nodes at position (..., n_nodes, 3); ends: (n_members, 2)."""
     vector = position[..., ends[:, 0], :] - position[..., ends[:, 1], :]
     force = np.maximum(point.largest_force, point.node_force)[..., None]
     longest = np.asarray(point.longest)[..., None]
@@ -132,7 +133,7 @@ class Damping:
         self.sigma = np.where(self.sigma < FORGOTTEN * here.force / here.length, 0.0, self.sigma)
 
     def find_lengthening(self, moved: FloatArray, here: Members, there: Members) -> FloatArray:
-        """Return the forces of what taut members are longer than along the tangent, (..., n_members, 3) [N]."""
+        """Return forces of taut members for being longer than along the tangent, (..., n_members, 3) [N]."""
         along = (here.unit * moved).sum(axis=-1)
         gap = np.where(there.tension != 0.0, there.length - here.length - along, 0.0)
         return np.asarray((self.spring_constant * gap)[..., None] * here.unit)
@@ -200,15 +201,15 @@ class MemberDamping(Damping):
 
 
 def find_least_shift(rounding: Any, here: Members) -> FloatArray:
-    """Return the least shift of a stiffness whose eigenvalues below `rounding` are rounding, (..., 1) [N/m]."""
+    """Return the least shift of a stiffness, eigenvalues below `rounding` being rounding, (..., 1) [N/m]."""
     return np.asarray(2 * rounding + 1e-12 * here.density)
 
 
 def _add(matrix: Any, difference: Any, weight: FloatArray, shift: float) -> Any:
     """Return matrix + D^T diag(weight) D + shift I, dense or sparse as the matrix."""
     each = np.repeat(weight, 3)
-    if scipy.sparse.issparse(matrix):
-        whole = matrix + shift * scipy.sparse.eye_array(matrix.shape[0], format="csc")
-        return whole + difference.T @ (scipy.sparse.diags_array(each) @ difference) if weight.any() else whole
-    whole = matrix + shift * np.eye(len(matrix))
-    return whole + difference.T @ (each[:, None] * difference) if weight.any() else whole
+    if isinstance(matrix, np.ndarray):
+        whole = matrix + shift * np.eye(len(matrix))
+        return whole + difference.T @ (each[:, None] * difference) if weight.any() else whole
+    whole = matrix + shift * scipy.sparse.eye_array(matrix.shape[0], format="csc")
+    return whole + difference.T @ (scipy.sparse.diags_array(each) @ difference) if weight.any() else whole

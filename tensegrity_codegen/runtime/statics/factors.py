@@ -27,7 +27,7 @@ class Factoriser:
         matrix: symmetric (n, n), an array or a sparse array.
         """
         self.n_factors += 1
-        if not scipy.sparse.issparse(matrix):
+        if isinstance(matrix, np.ndarray):
             return _factorise_dense(matrix)
         matrix = scipy.sparse.csc_array(matrix)
         if self._sparse is None or not self._sparse.fits(matrix):

@@ -36,7 +36,7 @@ MAX_CORRECTION_RATIO = 1.0  # largest correction of a step, as part of the step
 
 
 def find_spring_constants(compute: Callable[[str, FloatArray], Any], coordinate: FloatArray) -> FloatArray:
-    """Return |dt/dl| of each member by a small displacement, (..., n_members) [N/m]; 0 where it moves no member.
+    """Return |dt/dl| of members by a small displacement, (..., n_members) [N/m]; 0 where it moves none.
 
     compute: a quantity by name at coordinates (..., n_coordinates); raises NonFiniteError.
     """

@@ -13,8 +13,9 @@ from tensegrity_codegen.runtime.statics.factors import SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, ORIGIN_DISTANCE_WEIGHT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
+
 def take(record: Any, rows: Any) -> Any:
-    """Return some rows, by a mask or rising numbers, of arrays of a data class; itself where these are all."""
+    """Return rows of the arrays of a data class, by a mask or rising numbers; itself where these are all."""
     if isinstance(record, np.ndarray):
         return record[rows]
     rows = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
@@ -164,7 +165,7 @@ class BatchProblem:
         return dense.reshape(-1, self.size, self.size), is_finite
 
     def find_path(self, stiffness: FloatArray, point: Points) -> tuple[FloatArray, FloatArray]:
-        """Return the Hessian along the curves that steps follow [N/m], tensions as stiff members balance [N]."""
+        """Return the Hessian along the curves of steps [N/m], and tensions as stiff members balance [N]."""
         if self.stiff is None:
             return stiffness, point.tension
         return self.stiff.find_path(stiffness, point.position, point.residual, point.tension)
@@ -184,7 +185,7 @@ class BatchProblem:
         return np.asarray(moved[:, self.ends[:, 0]] - moved[:, self.ends[:, 1]])
 
     def find_node_forces(self, pull: FloatArray) -> FloatArray:
-        """Return the forces (count, n_coordinates) of forces of members (count, n_members, 3) on their ends."""
+        """Return forces (count, n_coordinates) on nodes, of forces of members (count, n_members, 3)."""
         return np.asarray((self.blocks.difference.T @ pull.reshape(len(pull), -1).T).T)
 
     def place(self, coordinate: FloatArray, rows: IntArray) -> FloatArray:

@@ -13,7 +13,11 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points, put, take
-from tensegrity_codegen.runtime.statics.batch.stability import carry_motions, find_idle_motions, find_rigid_motions
+from tensegrity_codegen.runtime.statics.batch.stability import (
+    carry_motions,
+    find_idle_motions,
+    find_rigid_motions,
+)
 from tensegrity_codegen.runtime.statics.damping import (
     MOST_FACTORS,
     MOST_TURN,

@@ -77,7 +77,7 @@ def find_idle_motions(
     limit = ROUNDING * size * np.sqrt(stiffness.shape[1]) + turned
     image, is_none = stiffness @ motions, ~motions.any(axis=1)
     parts = np.eye(motions.shape[2]) * ~is_none[:, None, :]
-    some = ~(np.sqrt((image**2).sum(axis=(1, 2))) <= limit)
+    some = np.logical_not(np.sqrt((image**2).sum(axis=(1, 2))) <= limit)
     if some.any():
         held = np.eye(motions.shape[2]) * np.where(is_none, 2 * limit[:, None] + 1.0, 0.0)[some, None, :]
         _, singular, right = np.linalg.svd(np.concatenate([image[some], held], axis=1), full_matrices=False)
@@ -112,7 +112,9 @@ def find_rigid_motions(problem: BatchProblem, position: FloatArray) -> tuple[Flo
     return np.where(kept, left, 0.0), np.where(kept, twist / scale, 0.0)
 
 
-def carry_motions(problem: BatchProblem, position: FloatArray, twist: FloatArray, middle: FloatArray) -> FloatArray:
+def carry_motions(
+    problem: BatchProblem, position: FloatArray, twist: FloatArray, middle: FloatArray
+) -> FloatArray:
     """Return the rigid motions that the anchors permit, as `find_rigid_motions`, of twists found elsewhere.
 
     twist: (count, 6, k): turn, and velocity of the point `middle` (count, 3).

@@ -17,9 +17,10 @@ DEPENDENT = (
 
 
 class Locate(Protocol):
-    """Positions of nodes (count, n_nodes, 3) [m] of coordinates (count, n_coordinates) of cases in rows."""
+    """Gives positions of nodes."""
 
-    def __call__(self, coordinate: FloatArray, rows: IntArray) -> FloatArray: ...
+    def __call__(self, coordinate: FloatArray, rows: IntArray) -> FloatArray:
+        """Return them, (count, n_nodes, 3) [m], of coordinates (count, n_coordinates) of cases in rows."""
 
 
 class MemberBlocks:
@@ -41,14 +42,14 @@ class MemberBlocks:
         self.scalar = scipy.sparse.csr_array(self.whole @ diagonal)
 
     def add(self, matrix: FloatArray, block: FloatArray) -> None:
-        """Add to matrices (count, n, n) blocks (count, n_members, 3, 3), or multiples of 1 (count, n_members)."""
+        """Add to matrices (count, n, n) blocks (count, n_members, 3, 3), or (count, n_members) of unit ones."""
         spread, flat = self.whole if block.ndim == 4 else self.scalar, matrix.reshape(len(matrix), -1)
         flat[:, self.place] += (spread @ block.reshape(len(block), -1).T).T
 
 
 @dataclass(frozen=True)
 class Bars:
-    """Stiff members at configurations: lengths and directions, and J = dl/dq (count, n_stiff, n_coordinates)."""
+    """Stiff members at configurations: lengths, directions, J = dl/dq (count, n_stiff, n_coordinates)."""
 
     length: FloatArray  # (count, n_stiff) [m]
     unit: FloatArray  # (count, n_stiff, 3)
@@ -118,7 +119,7 @@ class StiffRows:
     def follow(
         self, coordinate: FloatArray, position: FloatArray, step: FloatArray, rows: IntArray
     ) -> tuple[FloatArray, BoolArray]:
-        """Return the coordinates nearest to the ends of steps at which lengths are kept; whether they exist."""
+        """Return the coordinates nearest to ends of steps at which lengths are kept; whether they exist."""
         bars, placed = self.locate(position), coordinate + step
         target, before = bars.length + bars.apply(step), np.full(len(rows), np.inf)
         is_placed, on = np.zeros(len(rows), dtype=np.bool_), np.arange(len(rows))
