@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.polynomial import Polynomial
 import scipy
+from numpy.polynomial import Polynomial
 
 from tensegrity_codegen.runtime.paths.load_path import PathEvent
 from tensegrity_codegen.runtime.paths.path_problem import Watch

@@ -75,9 +75,9 @@ def find_idle_motions(
         return motions, np.zeros((len(motions), 0, 0)), turned
     size = np.abs(stiffness).sum(axis=1).max(axis=1)
     limit = ROUNDING * size * np.sqrt(stiffness.shape[1]) + turned
-    image, is_none = stiffness @ motions, ~motions.any(axis=1)
+    image, is_none = stiffness @ motions, np.asarray(~motions.any(axis=1))
     parts = np.eye(motions.shape[2]) * ~is_none[:, None, :]
-    some = np.logical_not(np.sqrt((image**2).sum(axis=(1, 2))) <= limit)
+    some = np.asarray(~(np.sqrt((image**2).sum(axis=(1, 2))) <= limit))
     if some.any():
         held = np.eye(motions.shape[2]) * np.where(is_none, 2 * limit[:, None] + 1.0, 0.0)[some, None, :]
         _, singular, right = np.linalg.svd(np.concatenate([image[some], held], axis=1), full_matrices=False)

@@ -42,7 +42,7 @@ class MemberBlocks:
         self.scalar = scipy.sparse.csr_array(self.whole @ diagonal)
 
     def add(self, matrix: FloatArray, block: FloatArray) -> None:
-        """Add to matrices (count, n, n) blocks (count, n_members, 3, 3), or (count, n_members) of unit ones."""
+        """Add to matrices (count, n, n) blocks (count, n_members, 3, 3), or multiples of ones."""
         spread, flat = self.whole if block.ndim == 4 else self.scalar, matrix.reshape(len(matrix), -1)
         flat[:, self.place] += (spread @ block.reshape(len(block), -1).T).T
 
