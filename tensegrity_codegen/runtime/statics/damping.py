@@ -153,7 +153,7 @@ class Damping:
         turned = tension / here.length * (square - elongation**2)
         model = tension * whole + (known * elongation**2 + turned) / 2
         energy = (tension + after) * change / 2
-        twice = 2 * np.maximum(self.spring_constant, 1e-300)
+        twice = 2 * np.where(self.spring_constant > 0, self.spring_constant, 1.0)
         snapped = ~taut & stays & (self.spring_constant > 0)
         energy = np.where(snapped, np.minimum(energy, after**2 / twice), energy)
         loosened = taut & ~stays & (self.spring_constant > 0)

@@ -1,4 +1,4 @@
-"""Damping of members in a search for an equilibrium: what covers the energy, how it grows, what it leaves alone."""
+"""Damping of members in a search for an equilibrium: what covers the energy, how it grows and goes."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_needed_damping_covers_the_energy_of_a_step(problem: StaticProblem, size
 
 
 def test_needed_damping_of_a_turning_bar_is_that_of_its_stretch() -> None:
-    """Ends that part across a bar by d stretch it by l' - l; k (l' - l)^2 / 2 = need d^2 / 2 without tension."""
+    """Ends that part across a bar by d stretch it by l' - l: k (l' - l)^2 = need d^2 without tension."""
     stiffness, length, apart = 1e4, 2.0, 0.5
 
     class Point:
