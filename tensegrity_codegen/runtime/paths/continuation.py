@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent, PathPoint, collect_path
-from tensegrity_codegen.runtime.paths.path_events import Crossing, EventTracker, LostError, Step
+from tensegrity_codegen.runtime.paths.path_events import SLOPE_STEP, Crossing, EventTracker, LostError, Step
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem, Watch
 from tensegrity_codegen.runtime.paths.path_solver import PathSolver, PathState
 from tensegrity_codegen.system.arrays import FloatArray
@@ -37,6 +37,7 @@ MIN_TANGENT_COSINE = 0.9  # least cosine of the angle between tangents of one st
 MAX_PREDICTION_ERROR = 0.5  # largest correction of a predicted point, as part of the step
 KINK_OFFSET = 1e-7  # how far behind a kink the stiffness of the far side is taken, in z
 TURN_STEP_RATIO = 1e-2  # step that tells how a floating structure turns, as part of the largest
+MAX_CROSSINGS = 4  # of one step, for each value that is watched; with more it is tried shorter
 MIN_LOOP_POINTS = 10  # points that a closed path has at least
 # Distance from the first point, as part of a step, at which a path counts as closed.
 LOOP_CLOSURE_TOLERANCE = 0.02
@@ -273,21 +274,28 @@ class _Path:
 
     def _search(self, step: Step) -> None:
         """Find the crossings of a step in order; cut it at the first that ends the path or is a kink."""
-        tracker, sides = self.tracker, self.tracker.side.copy()
-        least = 0.0
-        while True:
+        sides = self.tracker.side.copy()
+        try:
+            self._search_all(step)
+        finally:
+            self.tracker.side = sides
+
+    def _search_all(self, step: Step) -> None:
+        tracker, least = self.tracker, 0.0
+        while len(step.crossings) < MAX_CROSSINGS * len(tracker.side):
             crossing = tracker.find_crossing(step, least)
             if crossing is None:
-                break
+                return
             step.crossings.append(crossing)
             ends = crossing.crossed[[tracker.ended, tracker.returned]].any()
             if ends or tracker.is_kink(crossing.crossed) or tracker.find_stop(crossing.crossed):
                 step.end, step.length = crossing.state, crossing.length
                 step.is_cut = True
-                break
-            least = crossing.length
+                return
+            # A value that is zero where it has crossed must not be found there again.
+            least = crossing.length + SLOPE_STEP * step.length * (crossing.length <= least)
             tracker.pass_over(crossing.crossed)
-        tracker.side = sides
+        raise LostError
 
     def _take(self, step: Step) -> tuple[str, str] | None:
         """Add the points and events of a step; return status and message if the path ends there."""

@@ -148,6 +148,20 @@ def test_a_value_that_dips_below_zero_within_one_step_is_noticed(depth: float) -
     np.testing.assert_allclose([event.load_factor for event in path.events], expected, rtol=1e-9)
 
 
+def test_a_value_that_stays_at_zero_for_a_while_is_crossed_once_each_way() -> None:
+    """Tensions of slack cables are exactly zero; such a crossing was found again and again, without end."""
+
+    def values(q, load):
+        away = np.interp(q[0], [0.0, 0.2, 0.3, 0.34, 0.4, 1.0], [0.2, 0.0, 0.0, -0.1, 0.1, 0.2])
+        return np.array([away, 0.35 - q[0]])
+
+    watch = Watch("fall", ("a", "b"), values, rising="rise")
+    path = follow_path(Line(), [0.0], most=1.0, watches=[watch], control=StepControl(largest=0.5))
+    assert path.status == "completed"
+    assert [(event.kind, event.names) for event in path.events][-2:] == [("fall", ("b",)), ("rise", ("a",))]
+    assert [event.names for event in path.events].count(("a",)) % 2 == 0
+
+
 def test_a_path_stops_where_it_is_told_to() -> None:
     watch = Watch("contact", ("a",), lambda q, load: 0.25 - q, stops=True)
     path = follow_path(Line(), [0.0], most=1.0, watches=[watch])
