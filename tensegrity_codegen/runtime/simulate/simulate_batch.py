@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.accuracy.integrate import join_runs
 from tensegrity_codegen.runtime.accuracy.rates import find_fastest_of_batch
-from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
+from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_length
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_batch_by_doubling
 from tensegrity_codegen.runtime.integrate.batch_integration import (
     choose_batch_control,
@@ -133,7 +133,7 @@ def simulate_batch(
     options = choose_batch_control(options, steps.control)
     side_by_side = runs_side_by_side(options) and schedule is None
     if side_by_side:
-        options = scale_to_length(model.manifest, options)
+        options = set_atol_by_length(model.manifest, options)
     check_threads(threads)
     schedules = tuple(schedule) if isinstance(schedule, Sequence) else schedule
     check_profiles(model, schedules, arguments)
