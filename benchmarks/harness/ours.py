@@ -42,7 +42,7 @@ class Ours:
 
     compilation: Compilation
     runner: Runner
-    _sources: dict[tuple[str, str, str, bool], tuple[GeneratedSource, float]] = field(default_factory=dict)
+    _sources: dict[tuple[str, str], tuple[GeneratedSource, float]] = field(default_factory=dict)
 
     def forget(self) -> None:
         """Drop the sources, which are large for large structures."""
@@ -51,7 +51,7 @@ class Ours:
     def chosen(self, problem: Problem, quantity: str) -> str | None:
         """Return the emitter that `auto` takes for this function, None where there is no such rule."""
         try:
-            return self._emit(problem, quantity, AUTO, False)[0].manifest.emitter
+            return self._emit(problem, make_request(problem, quantity, AUTO, False))[0].manifest.emitter
         except Unavailable:
             return None
 
@@ -60,7 +60,8 @@ class Ours:
 
         Raises Unavailable where the emitter refuses, has no such function or its code does not compile.
         """
-        source, seconds = self._emit(problem, quantity, emitter, bool(batch))
+        request = replace(make_request(problem, quantity, emitter, bool(batch)), flags=build.flags)
+        source, seconds = self._emit(problem, request)
         spec = source.manifest.functions[0]
         symbol = f"{spec.symbol}_batch" if batch else spec.symbol
         if not re.search(rf"\b{symbol}\(", source.files[f"{source.manifest.name}.h"]):
@@ -82,14 +83,12 @@ class Ours:
             made=seconds + built.seconds,
         )
 
-    def _emit(
-        self, problem: Problem, quantity: str, emitter: str, batch: bool
-    ) -> tuple[GeneratedSource, float]:
-        key = (problem.name, quantity, emitter, batch)
+    def _emit(self, problem: Problem, request: ModelRequest) -> tuple[GeneratedSource, float]:
+        key = (problem.name, repr(request))
         if key not in self._sources:
             started = time.perf_counter()
             try:
-                source = emit(problem.structure, make_request(problem, quantity, emitter, batch))
+                source = emit(problem.structure, request)
             except TensegrityError as error:
                 text = str(error).splitlines()[0].partition("model.emitter: ")
                 raise Unavailable(f"refused: {text[2] or text[0]}") from None

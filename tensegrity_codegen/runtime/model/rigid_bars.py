@@ -4,6 +4,7 @@ l_b(q) = k_b,  J = dl/dq (n_bars, n_coordinates): +u_b at node i, -u_b at node j
 Bars that share free nodes, directly or through others, are one component; each has its own null space of J.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,16 +15,16 @@ from tensegrity_codegen.tables.manifest import Manifest
 
 # Part of a bar's direction that the others leave free, below which it repeats them.
 DEPENDENCE_TOLERANCE = 1e-9
-DENSE_BARS = 200  # bars up to which forces and corrections are found in least squares
+DENSE_BARS = 40  # bars up to which forces and corrections are found in least squares
 MOST_CORRECTIONS = 25
 EPSILON = float(np.finfo(float).eps)
 
 
 class RigidBars:
-    """The rigid bars that a manifest names, kept at `length` (n_bars,) [m]."""
+    """Members of a manifest, by default its rigid bars, kept at `length` (n_bars,) [m]."""
 
-    def __init__(self, manifest: Manifest, length: FloatArray) -> None:
-        self.row = np.array([manifest.member_name.index(name) for name in manifest.rigid_bar], dtype=np.int64)
+    def __init__(self, manifest: Manifest, length: FloatArray, row: IntArray | None = None) -> None:
+        self.row = list_rigid_bars(manifest) if row is None else row
         self.length = length
         self.ends = np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)[self.row]
         self.size = len(manifest.coordinate_node_axis)
@@ -101,6 +102,28 @@ class RigidBars:
             return np.asarray(np.linalg.lstsq(jacobian.toarray(), -gap, rcond=DEPENDENCE_TOLERANCE)[0])
         return np.asarray(jacobian.T @ self._solve(jacobian, -gap))
 
+    def place(self, locate: Callable[[FloatArray], FloatArray], coordinate: FloatArray) -> FloatArray | None:
+        """Return the nearest coordinates at which all bars have their lengths, None if none is found.
+
+        locate: node positions (n_nodes, 3) [m] of coordinates.
+        """
+        placed, before = np.array(coordinate, dtype=float), np.inf
+        for _ in range(MOST_CORRECTIONS):
+            position = locate(placed)
+            gap = self.gap(position)
+            worst = float(np.abs(gap).max(initial=0.0))
+            if not np.isfinite(worst):
+                return None
+            least = self.rounding(position)
+            if worst <= least / 4 or (worst <= least and worst >= before / 2):
+                return placed
+            before = worst
+            try:
+                placed = placed + self.find_correction(position, gap)
+            except (RuntimeError, np.linalg.LinAlgError):  # dependent bars, or bars without length
+                return None
+        return None
+
     def rounding(self, position: FloatArray) -> float:
         """Return the gap that rounding of positions explains [m]."""
         return 8 * EPSILON * float(np.abs(position).max(initial=0.0) + self.length.max(initial=0.0))
@@ -123,6 +146,11 @@ class RigidBars:
         groups = np.split(order, np.searchsorted(label[order], np.arange(1, number)))
         pairs = [(group[group < count], group[group >= count] - count) for group in groups]
         return [(bars, places) for bars, places in pairs if len(bars) and len(places)]
+
+
+def list_rigid_bars(manifest: Manifest) -> IntArray:
+    """Return the numbers of the rigid bars among the members, (n_bars,)."""
+    return np.array([manifest.member_name.index(name) for name in manifest.rigid_bar], dtype=np.int64)
 
 
 def _null_space(matrix: FloatArray) -> FloatArray:

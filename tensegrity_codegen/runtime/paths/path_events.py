@@ -4,13 +4,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 from numpy.polynomial import Polynomial
-from scipy import optimize
 
 from tensegrity_codegen.runtime.paths.load_path import PathEvent
 from tensegrity_codegen.runtime.paths.path_problem import Watch
 from tensegrity_codegen.runtime.paths.path_solver import MOST_EIGENVALUES, PathSolver, PathState
-from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
@@ -239,7 +239,7 @@ class EventTracker:
             return np.inf if state is None else side * float(self.watched(state.z, state.solver)[index])
 
         with np.errstate(invalid="ignore"):  # differences of infinite values, where no point is found
-            found = optimize.minimize_scalar(
+            found = scipy.optimize.minimize_scalar(
                 value, bounds=(0.0, step.length), method="bounded", options={"xatol": 1e-4 * step.length}
             )
         return float(found.x) if found.fun < 0 else None
@@ -253,7 +253,7 @@ def _first_root(function: Callable[[float], float], least: float, most: float) -
     """Return a root of a function that is negative at `most`; `least` where it is not positive there."""
     if function(least) <= 0:
         return least
-    return float(optimize.brentq(function, least, most, xtol=1e-15 * most, rtol=1e-14))
+    return float(scipy.optimize.brentq(function, least, most, xtol=1e-15 * most, rtol=1e-14))
 
 
 def _least_of_cubic(ends: tuple[float, float], slopes: tuple[float, float], length: float) -> float:

@@ -17,7 +17,8 @@ from scipy import sparse
 from scipy.sparse import linalg as sparse_linalg
 
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem
-from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT, find_lowest_curvature
+from tensegrity_codegen.runtime.statics.curvature import find_lowest_curvature
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 

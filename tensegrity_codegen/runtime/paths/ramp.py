@@ -13,11 +13,10 @@ from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_pa
 from tensegrity_codegen.runtime.paths.load_path import LoadPath
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_slack, watch_switch
 from tensegrity_codegen.runtime.paths.pinned_path import pin_path
-from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.newton import find_stability
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
-from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE
 from tensegrity_codegen.system.arrays import FloatArray
 
 MOST_FOLLOWED = 3000  # coordinates up to which a path is followed

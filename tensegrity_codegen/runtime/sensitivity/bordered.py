@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import linalg as sparse_linalg
 
-from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import FloatArray
 
 LEAST_RAISE = float(np.finfo(np.float64).eps)  # [N/m], where a structure has no stiffness at all

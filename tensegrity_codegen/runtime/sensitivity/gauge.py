@@ -4,11 +4,11 @@ import numpy as np
 
 from tensegrity_codegen.runtime.sensitivity.static_system import StaticSystem
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
+from tensegrity_codegen.runtime.statics.factors import SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral
 from tensegrity_codegen.runtime.statics.newton import Stability
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, Point, StaticProblem
-from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE
 from tensegrity_codegen.system.arrays import FloatArray
 
 

@@ -17,9 +17,9 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.rigid_bars import MOST_CORRECTIONS, RigidBars
+from tensegrity_codegen.runtime.model.rigid_bars import RigidBars
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 BAR_EQUILIBRIUM_QUANTITIES = (
@@ -114,22 +114,7 @@ class BarProblem(StaticProblem):
 
     def place(self, coordinate: FloatArray) -> FloatArray | None:
         """Return the nearest coordinates at which all bars have their lengths, None if none is found."""
-        placed, before = np.array(coordinate, dtype=float), np.inf
-        for _ in range(MOST_CORRECTIONS):
-            position = self.node_position(placed)
-            gap = self.bars.gap(position)
-            worst = float(np.abs(gap).max(initial=0.0))
-            if not np.isfinite(worst):
-                return None
-            least = self.bars.rounding(position)
-            if worst <= least / 4 or (worst <= least and worst >= before / 2):
-                return placed
-            before = worst
-            try:
-                placed = placed + self.bars.find_correction(position, gap)
-            except (RuntimeError, np.linalg.LinAlgError):  # dependent bars, or bars without length
-                return None
-        return None
+        return self.bars.place(self.node_position, coordinate)
 
     def move_coordinate(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Return coordinates moved by `by` and back onto the lengths, and the whole way there."""
@@ -167,6 +152,19 @@ class BarProblem(StaticProblem):
         """Return the Hessian along the directions, sparse (n_directions, n_directions) [N/m]."""
         directions = self._at(coordinate).directions
         return scipy.sparse.csc_array(directions.T @ self._full_stiffness(coordinate) @ directions)
+
+    def watch_stiff_members(self, coordinate: FloatArray) -> None:
+        """Leave elastic members alone: rigid bars are kept already."""
+
+    @property
+    def kept_members(self) -> IntArray:
+        """Numbers of the rigid bars among the members."""
+        return self.bars.row
+
+    def find_differences(self, coordinate: FloatArray) -> Any:
+        """Return D of the directions that keep the lengths."""
+        directions = self._at(coordinate).directions
+        return self.subtract_ends(self._velocity @ directions)
 
     def row_stiffness(self, coordinate: FloatArray) -> FloatArray:
         """Return one bound for all coordinates, since masses that differ would not go along the bars.

@@ -100,6 +100,14 @@ class BodyProblem(StaticProblem):
         body = name_charts(self.model.manifest)[chart]
         return f"the body {body!r} has reached the pole of its angles (margin {margin:.3g})"
 
+    def watch_stiff_members(self, coordinate: FloatArray) -> None:
+        """Leave tendons alone: rods are rigid already."""
+
+    def find_differences(self, coordinate: FloatArray) -> Any:
+        """Return D over x."""
+        jacobian = scipy.sparse.csr_array(self.compute("node_jacobian", coordinate))
+        return self.subtract_ends(jacobian @ scipy.sparse.diags_array(1.0 / self.scale))
+
     def residual(self, coordinate: FloatArray) -> FloatArray:
         """Return the generalised forces over s, (n_coordinates,) [N]."""
         force: FloatArray = np.array(self.compute(self.residual_quantity, coordinate)) / self.scale

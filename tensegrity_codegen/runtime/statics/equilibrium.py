@@ -110,7 +110,7 @@ def find_equilibrium(
     max_iterations : int
         Largest number of iterations.
     method : str
-        ``"newton"`` in a trust region, ``"relaxation"`` (dynamic, up to 40 steps per iteration), or
+        ``"newton"`` with damped members, ``"relaxation"`` (dynamic, 40 steps per iteration), or
         ``"auto"``: Newton, and where it fails relaxation followed by Newton.
     progress : callable, optional
         Called with the iteration and the largest node residual [N].
@@ -149,6 +149,7 @@ def find_equilibrium(
     check_switch(raise_on_failure, "raise_on_failure")
     problem = build_problem(model, arguments)
     start = problem.to_search_coordinate(_start(problem, coordinate))
+    problem.watch_stiff_members(start)
     point = problem.find_point(start)
     if point is None:
         equilibrium = record_without_forces(problem, start, method)
@@ -194,7 +195,9 @@ def _search(
     )
     spent = found.iterations + relaxed.iterations + polished.iterations
     left = found.saddles_left + polished.saddles_left
-    return "relaxation", Outcome(polished.status, polished.point, spent, polished.message, left)
+    return "relaxation", Outcome(
+        polished.status, polished.point, spent, polished.message, left, polished.stability
+    )
 
 
 def _find_unheld(problem: StaticProblem, start: Point) -> Outcome | None:

@@ -210,7 +210,7 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
     point = outcome.point
     eigenvalue, neutral, status, message = float("nan"), 0, outcome.status, outcome.message
     try:
-        stability = find_stability(problem, point)
+        stability = outcome.stability or find_stability(problem, point)
     except NonFiniteError:
         stability = None
     if stability is not None:

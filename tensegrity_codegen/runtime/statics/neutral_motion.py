@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.runtime.statics.newton import Stability
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray

@@ -1,30 +1,29 @@
-"""Minimum of the potential energy by Newton's method in a trust region.
+"""Minimum of the potential energy by Newton's method with damping of single members.
 
-Each step minimises the quadratic model g.s + s.K s / 2 within a radius that grows and shrinks with the
-agreement of model and energy. Stiff bars that turn make narrow curved valleys; there a few short steps
-from the trial point let the bars relax before the energy is judged.
-Where the residual vanishes and the energy still curves down, the search leaves the saddle along the
-lowest eigenvector, so that it ends in minima. Savings too small to show in the energy, through rounding,
-are taken from the forces instead: half the sum of residuals at both ends times the step.
+Each step solves (K* + damping) s = f, see `damping` and `stiff_members`. Where the residual vanishes and
+the energy still curves down, the search leaves the saddle along the lowest eigenvector, so that it ends in
+minima. Savings too small to show in the energy, through rounding, are taken from the forces instead: half
+the sum of residuals at both ends times the step.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.runtime.statics.curvature import build_curvature, find_lowest_curvature
+from tensegrity_codegen.runtime.statics.curvature import find_lowest_curvature
+from tensegrity_codegen.runtime.statics.damping import MOST_TURN, MemberDamping, find_turn
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
-from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE, Curvature, Step
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
 Progress = Callable[[int, float], None]
 
 ENERGY_DIGITS = 1e-11  # of the energy's scale: smaller savings are judged by the forces
-MOST_RESTORATIONS = 5
-MAX_RESIDUAL_GROWTH = 3.0  # a trial whose residual grows more than that has strained stiff members
+MOST_ATTEMPTS = 40  # steps with more and more damping from one configuration
+LEAST_SAVING = 0.1  # of the energy that the damped model says a step saves
 MAX_STALLED_ITERATIONS = 6  # iterations without a better residual once rounding is reached
 MOST_ESCAPES = 20
 MIN_STEP_RATIO = 1e-15  # times the structure's size: no step is shorter
@@ -64,7 +63,7 @@ class Stability:
 class Outcome:
     """Where a search ended, why, after how many iterations, and what is worth saying about it.
 
-    saddles_left: unstable equilibria that the search came to and left.
+    saddles_left: unstable equilibria that the search came to and left. stability: of the point, where known.
     """
 
     status: str
@@ -72,21 +71,35 @@ class Outcome:
     iterations: int
     message: str = ""
     saddles_left: int = 0
+    stability: Stability | None = None
+
+
+def find_idle_motions(problem: StaticProblem, point: Point, stiffness: Any) -> tuple[FloatArray, float]:
+    """Return the neutral rigid motions, (n_directions, k), and what may count as no stiffness of them [N/m].
+
+    Forces that are not in balance change where they turn with the structure.
+    """
+    position = problem.node_position(point.coordinate)
+    spread = float(np.linalg.norm(position - position.mean(axis=0)))
+    turned = 10 * float(np.linalg.norm(point.residual)) / max(spread, 1e-300)
+    motions = problem.rigid_motions(point.coordinate)
+    return find_neutral_motions(stiffness, motions, turned), turned
 
 
 def find_stability(problem: StaticProblem, point: Point) -> Stability:
     """Return the smallest eigenvalue of the tangent stiffness with neutral rigid motions projected off."""
     stiffness = problem.stiffness(point.coordinate)
-    position = problem.node_position(point.coordinate)
-    spread = float(np.linalg.norm(position - position.mean(axis=0)))
-    turned = 10 * float(np.linalg.norm(point.residual)) / max(spread, 1e-300)
-    motions = problem.rigid_motions(point.coordinate)
-    neutral = find_neutral_motions(stiffness, motions, turned)
+    neutral, turned = find_idle_motions(problem, point, stiffness)
     lowest, direction = find_lowest_curvature(stiffness, neutral)
     # What is left of the forces blurs eigenvalues too.
-    rounding = SINGULAR_TOLERANCE * float(abs(stiffness).sum(axis=0).max(initial=0.0)) + turned
+    rounding = problem.bound_rounding(stiffness, point.coordinate) + turned
     reported = problem.smallest_eigenvalue(point.coordinate, lowest, neutral)
     return Stability(lowest, direction, neutral.shape[1], rounding, reported, neutral, turned)
+
+
+def _project(vector: FloatArray, motions: FloatArray) -> FloatArray:
+    """Return a vector without its part along orthonormal motions (n, k)."""
+    return vector - motions @ (motions.T @ vector)
 
 
 def find_minimum(
@@ -109,7 +122,9 @@ def find_minimum(
             progress(iteration, search.point.node_force)
         ended = search.find_overwork() or search.advance(tolerance)
         if ended is not None:
-            return Outcome(ended[0], search.best, iteration, ended[1], search.escapes)
+            known = search.stability if search.stable_point is search.best else None
+            point = problem.state_tensions(search.best, tolerance)
+            return Outcome(ended[0], point, iteration, ended[1], search.escapes, known)
     message = "no convergence within the allowed iterations"
     return Outcome("iteration_limit", search.best, max_iterations, message, search.escapes)
 
@@ -121,18 +136,19 @@ class _Search:
         self.problem, self.start, self.point, self.best = problem, start, start, start
         position = problem.node_position(start.coordinate)
         self.extent = max(float(np.ptp(position, axis=0).max(initial=0.0)), start.longest)
-        self.radius = 0.1 * start.longest * np.sqrt(max(problem.size, 1))
-        self.shift = 0.0
+        self.damping = MemberDamping(problem)
         self.waited = 0
         self.escapes = 0
-        self.n_factors = 0
+        self.stability: Stability | None = None  # of stable_point
+        self.stable_point: Point | None = None
 
     def find_overwork(self) -> tuple[str, str] | None:
         """Return status and message where the search has taken as long as anybody waits."""
         size = self.problem.size
-        if self.n_factors * size <= MOST_WORK:
+        n_factors = self.damping.factoriser.n_factors
+        if n_factors * size <= MOST_WORK:
             return None
-        return "work_limit", f"no convergence after {self.n_factors} factorisations with {size} coordinates"
+        return "work_limit", f"no convergence after {n_factors} factorisations with {size} coordinates"
 
     def advance(self, tolerance: float) -> tuple[str, str] | None:
         """Make one iteration; return status and message where the search ends."""
@@ -150,10 +166,7 @@ class _Search:
         if self.waited >= MAX_STALLED_ITERATIONS:
             self.point = self.best
             return self._settle("rounding_limited", "rounding error keeps the residual above the tolerance")
-        curvature = build_curvature(stiffness, floor, self.shift)
-        moved = self._move(curvature, floor)
-        self.shift = curvature.shift
-        return self._look_around(moved, floor)
+        return self._look_around(self._move(stiffness, floor), floor)
 
     def _note_best(self, floor: float) -> None:
         """Follow the point; below the rounding floor keep the best and count the wait for a better one."""
@@ -173,7 +186,7 @@ class _Search:
             > MAX_MOTION_RATIO * self.extent
         ):
             return "unbounded", "the loads move the structure without bound"
-        if moved or self.radius > MIN_STEP_RATIO * self.extent:
+        if moved:
             return None
         if self.point.node_force <= floor:
             self.point = self.best
@@ -183,6 +196,7 @@ class _Search:
     def _settle(self, status: str, message: str) -> tuple[str, str] | None:
         """End in a minimum, or leave a saddle along its lowest eigenvector."""
         stability = find_stability(self.problem, self.point)
+        self.stability, self.stable_point = stability, self.point
         if not stability.is_unstable:
             return status, message
         if self.escapes < MOST_ESCAPES and self._escape(stability):
@@ -201,76 +215,60 @@ class _Search:
             lower = [p for p in found if p is not None and p.energy < here.energy]
             if lower:
                 self.point = self.best = min(lower, key=lambda p: p.energy)
-                self.radius, self.waited = 2 * float(length), 0
+                self.waited = 0
                 return True
         return False
 
-    def _move(self, curvature: Curvature, floor: float) -> bool:
-        """Try one step, led back into the valley where it strained stiff members, and adapt the radius."""
-        step = curvature.find_step(-self.problem.directional_residual(self.point), self.radius)
-        self.n_factors += curvature.n_factors
-        length = float(np.linalg.norm(step.vector))
-        if step.predicted <= 0.0 or length == 0.0:
-            self.radius *= 0.1
-            self.waited += 1
-            return False
-        trial, saved = self._restore(step, floor)
-        ratio = saved / step.predicted
-        if ratio < 0.25:
-            self.radius = 0.3 * min(length, self.radius)
-        elif ratio > 0.6 and step.at_boundary:
-            self.radius *= 2.5
-        if trial is None or (ratio < 1e-4 and not self._quieter(trial, step)):
-            return False
-        self.point = trial
-        return True
-
-    def _quieter(self, trial: Point, step: Step) -> bool:
-        """Whether a step too small to judge by energies has brought the residual down."""
-        small = step.predicted <= ENERGY_DIGITS * self.point.energy_scale
-        return small and trial.node_force < 0.9 * self.point.node_force
-
-    def _restore(self, step: Step, floor: float) -> tuple[Point | None, float]:
-        """Return the best point of the step and its restorations, and the energy saved there [J].
-
-        A step of length s along the tangent stretches a bar of length l by s^2 / 2 l. Where that raises
-        the residual, short trust-region steps from the trial point let the stiff members relax.
-        """
-        by_force = step.predicted <= ENERGY_DIGITS * self.point.energy_scale
-        trial = self.problem.find_displaced_point(self.point.coordinate, step.vector)
-        best, most = None, -np.inf
-        radius = self._sagitta(step)
-        for _ in range(1 + MOST_RESTORATIONS):
-            if trial is None:
-                break
+    def _move(self, stiffness: Any, floor: float) -> bool:
+        """Take a step, with more damping until the energy falls as it should; say whether one did."""
+        problem, point, damping = self.problem, self.point, self.damping
+        path = problem.find_path_stiffness(stiffness, point)
+        difference = problem.find_differences(point.coordinate)
+        neutral = self._find_undriven_motions(stiffness, floor)
+        force = _project(problem.directional_residual(point), neutral)
+        here = damping.locate(point)
+        for attempt in range(MOST_ATTEMPTS):
+            solve = damping.factorise(path, difference, point, here)
+            if solve is None:
+                return False
+            step = _project(solve(force), neutral)
+            if not np.linalg.norm(step) > MIN_STEP_RATIO * self.extent:
+                return False
+            trial = problem.find_displaced_point(point.coordinate, step)
+            moved = (difference @ step).reshape(-1, 3)
+            there = None if trial is None else damping.locate(trial)
+            turn = find_turn(moved, here, there)
+            if trial is None or there is None or turn.max(initial=0.0) > MOST_TURN:
+                damping.hold(turn, here)
+                continue
+            damped, predicted = float(force @ step) / 2, float(force @ step - step @ (path @ step) / 2)
+            by_force = predicted <= ENERGY_DIGITS * point.energy_scale
             saved = self._saving(trial, by_force=by_force)
-            if saved > most:
-                best, most = trial, saved
-            quiet = trial.node_force <= MAX_RESIDUAL_GROWTH * self.point.node_force + floor
-            if by_force or quiet or radius <= MIN_STEP_RATIO * self.extent:
-                break
-            relaxing = self._step_from(trial, floor, radius)
-            if relaxing is None:
-                break
-            trial = self.problem.find_displaced_point(trial.coordinate, relaxing.vector)
-            radius = min(0.5 * radius, self._sagitta(relaxing))
-        return best, most
+            need = damping.find_need(moved, here, there, problem.kept_members)
+            if saved < 0.5 * damped and not by_force:
+                pull = damping.find_lengthening(moved, here, there)
+                correction = solve(np.asarray(difference.T @ pull.ravel()))
+                better = problem.find_displaced_point(point.coordinate, step - correction)
+                if better is not None and better.energy < trial.energy:
+                    trial, saved = better, self._saving(better, by_force=by_force)
+                    need = damping.find_need(moved, here, damping.locate(trial), problem.kept_members)
+            if saved >= LEAST_SAVING * damped or (by_force and trial.node_force < 0.9 * point.node_force):
+                damping.relax(need, turn, saved / max(predicted, 1e-300), attempt == 0)
+                damping.forget_small(here)
+                self.point = trial
+                return True
+            if by_force and point.node_force <= floor:
+                return False
+            damping.refuse(need, here, attempt)
+        return False
 
-    def _step_from(self, point: Point, floor: float, radius: float) -> Step | None:
-        """Return the best step within `radius` from another point, None where its stiffness is not finite."""
-        try:
-            stiffness = self.problem.stiffness(point.coordinate)
-        except NonFiniteError:
-            return None
-        curvature = build_curvature(stiffness, floor, self.shift)
-        step = curvature.find_step(-self.problem.directional_residual(point), radius)
-        self.n_factors += curvature.n_factors
-        return step
-
-    def _sagitta(self, step: Step) -> float:
-        """Return how far a step along the tangent may lead off an arc of a member's length [m]."""
-        length = float(np.linalg.norm(step.vector))
-        return min(0.5 * length, 4 * length**2 / self.start.longest)
+    def _find_undriven_motions(self, stiffness: Any, floor: float) -> FloatArray:
+        """Return the rigid motions that no force drives and that cost none, (n_directions, k) orthonormal."""
+        motions = self.problem.rigid_motions(self.point.coordinate)
+        force = motions.T @ self.problem.directional_residual(self.point)
+        if not motions.shape[1] or np.abs(force).max() > floor * np.sqrt(self.problem.size):
+            return motions[:, :0]
+        return find_idle_motions(self.problem, self.point, stiffness)[0]
 
     def _saving(self, trial: Point, *, by_force: bool) -> float:
         if by_force:

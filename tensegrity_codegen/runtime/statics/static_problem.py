@@ -1,18 +1,25 @@
 """The static problem at fixed loads and parameters: energy, residual and stiffness over the coordinates."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.runtime.statics.stiff_members import (
+    StiffMembers,
+    choose_stiff,
+    find_spring_constants,
+)
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
 EQUILIBRIUM_QUANTITIES = (
@@ -35,7 +42,8 @@ class Point:
     coordinate: FloatArray  # (n_coordinates,) [m]
     energy: float  # [J]
     residual: FloatArray  # (n_coordinates,) [N], minus the gradient of the energy
-    node_force: float  # [N]
+    node_force: float  # [N], after the rounding of tensions of stiff members is taken out
+    unrounded_force: float  # [N], the same with that rounding
     largest_force: float  # [N], over the members
     longest: float  # [m], longest member
     tension: FloatArray  # (n_members,) [N]
@@ -48,7 +56,8 @@ class Point:
         """
         if self.largest_force <= floor:
             return self.node_force <= floor
-        return self.node_force <= tolerance * self.largest_force
+        allowed = tolerance * self.largest_force
+        return self.node_force <= allowed and self.unrounded_force <= max(allowed, floor)
 
     @property
     def energy_scale(self) -> float:
@@ -77,6 +86,13 @@ class StaticProblem:
         self.node, self.axis = pairs[:, 0], pairs[:, 1]
         self.size = len(pairs)
         self._given = {**self.arguments, "velocity": np.zeros(self.size)}
+        self.ends = np.array(model.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
+        self.stiff: StiffMembers | None = None
+        # Velocities of nodes (3 n_nodes, n_coordinates) of those of coordinates.
+        self._velocity = scipy.sparse.csr_array(
+            (np.ones(self.size), (3 * self.node + self.axis, np.arange(self.size))),
+            shape=(3 * len(model.manifest.node_name), self.size),
+        )
 
     @classmethod
     def list_needed_quantities(cls, model: Model) -> tuple[str, ...]:
@@ -112,10 +128,14 @@ class StaticProblem:
             return None
         if not all(np.all(np.isfinite(values)) for values in (energy, residual, tension, length)):
             return None
+        left = residual
+        if self.stiff is not None:
+            tension, left = self.stiff.balance(self.node_position(coordinate), residual, tension)
         return Point(
             np.array(coordinate, dtype=float),
             energy,
             residual,
+            self.largest_node_norm(left),
             self.largest_node_norm(residual),
             float(np.abs(tension).max(initial=0.0)),
             self.extent(coordinate, length),
@@ -124,7 +144,64 @@ class StaticProblem:
 
     def find_displaced_point(self, coordinate: FloatArray, step: FloatArray) -> Point | None:
         """Return the configuration a step (n_directions,) away from `coordinate`, None where not finite."""
-        return self.find_point(coordinate + step)
+        if self.stiff is None:
+            return self.find_point(coordinate + step)
+        ahead = self.stiff.follow(coordinate, step, self.node_position)
+        return None if ahead is None else self.find_point(ahead)
+
+    def watch_stiff_members(self, coordinate: FloatArray) -> None:
+        """From here on let steps keep the lengths of members that are much stiffer than the others."""
+        try:
+            spring_constant = find_spring_constants(self.compute, coordinate)
+        except NonFiniteError:
+            return
+        row = choose_stiff(spring_constant)
+        self.stiff = StiffMembers(self.model.manifest, row, spring_constant[row]) if len(row) else None
+
+    def state_tensions(self, point: Point, tolerance: float) -> Point:
+        """Return a point with the tensions that the laws of stiff members state, where these balance too."""
+        if self.stiff is None or point.unrounded_force > tolerance * point.largest_force:
+            return point
+        tension = np.array(self.forces(point.coordinate)[1])
+        return replace(point, tension=tension, node_force=point.unrounded_force)
+
+    @property
+    def kept_members(self) -> IntArray:
+        """Numbers of the members whose lengths steps keep."""
+        return np.zeros(0, dtype=np.int64) if self.stiff is None else self.stiff.row
+
+    def find_path_stiffness(self, stiffness: Any, point: Point) -> Any:
+        """Return the Hessian of the energy along the curves that steps follow."""
+        if self.stiff is None:
+            return stiffness
+        return self.stiff.correct_stiffness(stiffness, self.node_position(point.coordinate), point.residual)
+
+    def find_stiff_tension(self, point: Point) -> FloatArray:
+        """Return tensions (n_members,) [N], those of stiff members as they balance the other forces best."""
+        if self.stiff is None:
+            return point.tension
+        return self.stiff.balance_tension(self.node_position(point.coordinate), point.residual, point.tension)
+
+    def bound_rounding(self, stiffness: Any, coordinate: FloatArray) -> float:
+        """Return the eigenvalue of the stiffness below which it is rounding [N/m].
+
+        Stiff members, whose lengths steps keep, count with the rounding of their entries alone.
+        """
+        column = np.asarray(abs(stiffness).sum(axis=0)).ravel()
+        whole = float(column.max(initial=0.0))
+        if self.stiff is not None:
+            column = column - self.stiff.sum_columns(self.node_position(coordinate))
+        return SINGULAR_TOLERANCE * float(column.max(initial=0.0)) + 4 * EPSILON * whole
+
+    def find_differences(self, coordinate: FloatArray) -> Any:
+        """Return D: s_i - s_j of members for directions s, (3 n_members, n_directions), dense if small."""
+        return self.subtract_ends(self._velocity)
+
+    def subtract_ends(self, velocity: Any) -> Any:
+        """Return the differences of the ends of members, of velocities of nodes (3 n_nodes, k)."""
+        first, second = ((3 * self.ends[:, end, None] + np.arange(3)).ravel() for end in (0, 1))
+        found = velocity[first] - velocity[second]
+        return found.toarray() if found.shape[1] <= DENSE_LIMIT else scipy.sparse.csc_array(found)
 
     def move_coordinate(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Return coordinates moved by `by`, and the displacement; None where constraints cannot be kept."""

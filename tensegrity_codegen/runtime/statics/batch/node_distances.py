@@ -22,7 +22,7 @@ def find_distances(
     ----------
     start, found : (count, n_nodes, 3) [m].
     n_neutral : (count,) number of neutral motions.
-    twists : (count, 6, 6): turn, and translation of the middle, of neutral motions; further rows are zero.
+    twists : (count, 6, 6): turn, and translation of the middle, of neutral motions; other rows are zero.
 
     Returns
     -------

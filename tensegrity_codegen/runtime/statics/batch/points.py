@@ -1,14 +1,33 @@
 """Configurations of many cases: coordinates with their energies and forces, as arrays over cases."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.statics.batch.stiff_rows import MemberBlocks, StiffRows
+from tensegrity_codegen.runtime.statics.factors import SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, ORIGIN_DISTANCE_WEIGHT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
+
+
+def take(record: Any, rows: Any) -> Any:
+    """Return rows of the arrays of a data class, by a mask or rising numbers; itself where these are all."""
+    if isinstance(record, np.ndarray):
+        return record[rows]
+    rows = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
+    arrays = vars(record).values()
+    first = next(iter(arrays))
+    return record if len(rows) == len(first) else type(record)(*[take(array, rows) for array in arrays])
+
+
+def put(record: Any, rows: Any, other: Any) -> None:
+    """Replace some of the rows of all arrays of a data class."""
+    for array, new in zip(vars(record).values(), vars(other).values(), strict=True):
+        array[rows] = new
 
 
 @dataclass(frozen=True)
@@ -16,31 +35,22 @@ class Points:
     """Configurations as of `Point`, one row a case; is_finite: whether energy and forces of each are."""
 
     coordinate: FloatArray  # (count, n_coordinates) [m]
+    position: FloatArray  # (count, n_nodes, 3) [m]
     energy: FloatArray  # (count,) [J]
     residual: FloatArray  # (count, n_coordinates) [N]
     node_force: FloatArray  # (count,) [N]
+    unrounded_force: FloatArray  # (count,) [N]
     largest_force: FloatArray  # (count,) [N]
     longest: FloatArray  # (count,) [m]
     length: FloatArray  # (count, n_members) [m]
     tension: FloatArray  # (count, n_members) [N]
     is_finite: BoolArray  # (count,)
 
-    def __len__(self) -> int:
-        return len(self.energy)
-
-    def take(self, rows: Any) -> "Points":
-        """Return some of the rows."""
-        return Points(*(getattr(self, item.name)[rows] for item in fields(self)))
-
-    def put(self, rows: Any, other: "Points") -> None:
-        """Replace some of the rows."""
-        for item in fields(self):
-            getattr(self, item.name)[rows] = getattr(other, item.name)
-
     def is_balanced(self, tolerance: float, floor: FloatArray) -> BoolArray:
         """Return whether the forces of each balance, as `Point.is_balanced` does."""
-        held = np.where(self.largest_force <= floor, floor, tolerance * self.largest_force)
-        return np.asarray(self.node_force <= held)
+        allowed = tolerance * self.largest_force
+        held = (self.node_force <= allowed) & (self.unrounded_force <= np.maximum(allowed, floor))
+        return np.where(self.largest_force <= floor, self.node_force <= floor, held)
 
     @property
     def energy_scale(self) -> FloatArray:
@@ -49,25 +59,49 @@ class Points:
 
 
 class BatchProblem:
-    """The static problem of `StaticProblem` for cases with arguments of their own, in node coordinates.
+    """The static problem of `StaticProblem` for some cases with arguments of their own, in node coordinates.
 
-    arguments: each with whether it has one row a case; cases are named by their numbers.
+    arguments: each with whether it has one row a case. cases: numbers of these rows; those of the problem,
+    here called rows, count from 0.
     """
 
-    def __init__(self, model: CompiledModel, arguments: Mapping[str, tuple[FloatArray, bool]]) -> None:
-        self.model, self.manifest, self.arguments = model, model.manifest, arguments
+    def __init__(
+        self, model: CompiledModel, arguments: Mapping[str, tuple[FloatArray, bool]], cases: IntArray
+    ) -> None:
+        self.model, self.manifest, self.cases = model, model.manifest, cases
+        self.arguments = {
+            name: (array[cases] if is_batched else array, is_batched)
+            for name, (array, is_batched) in arguments.items()
+        }
         places = self.manifest.coordinate_place
         self.node, self.axis, self.size = places[:, 0], places[:, 1], len(places)
         self.of_node = np.zeros((self.size, len(self.manifest.node_name)))
         self.of_node[np.arange(self.size), self.node] = 1.0
+        self.ends = np.array(self.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
+        self.stiff: StiffRows | None = None
 
-    def compute(self, quantity: str, coordinate: FloatArray, cases: IntArray) -> tuple[Any, BoolArray]:
+    @cached_property
+    def blocks(self) -> MemberBlocks:
+        """How members add to matrices over the free coordinates."""
+        return MemberBlocks(self.manifest, np.arange(len(self.ends)))
+
+    def watch_stiff_members(self, row: IntArray, spring_constant: FloatArray) -> None:
+        """From here on let steps keep the lengths of members; spring_constant: (n_cases, n_members) [N/m]."""
+        if len(row):
+            self.stiff = StiffRows(self.manifest, row, spring_constant[:, row], self.place)
+
+    @property
+    def kept_members(self) -> IntArray:
+        """Numbers of the members whose lengths steps keep."""
+        return np.zeros(0, dtype=np.int64) if self.stiff is None else self.stiff.row
+
+    def compute(self, quantity: str, coordinate: FloatArray, rows: IntArray) -> tuple[Any, BoolArray]:
         """Return a quantity of each case at rest, of sparse matrices the non-zeros; whether it is finite."""
-        function, count = self.model.function(quantity), len(cases)
+        function, count = self.model.function(quantity), len(rows)
         given: dict[str, Any] = {"coordinate": coordinate, "velocity": np.zeros_like(coordinate)}
         for name, (array, is_batched) in self.arguments.items():
             if name in function.arguments:
-                given[name] = array[cases] if is_batched else array
+                given[name] = array[rows] if is_batched else array
         if not any(name in ("coordinate", "velocity") or self._has_rows(name) for name in function.arguments):
             value = np.asarray(function.values([self._value(name) for name in function.arguments], None))
             return np.broadcast_to(value, (count, *value.shape)), np.ones(count, dtype=np.bool_)
@@ -80,23 +114,28 @@ class BatchProblem:
     def _value(self, name: str) -> FloatArray:
         return self.arguments[name][0] if name in self.arguments else self.model.nominal(name)
 
-    def find_points(self, coordinate: FloatArray, cases: IntArray) -> Points:
+    @np.errstate(invalid="ignore", over="ignore", divide="ignore")
+    def find_points(self, coordinate: FloatArray, rows: IntArray) -> Points:
         """Return the configurations at coordinates (count, n_coordinates)."""
-        count = len(cases)
-        residual, good = self.compute("node_residual", coordinate, cases)
-        is_finite = good
+        residual, is_finite = self.compute("node_residual", coordinate, rows)
         values = {}
         for name in ("member_tension", "potential_energy", "member_length"):
-            values[name], good = self.compute(name, coordinate, cases)
+            values[name], good = self.compute(name, coordinate, rows)
             is_finite = is_finite & good
-        tension, length = values["member_tension"], values["member_length"]
-        with np.errstate(invalid="ignore", over="ignore"):
-            node_force = np.sqrt((residual**2 @ self.of_node).max(axis=1, initial=0.0))
+        tension, length, left = values["member_tension"], values["member_length"], residual
+        position = self.place(coordinate, rows)
+        if self.stiff is not None:
+            tension, left = self.stiff.balance(position, residual, tension, rows)
+        node_force, unrounded_force = (
+            np.sqrt((force**2 @ self.of_node).max(axis=1, initial=0.0)) for force in (left, residual)
+        )
         return Points(
             np.array(coordinate),
-            np.array(values["potential_energy"].reshape(count)),
+            position,
+            np.array(values["potential_energy"].reshape(len(rows))),
             np.array(residual),
             node_force,
+            unrounded_force,
             np.abs(tension).max(axis=1, initial=0.0),
             length.max(axis=1, initial=0.0),
             np.array(length),
@@ -104,39 +143,74 @@ class BatchProblem:
             is_finite,
         )
 
-    def find_stiffness(self, coordinate: FloatArray, cases: IntArray) -> tuple[FloatArray, BoolArray]:
-        """Return the symmetric tangent stiffness of each case [N/m], and whether it is finite."""
-        found, is_finite = self.compute("tangent_stiffness", coordinate, cases)
-        pattern = self.model.function("tangent_stiffness").spec.pattern
-        if pattern is not None:
-            dense = np.zeros((len(cases), self.size, self.size))
-            column = np.repeat(np.arange(self.size), np.diff(pattern.column_start))
-            dense[:, pattern.row, column] = found
-            found = dense
-        return (found + found.transpose(0, 2, 1)) / 2, is_finite
+    def find_displaced_points(self, point: Points, step: FloatArray, rows: IntArray) -> Points:
+        """Return the configurations steps (count, n_coordinates) away; not finite where there is none."""
+        if self.stiff is None:
+            return self.find_points(point.coordinate + step, rows)
+        ahead, is_placed = self.stiff.follow(point.coordinate, point.position, step, rows)
+        found = self.find_points(ahead, rows)
+        found.is_finite[~is_placed] = False
+        return found
 
-    def place(self, coordinate: FloatArray, cases: IntArray) -> FloatArray:
+    def find_stiffness(self, coordinate: FloatArray, rows: IntArray) -> tuple[FloatArray, BoolArray]:
+        """Return the symmetric tangent stiffness of each case [N/m], and whether it is finite."""
+        found, is_finite = self.compute("tangent_stiffness", coordinate, rows)
+        pattern = self.model.function("tangent_stiffness").spec.pattern
+        if pattern is None:
+            return (found + found.transpose(0, 2, 1)) / 2, is_finite
+        column = np.repeat(np.arange(self.size), np.diff(pattern.column_start))
+        place, mirrored = pattern.row * self.size + column, column * self.size + pattern.row
+        dense = np.zeros((len(rows), self.size**2))
+        dense[:, place] = (found + found[:, np.searchsorted(mirrored, place)]) / 2
+        return dense.reshape(-1, self.size, self.size), is_finite
+
+    def find_path(self, stiffness: FloatArray, point: Points) -> tuple[FloatArray, FloatArray]:
+        """Return the Hessian along the curves of steps [N/m], and tensions as stiff members balance [N]."""
+        if self.stiff is None:
+            return stiffness, point.tension
+        return self.stiff.find_path(stiffness, point.position, point.residual, point.tension)
+
+    def bound_rounding(self, stiffness: FloatArray, point: Points, rows: IntArray) -> FloatArray:
+        """Return the eigenvalue of each stiffness below which it is rounding [N/m], as of `StaticProblem`."""
+        column = np.abs(stiffness).sum(axis=1)
+        whole = column.max(axis=1, initial=0.0)
+        if self.stiff is not None:
+            column -= self.stiff.sum_columns(point.position, rows)
+        return np.asarray(SINGULAR_TOLERANCE * column.max(axis=1, initial=0.0) + 4 * EPSILON * whole)
+
+    def find_displacements(self, step: FloatArray) -> FloatArray:
+        """Return the differences of the ends of members along steps, (count, n_members, 3) [m]."""
+        moved = np.zeros((len(step), len(self.manifest.node_name), 3))
+        moved[:, self.node, self.axis] = step
+        return np.asarray(moved[:, self.ends[:, 0]] - moved[:, self.ends[:, 1]])
+
+    def find_node_forces(self, pull: FloatArray) -> FloatArray:
+        """Return forces (count, n_coordinates) on nodes, of forces of members (count, n_members, 3)."""
+        return np.asarray((self.blocks.difference.T @ pull.reshape(len(pull), -1).T).T)
+
+    def place(self, coordinate: FloatArray, rows: IntArray) -> FloatArray:
         """Return positions of all nodes, (count, n_nodes, 3) [m]."""
-        position = np.tile(self.manifest.stated_position, (len(cases), 1, 1))
+        position = np.tile(self.manifest.stated_position, (len(rows), 1, 1))
         changeable = next((item for item in self.manifest.arguments if item.name == "anchor_position"), None)
         if changeable is not None and "anchor_position" in self.arguments:
             array, is_batched = self.arguments["anchor_position"]
             nodes = np.array([self.manifest.node_name.index(name) for name in changeable.over])
-            position[:, nodes[:, None], list(self.manifest.axes)] = array[cases] if is_batched else array
+            position[:, nodes[:, None], list(self.manifest.axes)] = array[rows] if is_batched else array
         position[:, self.node, self.axis] = coordinate
         return position
 
-    def rounding_floor(self, stiffness: FloatArray, points: Points, cases: IntArray) -> FloatArray:
+    def rounding_floor(self, stiffness: FloatArray, points: Points) -> FloatArray:
         """Return the residual of each case that rounding alone explains [N], as of `StaticProblem`."""
         diagonal = np.abs(np.diagonal(stiffness, axis1=1, axis2=2)).max(axis=1, initial=0.0)
-        reach = np.abs(self.place(points.coordinate, cases)).max(axis=(1, 2), initial=0.0)
+        reach = np.abs(points.position).max(axis=(1, 2), initial=0.0)
         return np.asarray(
             64 * EPSILON * diagonal * np.maximum(points.longest, ORIGIN_DISTANCE_WEIGHT * reach)
         )
 
     def find_unbalanced_axes(self, points: Points, noise: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the first axis of each case along which nothing holds its loads, or -1; their sum [N]."""
-        axis_of, total_of = np.full(len(points), -1), np.zeros(len(points))
+        count = len(points.energy)
+        axis_of, total_of = np.full(count, -1), np.zeros(count)
         for axis in reversed(self.manifest.axes):
             along = points.residual[:, self.axis == axis]
             if along.shape[1] != len(self.manifest.node_name):

@@ -1,74 +1,129 @@
-"""Newton's method in trust regions for many cases at once: the search of newton.py, step by step.
+"""Newton's method with damping of single members for many cases at once: the search of newton.py.
 
-Every case takes the steps that it takes alone, with its own radius. What is rare is left to the search for
-one case: leaving a saddle, a stiffness that is not finite, and where no step helps.
+Every case takes the steps that it takes alone, with damping of its own; each pass makes one attempt at a step
+of every case. What is rare is left to the search for one case: leaving a saddle, a stiffness that is not
+finite, and where no step helps.
 """
 
-import numpy as np
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any
 
-from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
-from tensegrity_codegen.runtime.statics.batch.trust_region import Steps, find_steps
+import numpy as np
+import scipy
+
+from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points, put, take
+from tensegrity_codegen.runtime.statics.batch.stability import (
+    carry_motions,
+    find_idle_motions,
+    find_rigid_motions,
+)
+from tensegrity_codegen.runtime.statics.damping import (
+    MOST_FACTORS,
+    MOST_TURN,
+    Damping,
+    Members,
+    find_least_shift,
+    find_turn,
+    locate_members,
+)
 from tensegrity_codegen.runtime.statics.newton import (
     ENERGY_DIGITS,
+    LEAST_SAVING,
     MAX_MOTION_RATIO,
-    MAX_RESIDUAL_GROWTH,
     MAX_STALLED_ITERATIONS,
     MIN_STEP_RATIO,
-    MOST_RESTORATIONS,
+    MOST_ATTEMPTS,
 )
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
 MOVING, LEFT = "", "left"
 
 
+@dataclass(frozen=True)
+class _Ground:
+    """What all attempts from one configuration have in common, one row a case."""
+
+    path: FloatArray  # (count, n, n) [N/m], the Hessian along the curves that steps follow
+    force: FloatArray  # (count, n) [N], the residual without its part along undriven motions
+    undriven: FloatArray  # (count, n, 6): rigid motions that no force drives; columns of zeros where fewer
+    compression: FloatArray  # (count, n_members) [N/m], compression over length
+    least: FloatArray  # (count, 1) [N/m], least shift
+    floor: FloatArray  # (count,) [N], of the residual
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """One step of each case in rows."""
+
+    rows: IntArray
+    point: Points
+    here: Members
+    damping: Damping
+    floor: FloatArray  # (count,) [N]
+    factor: Any  # (count,) Cholesky factors
+    step: FloatArray  # (count, n) [m]
+    moved: FloatArray  # (count, n_members, 3) [m], differences of the ends of members
+    damped: FloatArray  # (count,) [J], what the damped model saves
+    predicted: FloatArray  # (count,) [J], what the undamped model saves
+
+    @property
+    def is_by_force(self) -> BoolArray:
+        """Whether savings are too small to show in the energy."""
+        return np.asarray(self.predicted <= ENERGY_DIGITS * self.point.energy_scale)
+
+    def find_saving(self, trial: Points) -> FloatArray:
+        """Return the energy saved at trials [J]."""
+        moved = trial.coordinate - self.point.coordinate
+        by_force = ((self.point.residual + trial.residual) * moved).sum(axis=1) / 2
+        return np.where(self.is_by_force, by_force, self.point.energy - trial.energy)
+
+
 class BatchSearch:
-    """The moving state of the searches of some cases.
+    """The moving state of the searches of the cases of a problem.
 
     status: of each case "" while it moves; "converged", "rounding_limited", "unbounded" where it has ended at
     `best`; "left" where the search for one case has to begin anew.
     """
 
-    def __init__(self, problem: BatchProblem, cases: IntArray, start: Points) -> None:
-        self.problem, self.cases, self.start = problem, cases, start
-        everyone = np.arange(len(cases))
-        self.point, self.best = start.take(everyone.copy()), start.take(everyone.copy())
-        position = problem.place(start.coordinate, cases)
-        self.extent = np.maximum(np.ptp(position, axis=1).max(axis=1), start.longest)
-        self.radius = 0.1 * start.longest * np.sqrt(max(problem.size, 1))
-        self.waited = np.zeros(len(cases), dtype=np.int64)
-        self.iterations = np.zeros(len(cases), dtype=np.int64)
-        self.status = np.full(len(cases), MOVING, dtype="<U20")
+    def __init__(self, problem: BatchProblem, start: Points) -> None:
+        self.problem, self.start = problem, start
+        count, members, size = len(start.energy), len(problem.ends), problem.size
+        self.point, self.best = deepcopy(start), deepcopy(start)
+        self.extent = np.maximum(np.ptp(start.position, axis=1).max(axis=1), start.longest)
+        self.twist, self.middle = find_rigid_motions(problem, start.position)[1], start.position.mean(axis=1)
+        self.damping = Damping.start(count, members)
+        shapes = ((size, size), (size,), (size, 6), (members,), (1,), ())
+        self.ground = _Ground(*(np.zeros((count, *shape)) for shape in shapes))
+        self.waited, self.iterations, self.attempts, self.hardened = np.zeros((4, count), dtype=np.int64)
+        self.is_new = np.ones(count, dtype=np.bool_)
+        self.status = np.full(count, MOVING, dtype="<U20")
 
     def run(self, tolerance: float, max_iterations: int) -> None:
         """Search until every case has ended, or was left."""
-        for iteration in range(max_iterations):
-            rows = np.flatnonzero(self.status == MOVING)
-            if not len(rows):
-                return
-            self.iterations[rows] = iteration
-            self._advance(rows, tolerance)
-        self.status[self.status == MOVING] = LEFT
+        while len(rows := np.flatnonzero(self.status == MOVING)):
+            if (new := self.is_new[rows]).any():
+                self._look(rows[new], tolerance)
+            if (moves := self.status[rows] == MOVING).any():
+                self._try(rows[moves])
+            is_late = (self.status == MOVING) & (self.iterations >= max_iterations)
+            self.status[is_late] = LEFT
 
-    def _advance(self, rows: IntArray, tolerance: float) -> None:
-        """Make one iteration of the cases in rows."""
-        point = self.point.take(rows)
-        stiffness, is_finite = self.problem.find_stiffness(point.coordinate, self.cases[rows])
+    def _look(self, rows: IntArray, tolerance: float) -> None:
+        """End the searches of cases that have come to a configuration, or prepare steps from there."""
+        point = take(self.point, rows)
+        stiffness, is_finite = self.problem.find_stiffness(point.coordinate, rows)
         self.status[rows[~is_finite]] = LEFT
-        floor = np.full(len(rows), np.inf)
-        floor[is_finite] = self.problem.rounding_floor(
-            stiffness[is_finite], point.take(is_finite), self.cases[rows[is_finite]]
-        )
+        floor = np.where(is_finite, self.problem.rounding_floor(stiffness, point), np.inf)
         self._note_best(rows[is_finite], floor[is_finite])
         is_balanced = is_finite & point.is_balanced(tolerance, floor)
-        self.best.put(rows[is_balanced], point.take(is_balanced))
+        put(self.best, rows[is_balanced], take(point, is_balanced))
         self.status[rows[is_balanced]] = "converged"
-        self.status[rows[is_finite & ~is_balanced & (self.waited[rows] >= MAX_STALLED_ITERATIONS)]] = (
-            "rounding_limited"
-        )
-        moving = np.flatnonzero(self.status[rows] == MOVING)
-        if len(moving):
-            moved = self._move(rows[moving], point.take(moving), stiffness[moving], floor[moving])
-            self._look_around(rows[moving], moved, floor[moving])
+        has_waited = self.waited[rows] >= MAX_STALLED_ITERATIONS
+        self.status[rows[is_finite & ~is_balanced & has_waited]] = "rounding_limited"
+        moves = self.status[rows] == MOVING
+        if moves.any():
+            self._prepare(rows[moves], take(point, moves), stiffness[moves], floor[moves])
 
     def _note_best(self, rows: IntArray, floor: FloatArray) -> None:
         """Follow the points; below the rounding floor keep the best and count the wait for a better one."""
@@ -76,84 +131,162 @@ class BatchSearch:
         falls = (force > floor) | (force < 0.5 * best)
         self.waited[rows] = np.where(falls, 0, self.waited[rows] + 1)
         better = rows[(force > floor) | (force < best)]
-        self.best.put(better, self.point.take(better))
+        put(self.best, better, take(self.point, better))
 
-    def _look_around(self, rows: IntArray, moved: BoolArray, floor: FloatArray) -> None:
-        """End the searches in which no further step makes sense."""
-        way = np.abs(self.point.coordinate[rows] - self.start.coordinate[rows]).max(axis=1, initial=0.0)
+    def _prepare(self, rows: IntArray, point: Points, stiffness: FloatArray, floor: FloatArray) -> None:
+        """Note what all attempts from the points have in common."""
+        problem, here = self.problem, self._locate(point)
+        path, tension = problem.find_path(stiffness, point)
+        undriven = np.zeros((len(rows), problem.size, 6))
+        if self.twist.shape[2]:
+            undriven = self._find_undriven_motions(rows, point, stiffness, floor)
+        force = _project(point.residual, undriven)
+        compression = np.maximum(-tension, 0.0) / here.length
+        least = find_least_shift(problem.bound_rounding(path, point, rows)[:, None], here)
+        put(self.ground, rows, _Ground(path, force, undriven, compression, least, floor))
+        self.is_new[rows] = False
+
+    def _find_undriven_motions(
+        self, rows: IntArray, point: Points, stiffness: FloatArray, floor: FloatArray
+    ) -> FloatArray:
+        """Return the rigid motions that no force drives and that cost none, (count, n, 6)."""
+        motions = carry_motions(self.problem, point.position, self.twist[rows], self.middle[rows])
+        drive = np.abs(point.residual[:, None, :] @ motions).max(axis=(1, 2))
+        motions[drive > floor * np.sqrt(self.problem.size)] = 0.0
+        return find_idle_motions(stiffness, motions, point)[0]
+
+    def _try(self, rows: IntArray) -> None:
+        """Make one attempt of each case in rows."""
+        attempt = self._find_steps(rows)
+        if attempt is None:
+            return
+        trial = self.problem.find_displaced_points(attempt.point, attempt.step, attempt.rows)
+        trial.tension[~trial.is_finite] = np.nan
+        turn = find_turn(attempt.moved, attempt.here, self._locate(trial))
+        is_far = ~trial.is_finite | (turn.max(axis=1, initial=0.0) > MOST_TURN)
+        if is_far.any():
+            held = take(attempt, is_far)
+            held.damping.hold(turn[is_far], held.here)
+            self._count(held)
+            attempt, trial, turn = (take(record, ~is_far) for record in (attempt, trial, turn))
+        if len(attempt.rows):
+            self._judge(attempt, trial, turn)
+
+    def _find_steps(self, rows: IntArray) -> _Attempt | None:
+        """Return steps of those cases whose matrices are positive definite; damp the others more."""
+        ground, damping, point = (take(record, rows) for record in (self.ground, self.damping, self.point))
+        here, matrix = self._locate(point), ground.path.copy()
+        self.problem.blocks.add(matrix, damping.find_weight(ground.compression))
+        diagonal = np.arange(self.problem.size)
+        matrix[:, diagonal, diagonal] += damping.shift + ground.least
+        factor, solution, is_definite = _solve(matrix, ground.force)
+        self._harden(take(damping, ~is_definite), take(here, ~is_definite), ground, rows, ~is_definite)
+        step = _project(solution, ground.undriven)
+        is_short = ~(np.linalg.norm(step, axis=1) > MIN_STEP_RATIO * self.extent[rows])
+        self._stop(rows[is_definite & is_short])
+        good = is_definite & ~is_short
+        if not good.any():
+            return None
+        driven = (ground.force * step).sum(axis=1)
+        along = (ground.path @ step[:, :, None])[:, :, 0]
+        moved, saved = self.problem.find_displacements(step), driven - (step * along).sum(axis=1) / 2
+        attempt = _Attempt(rows, point, here, damping, ground.floor, factor, step, moved, driven / 2, saved)
+        return attempt if good.all() else take(attempt, good)
+
+    def _harden(
+        self, damping: Damping, here: Members, ground: _Ground, rows: IntArray, which: BoolArray
+    ) -> None:
+        if which.any():
+            damping.harden(here, ground.least[which])
+            put(self.damping, rows[which], damping)
+            self.hardened[rows[which]] += 1
+            self._stop(rows[which & (self.hardened[rows] >= MOST_FACTORS)])
+        self.hardened[rows[~which]] = 0
+
+    def _judge(self, attempt: _Attempt, trial: Points, turn: FloatArray) -> None:
+        """Take the steps after which the energy is lower as it should be; damp the others more."""
+        by_force, saved = attempt.is_by_force, attempt.find_saving(trial)
+        need = self._find_need(attempt, trial)
+        poor = (saved < 0.5 * attempt.damped) & ~by_force
+        if poor.any():
+            self._correct(attempt, np.flatnonzero(poor), trial, saved, need)
+        good = saved >= LEAST_SAVING * attempt.damped
+        good |= by_force & (trial.node_force < 0.9 * attempt.point.node_force)
+        if good.any():
+            self._accept(*(take(record, good) for record in (attempt, trial, need, turn, saved)))
+        if not good.all():
+            refused = take(attempt, ~good)
+            self._stop(refused.rows[refused.is_by_force & (refused.point.node_force <= refused.floor)])
+            refused.damping.refuse(need[~good], refused.here, self.attempts[refused.rows, None])
+            self._count(refused)
+
+    def _find_need(self, attempt: _Attempt, trial: Points) -> FloatArray:
+        there, kept = self._locate(trial), self.problem.kept_members
+        return attempt.damping.find_need(attempt.moved, attempt.here, there, kept)
+
+    def _correct(
+        self, attempt: _Attempt, which: IntArray, trial: Points, saved: FloatArray, need: FloatArray
+    ) -> None:
+        """Replace trials by those of steps corrected to second order, where these save more."""
+        part, first = take(attempt, which), take(trial, which)
+        pull = self.problem.find_node_forces(
+            part.damping.find_lengthening(part.moved, part.here, self._locate(first))
+        )
+        correction = np.array(
+            [
+                scipy.linalg.lapack.dpotrs(factor, force, lower=1)[0]
+                for factor, force in zip(part.factor, pull, strict=True)
+            ]
+        )
+        second = self.problem.find_displaced_points(part.point, part.step - correction, part.rows)
+        better = second.is_finite & (second.energy < first.energy)
+        part, second, which = take(part, better), take(second, better), which[better]
+        put(trial, which, second)
+        saved[which], need[which] = part.find_saving(second), self._find_need(part, second)
+        put(attempt.damping, which, part.damping)
+
+    def _accept(
+        self, attempt: _Attempt, trial: Points, need: FloatArray, turn: FloatArray, saved: FloatArray
+    ) -> None:
+        rows, damping = attempt.rows, attempt.damping
+        ratio = saved / np.maximum(attempt.predicted, 1e-300)
+        damping.relax(need, turn, ratio[:, None], (self.attempts[rows] == 0)[:, None])
+        damping.forget_small(attempt.here)
+        put(self.damping, rows, damping)
+        put(self.point, rows, trial)
+        way = np.abs(trial.coordinate - self.start.coordinate[rows]).max(axis=1, initial=0.0)
         is_far = way > MAX_MOTION_RATIO * self.extent[rows]
         self.status[rows[is_far]] = "unbounded"
-        is_stuck = ~is_far & ~moved & (self.radius[rows] <= MIN_STEP_RATIO * self.extent[rows])
-        is_quiet = self.point.node_force[rows] <= floor
-        self.status[rows[is_stuck & is_quiet]] = "rounding_limited"
-        self.status[rows[is_stuck & ~is_quiet]] = LEFT
+        self.iterations[rows[~is_far]] += 1
+        self.attempts[rows] = 0
+        self.is_new[rows] = True
 
-    def _move(self, rows: IntArray, point: Points, stiffness: FloatArray, floor: FloatArray) -> BoolArray:
-        """Try one step of each case, adapt the radii; return which cases moved."""
-        step = find_steps(stiffness, -point.residual, self.radius[rows], floor)
-        length = step.length
-        is_step = (step.predicted > 0.0) & (length > 0.0)
-        none = rows[~is_step]
-        self.radius[none] *= 0.1
-        self.waited[none] += 1
-        trial, saved = self._restore(rows, point, step, floor, is_step)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(is_step, saved / step.predicted, np.nan)
-        radius = self.radius[rows]
-        shorter, longer = ratio < 0.25, (ratio > 0.6) & step.at_boundary
-        radius = np.where(shorter, 0.3 * np.minimum(length, radius), radius)
-        self.radius[rows] = np.where(longer & ~shorter, 2.5 * radius, radius)
-        small = step.predicted <= ENERGY_DIGITS * point.energy_scale
-        quieter = small & (trial.node_force < 0.9 * point.node_force)
-        is_taken = is_step & np.isfinite(saved) & ((ratio >= 1e-4) | quieter)
-        self.point.put(rows[is_taken], trial.take(is_taken))
-        return is_taken
+    def _count(self, attempt: _Attempt) -> None:
+        """Note the damping after failed attempts, and end the searches with too many."""
+        put(self.damping, attempt.rows, attempt.damping)
+        self.attempts[attempt.rows] += 1
+        self._stop(attempt.rows[self.attempts[attempt.rows] >= MOST_ATTEMPTS])
 
-    def _restore(
-        self, rows: IntArray, point: Points, step: Steps, floor: FloatArray, is_step: BoolArray
-    ) -> tuple[Points, FloatArray]:
-        """Return the best points of steps and their restorations, and the energies saved there [J].
+    def _stop(self, rows: IntArray) -> None:
+        """End searches in which no step helps any further."""
+        is_quiet = self.point.node_force[rows] <= self.ground.floor[rows]
+        self.status[rows] = np.where(is_quiet, "rounding_limited", LEFT)
 
-        Minus infinity is saved where there is no such point. See `_Search._restore` of newton.py.
-        """
-        by_force = step.predicted <= ENERGY_DIGITS * point.energy_scale
-        best, most = point.take(np.arange(len(rows))), np.full(len(rows), -np.inf)
-        radius = self._sagitta(rows, step.length)
-        on = np.flatnonzero(is_step)  # cases that still try
-        trial = self.problem.find_points(point.coordinate[on] + step.vector[on], self.cases[rows[on]])
-        for restoration in range(1 + MOST_RESTORATIONS):
-            on, trial = on[trial.is_finite], trial.take(trial.is_finite)
-            if not len(on):
-                break
-            saved = _find_saving(point.take(on), trial, by_force[on])
-            better = saved > most[on]
-            best.put(on[better], trial.take(better))
-            most[on[better]] = saved[better]
-            quiet = trial.node_force <= MAX_RESIDUAL_GROWTH * point.node_force[on] + floor[on]
-            goes_on = ~(by_force[on] | quiet | (radius[on] <= MIN_STEP_RATIO * self.extent[rows[on]]))
-            if restoration == MOST_RESTORATIONS or not goes_on.any():
-                break
-            on, trial, relaxing = self._relax(rows, on[goes_on], trial.take(goes_on), radius, floor)
-            radius[on] = np.minimum(0.5 * radius[on], self._sagitta(rows[on], relaxing))
-        return best, most
-
-    def _relax(
-        self, rows: IntArray, on: IntArray, trial: Points, radius: FloatArray, floor: FloatArray
-    ) -> tuple[IntArray, Points, FloatArray]:
-        """Return cases, points a short step on from their trials, and the lengths of these steps."""
-        stiffness, is_finite = self.problem.find_stiffness(trial.coordinate, self.cases[rows[on]])
-        on, trial, stiffness = on[is_finite], trial.take(is_finite), stiffness[is_finite]
-        step = find_steps(stiffness, -trial.residual, radius[on], floor[on])
-        found = self.problem.find_points(trial.coordinate + step.vector, self.cases[rows[on]])
-        return on, found, step.length
-
-    def _sagitta(self, rows: IntArray, length: FloatArray) -> FloatArray:
-        """Return how far steps along the tangent may lead off an arc of a member's length [m]."""
-        longest = np.maximum(self.start.longest[rows], 1e-300)
-        return np.asarray(np.minimum(0.5 * length, 4 * length**2 / longest))
+    def _locate(self, point: Points) -> Members:
+        return locate_members(point.position, self.problem.ends, point)
 
 
-def _find_saving(point: Points, trial: Points, by_force: BoolArray) -> FloatArray:
-    moved = trial.coordinate - point.coordinate
-    force = ((point.residual + trial.residual) * moved).sum(axis=1) / 2
-    return np.asarray(np.where(by_force, force, point.energy - trial.energy))
+def _project(vector: FloatArray, motions: FloatArray) -> FloatArray:
+    """Return vectors (count, n) without their parts along orthonormal motions (count, n, k)."""
+    part = vector[:, None, :] @ motions
+    return np.asarray(vector - (motions @ part.transpose(0, 2, 1))[:, :, 0])
+
+
+def _solve(matrix: FloatArray, right: FloatArray) -> tuple[Any, FloatArray, BoolArray]:
+    """Return Cholesky factors, solutions (count, n), and which matrices are positive definite."""
+    factor, solution = np.empty(len(matrix), dtype=object), np.zeros_like(right)
+    is_definite = np.zeros(len(matrix), dtype=np.bool_)
+    for k in range(len(matrix)):
+        factor[k], solution[k], failed = scipy.linalg.lapack.dposv(matrix[k].T, right[k], lower=1)
+        is_definite[k] = not failed
+    return factor, solution, is_definite

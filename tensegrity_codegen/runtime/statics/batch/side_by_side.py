@@ -3,17 +3,17 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.batch.equilibria import EquilibriaTable
 from tensegrity_codegen.runtime.statics.batch.node_distances import find_distances
-from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
-from tensegrity_codegen.runtime.statics.batch.search import LEFT, MOVING, BatchSearch
-from tensegrity_codegen.runtime.statics.batch.stability import Stabilities, find_stabilities
-from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
+from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points, take
+from tensegrity_codegen.runtime.statics.batch.search import LEFT, BatchSearch
+from tensegrity_codegen.runtime.statics.batch.stability import find_stabilities
 from tensegrity_codegen.runtime.statics.equilibrium_record import START_RESIDUAL_TOLERANCE
+from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
+from tensegrity_codegen.runtime.statics.stiff_members import are_stiff, find_spring_constants
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 
@@ -55,24 +55,38 @@ def search_block(
 
     start: (n_batch, n_coordinates) of all cases; arguments: each with whether it has one row a case.
     """
-    problem = BatchProblem(model, arguments)
-    begun = problem.find_points(start[cases], cases)
-    stiffness, is_finite = problem.find_stiffness(start[cases], cases)
-    good = np.flatnonzero(begun.is_finite & is_finite)
-    left = [np.flatnonzero(~(begun.is_finite & is_finite))]
-    if len(good):
-        begun, own = begun.take(good), cases[good]
-        floor = problem.rounding_floor(stiffness[good], begun, own)
-        search = BatchSearch(problem, own, begun)
-        axis, total = problem.find_unbalanced_axes(begun, floor * np.sqrt(problem.size + 1))
-        search.status[axis >= 0] = "no_equilibrium"
-        search.run(tolerance, max_iterations)
-        message = [
-            _say_unheld(axis[k], total[k]) if axis[k] >= 0 else MESSAGES.get(word, "")
-            for k, word in enumerate(search.status.tolist())
-        ]
-        left.append(good[_record(search, message, floor, table)])
-    return cases[np.concatenate(left)]
+    whole, everyone = BatchProblem(model, arguments, cases), np.arange(len(cases))
+    spring_constant = find_spring_constants(
+        lambda name, coordinate: whole.compute(name, coordinate, everyone)[0], start[cases]
+    )
+    kinds, kind = np.unique(are_stiff(spring_constant), axis=0, return_inverse=True)
+    left = []
+    for number, is_stiff in enumerate(kinds):
+        rows = np.flatnonzero(kind == number)
+        problem = BatchProblem(model, arguments, cases[rows])
+        problem.watch_stiff_members(np.flatnonzero(is_stiff), spring_constant[rows])
+        left.append(cases[rows[_search_all(problem, start[cases[rows]], table, tolerance, max_iterations)]])
+    return np.concatenate(left)
+
+
+def _search_all(
+    problem: BatchProblem, start: FloatArray, table: EquilibriaTable, tolerance: float, max_iterations: int
+) -> IntArray:
+    """Fill the rows of cases of a problem; return the numbers, within the problem, of those that are left."""
+    rows = np.arange(len(start))
+    begun = problem.find_points(start, rows)
+    stiffness, is_finite = problem.find_stiffness(start, rows)
+    floor = problem.rounding_floor(stiffness, begun)
+    search = BatchSearch(problem, begun)
+    axis, total = problem.find_unbalanced_axes(begun, floor * np.sqrt(problem.size + 1))
+    search.status[axis >= 0] = "no_equilibrium"
+    search.status[~(begun.is_finite & is_finite)] = LEFT
+    search.run(tolerance, max_iterations)
+    message = [
+        _say_unheld(axis[k], total[k]) if axis[k] >= 0 else MESSAGES.get(word, "")
+        for k, word in enumerate(search.status.tolist())
+    ]
+    return _record(search, message, floor, table)
 
 
 def _say_unheld(axis: int, total: float) -> str:
@@ -81,59 +95,58 @@ def _say_unheld(axis: int, total: float) -> str:
 
 def _record(search: BatchSearch, message: list[str], floor: FloatArray, table: EquilibriaTable) -> IntArray:
     """Fill rows of the table; return the numbers of cases, within the search, that are left."""
-    problem, point, start = search.problem, search.best, search.start
-    stability = find_stabilities(problem, point, search.cases)
-    status = search.status.copy()
-    ended = np.isin(status, ("converged", "rounding_limited"))
-    is_lost = ended & (stability.is_unstable | stability.is_neutral)  # what a single search looks at closer
-    status[is_lost | (status == MOVING) | np.isnan(stability.smallest_eigenvalue)] = LEFT
-    at_start = _find_unstable_starts(search, floor, status)
+    problem, rows = search.problem, np.flatnonzero(search.status != LEFT)
+    if not len(rows):
+        return np.arange(len(search.status))
+    point, start, status = (take(record, rows) for record in (search.best, search.start, search.status))
+    stability = find_stabilities(problem, point, rows)
+    is_found = np.isin(status, ("converged", "rounding_limited"))
+    is_lost = is_found & (
+        stability.is_unstable | stability.is_neutral
+    )  # what a single search looks at closer
+    is_lost |= np.isnan(stability.smallest_eigenvalue) | (~is_found & stability.is_neutral)
     status[status == "unbounded"] = "no_equilibrium"
-    position = problem.place(point.coordinate, search.cases)
-    begun = problem.place(start.coordinate, search.cases)
-    moved = np.linalg.norm(position - begun, axis=2)
-    apart, is_known = find_distances(begun, position, stability.neutral_motions, stability.twist)
-    status[~is_known | ((status == "no_equilibrium") & stability.is_neutral)] = LEFT
-    rows = np.flatnonzero(status != LEFT)
+    moved = np.linalg.norm(point.position - start.position, axis=2)
+    apart, is_known = find_distances(
+        start.position, point.position, stability.neutral_motions, stability.twist
+    )
+    good = np.flatnonzero(is_known & ~is_lost)
+    at_start = _find_unstable_starts(problem, take(start, good), rows[good], floor[rows[good]])
     names = np.array(problem.manifest.node_name)
     words = {
-        "status": status[rows].tolist(),
-        "message": [message[k] for k in rows],
-        "method": ["newton"] * len(rows),
-        "displaced_node": names[moved.argmax(axis=1)][rows].tolist(),
-        "changed_node": names[np.nan_to_num(apart).argmax(axis=1)][rows].tolist(),
+        "status": status[good].tolist(),
+        "message": [message[k] for k in rows[good]],
+        "method": ["newton"] * len(good),
+        "displaced_node": names[moved.argmax(axis=1)][good].tolist(),
+        "changed_node": names[np.nan_to_num(apart).argmax(axis=1)][good].tolist(),
     }
-    arrays = _list_arrays(point, start, stability) | {
-        "node_position": position,
-        "iterations": search.iterations,
-        "displacement": moved.max(axis=1),
-        "change": apart.max(axis=1),
-        "extent": np.ptp(begun, axis=1).max(axis=1),
-        "is_start_unstable": at_start,
-    }
-    table.put_many(search.cases[rows], {name: array[rows] for name, array in arrays.items()}, words)
-    return np.flatnonzero(status == LEFT)
-
-
-def _list_arrays(point: Points, start: Points, stability: Stabilities) -> dict[str, NDArray[np.generic]]:
-    return {
+    arrays = {
         "coordinate": point.coordinate,
+        "node_position": point.position,
         "member_length": point.length,
         "member_tension": point.tension,
         "residual": point.node_force,
         "largest_force": point.largest_force,
+        "iterations": search.iterations[rows],
         "smallest_eigenvalue": stability.smallest_eigenvalue,
         "neutral_motions": stability.neutral_motions,
         "energy": point.energy,
         "energy_change": point.energy - start.energy,
+        "displacement": moved.max(axis=1),
+        "change": apart.max(axis=1),
+        "extent": np.ptp(start.position, axis=1).max(axis=1),
     }
+    found = {name: array[good] for name, array in arrays.items()} | {"is_start_unstable": at_start}
+    table.put_many(problem.cases[rows[good]], found, words)
+    return np.setdiff1d(np.arange(len(search.status)), rows[good])
 
 
-def _find_unstable_starts(search: BatchSearch, floor: FloatArray, status: NDArray[np.str_]) -> BoolArray:
-    """Return whether the start of each case is nearly in balance and the energy curves down there."""
-    found = np.zeros(len(status), dtype=np.bool_)
-    near = np.flatnonzero(search.start.is_balanced(START_RESIDUAL_TOLERANCE, floor) & (status != LEFT))
-    if len(near):
-        stability = find_stabilities(search.problem, search.start.take(near), search.cases[near])
-        found[near] = stability.is_unstable
+def _find_unstable_starts(
+    problem: BatchProblem, start: Points, rows: IntArray, floor: FloatArray
+) -> BoolArray:
+    """Return whether each start is nearly in balance and the energy curves down there."""
+    near = start.is_balanced(START_RESIDUAL_TOLERANCE, floor)
+    found = near.copy()
+    if near.any():
+        found[near] = find_stabilities(problem, take(start, near), rows[near]).is_unstable
     return found

@@ -6,16 +6,17 @@ import numpy as np
 
 from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
 from tensegrity_codegen.runtime.statics.rigid_motion import RANK_TOLERANCE, ROUNDING, build_all_motions
-from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
+
+HELD = 1e-9  # of the size of a motion: what may move of held coordinates
 
 
 @dataclass(frozen=True)
 class Stabilities:
     """As of `Stability`, one row a case; eigenvalues are NAN where the stiffness is not finite.
 
-    twist: (count, 6, 6): of the neutral motions, first `neutral_motions` rows of each case: turn, and
-    translation of the middle of all nodes; other rows are zero.
+    twist: (count, 6, 6): of the neutral motions: turn, and translation of the middle of all nodes; as many
+    rows as there are, others are zero.
     """
 
     smallest_eigenvalue: FloatArray
@@ -34,87 +35,100 @@ class Stabilities:
         return np.asarray(np.abs(self.smallest_eigenvalue) <= self.rounding)
 
 
-def find_stabilities(problem: BatchProblem, points: Points, cases: IntArray) -> Stabilities:
+def find_stabilities(problem: BatchProblem, points: Points, rows: IntArray) -> Stabilities:
     """Return the stability of each configuration, as `find_stability` does."""
-    count = len(cases)
-    stiffness, is_finite = problem.find_stiffness(points.coordinate, cases)
+    stiffness, is_finite = problem.find_stiffness(points.coordinate, rows)
     stiffness = np.where(is_finite[:, None, None], stiffness, 0.0)
-    position = problem.place(points.coordinate, cases)
-    spread = np.linalg.norm((position - position.mean(axis=1, keepdims=True)).reshape(count, -1), axis=1)
-    turned = 10 * np.linalg.norm(points.residual, axis=1) / np.maximum(spread, 1e-300)
-    size = np.abs(stiffness).sum(axis=1).max(axis=1, initial=0.0)
-    limit = ROUNDING * size * np.sqrt(problem.size) + turned
-    lowest, number = np.full(count, np.inf), np.zeros(count, dtype=np.int64)
-    twist = np.zeros((count, 6, 6))
-    for rows, motions, fields in _find_rigid_motions(problem, position):
-        for own, neutral, parts in _find_neutral(stiffness[rows], motions, fields, limit[rows]):
-            at = rows[own]
-            number[at] = neutral.shape[2]
-            twist[at, : neutral.shape[2]] = parts.transpose(0, 2, 1)
-            if neutral.shape[2] < problem.size:
-                lowest[at] = _find_lowest(stiffness[at], neutral, size[at])
+    motions, fields = find_rigid_motions(problem, points.position)
+    neutral, parts, turned = find_idle_motions(stiffness, motions, points)
+    number = (neutral != 0.0).any(axis=1).sum(axis=1)
+    lowest = np.where(number < problem.size, _find_lowest(stiffness, neutral), np.inf)
     lowest[~is_finite] = np.nan
     number[~is_finite] = 0
-    return Stabilities(lowest, number, SINGULAR_TOLERANCE * size + turned, twist)
+    rounding = problem.bound_rounding(stiffness, points, rows) + turned
+    twist = np.zeros((len(rows), 6, 6))
+    twist[:, : parts.shape[1]] = parts @ fields.transpose(0, 2, 1)
+    return Stabilities(lowest, number, rounding, twist)
 
 
-def _find_lowest(stiffness: FloatArray, neutral: FloatArray, size: FloatArray) -> FloatArray:
+def _find_lowest(stiffness: FloatArray, neutral: FloatArray) -> FloatArray:
     """Return the smallest eigenvalue of each stiffness over what is orthogonal to its neutral motions."""
     if neutral.shape[2]:
         onto = neutral @ neutral.transpose(0, 2, 1)
-        rest = np.eye(stiffness.shape[1]) - onto
+        rest, size = np.eye(stiffness.shape[1]) - onto, np.abs(stiffness).sum(axis=1).max(axis=1)
         stiffness = rest @ stiffness @ rest + np.maximum(size, 1e-300)[:, None, None] * onto
     return np.asarray(np.linalg.eigvalsh(stiffness)[:, 0])
 
 
-Group = tuple[IntArray, FloatArray, FloatArray]
+def find_idle_motions(
+    stiffness: FloatArray, motions: FloatArray, points: Points
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the rigid motions (count, n, k) that cost no force, as `newton.find_idle_motions` does.
+
+    motions: orthonormal (count, n, k). In both, columns are zero where a case has fewer. Also how they are
+    combined of `motions` (count, k, k), rows, and what may count as no stiffness of them, (count,) [N/m].
+    """
+    local = points.position - points.position.mean(axis=1, keepdims=True)
+    spread = np.sqrt((local**2).sum(axis=(1, 2)))
+    turned = 10 * np.linalg.norm(points.residual, axis=1) / np.maximum(spread, 1e-300)
+    if not motions.shape[2]:
+        return motions, np.zeros((len(motions), 0, 0)), turned
+    size = np.abs(stiffness).sum(axis=1).max(axis=1)
+    limit = ROUNDING * size * np.sqrt(stiffness.shape[1]) + turned
+    image, is_none = stiffness @ motions, np.asarray(~motions.any(axis=1))
+    parts = np.eye(motions.shape[2]) * ~is_none[:, None, :]
+    some = np.asarray(~(np.sqrt((image**2).sum(axis=(1, 2))) <= limit))
+    if some.any():
+        held = np.eye(motions.shape[2]) * np.where(is_none, 2 * limit[:, None] + 1.0, 0.0)[some, None, :]
+        _, singular, right = np.linalg.svd(np.concatenate([image[some], held], axis=1), full_matrices=False)
+        parts[some] = np.where((singular <= limit[some, None])[:, :, None], right, 0.0)
+    return motions @ parts.transpose(0, 2, 1), parts, turned
 
 
-def _find_neutral(
-    stiffness: FloatArray, motions: FloatArray, fields: FloatArray, limit: FloatArray
-) -> list[Group]:
-    """Return groups of cases with as many neutral motions: rows, motions, twists (count, 6, m)."""
-    if motions.shape[2] == 0:
-        return [(np.arange(len(motions)), motions, fields)]
-    _, singular, right = np.linalg.svd(stiffness @ motions, full_matrices=False)
-    is_neutral = singular <= limit[:, None]  # the last ones: singular values fall
-    found = []
-    for number in np.unique(is_neutral.sum(axis=1)):
-        rows = np.flatnonzero(is_neutral.sum(axis=1) == number)
-        chosen = right[rows][:, right.shape[1] - number :].transpose(0, 2, 1)
-        found.append((rows, motions[rows] @ chosen, fields[rows] @ chosen))
-    return found
+def find_rigid_motions(problem: BatchProblem, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the rigid motions that the anchors permit, orthonormal (count, n, k), as `build_rigid_motions`.
 
-
-def _find_rigid_motions(problem: BatchProblem, position: FloatArray) -> list[Group]:
-    """Return groups of cases with as many rigid motions that the anchors permit, as `build_rigid_motions`.
-
-    Each with its rows, orthonormal motions (count, n_coordinates, k) and twists (count, 6, k).
+    Also their twists (count, 6, k). Columns are zero where a case has fewer.
     """
     axes = list(problem.manifest.axes)
     motions, fields = build_all_motions(axes, position)
     free = np.zeros(position.shape[1:], dtype=bool)
     free[problem.node, problem.axis] = True
     chosen = free[:, axes].ravel()
-    count, columns = len(position), motions.shape[2]
-    held = motions[:, ~chosen]
-    right, rank = np.broadcast_to(np.eye(columns), (count, columns, columns)), np.zeros(count, dtype=np.int64)
+    held, count = motions[:, ~chosen], motions.shape[2]
     if held.shape[1]:
-        _, singular, right = np.linalg.svd(held, full_matrices=True)
+        _, singular, right = np.linalg.svd(held, full_matrices=held.shape[1] < count)
         rank = (singular > RANK_TOLERANCE).sum(axis=1)
-    found = []
-    for number in np.unique(rank):
-        rows = np.flatnonzero(rank == number)
-        null = right[rows][:, number:].transpose(0, 2, 1)
-        permitted = motions[rows][:, chosen] @ null
-        if permitted.size == 0:
-            found.append((rows, np.zeros((len(rows), problem.size, 0)), np.zeros((len(rows), 6, 0))))
-            continue
-        left, singular, turn = np.linalg.svd(permitted, full_matrices=False)
-        kept = (singular > RANK_TOLERANCE).sum(axis=1)
-        for width in np.unique(kept):
-            own = np.flatnonzero(kept == width)
-            scale = singular[own][:, None, :width]
-            parts = fields[rows[own]] @ null[own] @ turn[own][:, :width].transpose(0, 2, 1) / scale
-            found.append((rows[own], left[own][:, :, :width], parts))
-    return found
+        kept = np.arange(count) >= rank[:, None]
+        null = np.where(kept[:, :, None], right, 0.0).transpose(0, 2, 1)[:, :, rank.min(initial=count) :]
+        motions, fields = motions @ null, fields @ null
+    permitted = motions[:, chosen]
+    if not permitted.size:
+        return np.zeros((len(position), problem.size, 0)), np.zeros((len(position), 6, 0))
+    left, singular, turn = np.linalg.svd(permitted, full_matrices=False)
+    kept = (singular > RANK_TOLERANCE)[:, None, :]
+    twist = fields @ turn.transpose(0, 2, 1)
+    scale = np.where(kept, singular[:, None, :], 1.0)
+    return np.where(kept, left, 0.0), np.where(kept, twist / scale, 0.0)
+
+
+def carry_motions(
+    problem: BatchProblem, position: FloatArray, twist: FloatArray, middle: FloatArray
+) -> FloatArray:
+    """Return the rigid motions that the anchors permit, as `find_rigid_motions`, of twists found elsewhere.
+
+    twist: (count, 6, k): turn, and velocity of the point `middle` (count, 3).
+    """
+    count, k = len(position), twist.shape[2]
+    turn, shift = (twist[:, part].transpose(0, 2, 1)[:, :, None] for part in (slice(3), slice(3, 6)))
+    field = np.cross(turn, (position - middle[:, None])[:, None]) + shift  # (count, k, n_nodes, 3)
+    motions = np.zeros((count, problem.size, 6))
+    motions[:, :, :k], upper = np.linalg.qr(field[:, :, problem.node, problem.axis].transpose(0, 2, 1))
+    field[:, :, problem.node, problem.axis] = 0.0
+    least = np.abs(np.diagonal(upper, axis1=1, axis2=2)).min(axis=1, initial=np.inf)
+    other = np.abs(field).max(axis=(1, 2, 3), initial=0.0) > HELD * least
+    if other.any():
+        found, _ = find_rigid_motions(problem, position[other])
+        motions[other] = 0.0
+        motions[other, :, : found.shape[2]] = found
+    return motions
