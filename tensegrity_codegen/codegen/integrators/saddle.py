@@ -16,7 +16,7 @@ from dataclasses import dataclass
 class SaddlePattern:
     """The factors of one saddle matrix of `size` rows, coordinates first, then multipliers.
 
-    elimination_row: row of each unknown in the order of elimination; the lower triangle of the matrix row by row:
+    elimination_row: row of each unknown in the order of elimination. The lower triangle, row by row:
     entry_start (size + 1,), entry_column, entries of the diagonal left out; the same of the factor L:
     factor_start, factor_column (ascending in a row); update_start (number of entries of L + 1,): for entry
     (r, c) of L the entries (i, c) with i < r, as update_row = i and update_entry, its index.
@@ -120,9 +120,8 @@ def _build_tables(
     for row, columns in enumerate(factor_rows):
         for column in columns:
             entry_index[row, column] = len(entry_index)
-    rows_of_column: list[list[int]] = [
-        [] for _ in range(size)
-    ]  # rows with an entry in each column, of those above
+    # Rows with an entry in each column, of those so far.
+    rows_of_column: list[list[int]] = [[] for _ in range(size)]
     update_start, update_row, update_entry = [0], [], []
     for row, columns in enumerate(factor_rows):
         for column in columns:
@@ -150,7 +149,7 @@ def _find_factor_rows(size: int, entries: Sequence[Sequence[int]]) -> list[set[i
     for row, columns in enumerate(entries):
         for column in columns:
             rows_of_column[column].add(row)
-    # Elimination of a column adds its rows to the column of its first row (the parent in the elimination tree).
+    # Eliminating a column adds its rows to that of its first row (the parent in the elimination tree).
     for column in range(size):
         if rows_of_column[column]:
             parent = min(rows_of_column[column])

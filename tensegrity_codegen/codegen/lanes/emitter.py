@@ -27,17 +27,15 @@ from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES
 
 # Checks for finite numbers by sums over members: no argument or result is looked at by itself.
 #
-# length_sum = sum of d_e . d_e, density_sum = sum of |t_e / l_e| over all members. Where both are below 1e200, each
-# force on a node is the external one and at most 1e200 times 1e100. Where a coordinate is not finite, length_sum
-# is not either.
-
-
+# length_sum = sum of d_e . d_e, density_sum = sum of |t_e / l_e| over all members. Where both are below
+# 1e200, each force on a node is the external one and at most 1e200 times 1e100. Where a coordinate is not
+# finite, length_sum is not either.
 MAX_SUM = "1e200"  # of length_sum and density_sum
 MAX_EXTERNAL_FORCE = 1e290  # N
 
 
 def can_check_by_sums(parts: NodePosition, arguments: Sequence[str]) -> bool:
-    """Return whether a function of these arguments can be settled by sums over the members.
+    """Return whether a function of these arguments can be checked by sums over the members.
 
     It takes coordinates alone, each of a node that has a member, and external forces are numbers, not huge.
     """
@@ -76,15 +74,15 @@ class BlockLines(ForceLines):
         for four, quad in enumerate(quad for kind in self._kinds() for quad in kind):
             kernel = self._lanes(four, quad, self.function.quantity.name)
             self._lines += [
-                f"double block{number}[{4 * TRIANGLE}];",
-                f"total = total + {kernel.name}_four({self._passed(number, kernel)}, block{number});",
+                f"double block{four}[{4 * BLOCK_ENTRIES}];",
+                f"total = total + {kernel.name}_four({self._passed(four, kernel)}, block{four});",
             ]
             lane_of_member |= {e: (four, lane) for lane, e in enumerate(quad)}
         sum_declarations = ["lanes_pack total = pack_all(0.0);", *self._sums_begin()]
         finite_check = f"all_finite({self.function.quantity.name}, {self.function.sparsity.nnz()})"
-        return_statement = f"return pack_is_below(total, {LARGEST_SUM}) || {finite};"
+        return_statement = f"return pack_is_below(total, {MAX_BLOCK_SUM}) || {finite_check};"
         if self.is_checked_by_sums:
-            return_statement = f"return pack_is_below(total + length_sum, {LARGEST_SUM});"
+            return_statement = f"return pack_is_below(total + length_sum, {MAX_BLOCK_SUM});"
         name, sparsity = self.function.quantity.name, self.function.sparsity
         sums = write_columns(self.parts, sparsity, name, lane_of_member) or self._sums_of_entries(
             lane_of_member
@@ -102,7 +100,7 @@ class BlockLines(ForceLines):
             if name != "entry":
                 return f"{name}[{k}]"
             four, lane = place[members[k // BLOCK_ENTRIES]]
-            return f"block{number}[{4 * (k % TRIANGLE) + lane}]"
+            return f"block{four}[{4 * (k % BLOCK_ENTRIES) + lane}]"
 
         sums = ca.Function("sums", [entry], [stored_entries])
         return list(print_body(sums, ["entry"], [self.function.quantity.name], place=text).lines)
@@ -161,7 +159,7 @@ class _Kernels:
 
     def __call__(self, kind: KernelKind) -> DensityKernel:
         if kind not in self._by_kind:
-            kernel = build_kernel(kind, f"lanes_density{len(self.made)}")
+            kernel = build_kernel(kind, f"lanes_density{len(self.by_text)}")
             text = (kernel.parameters, kernel.lines)
             self._by_kind[kind] = self.by_text.setdefault(text, kernel)
         return self._by_kind[kind]
@@ -190,7 +188,9 @@ def _force_function(parts: NodePosition, function: PrunedFunction, kernels: _Ker
 def _write_node_forces(
     parts: NodePosition, result: str, entries_of_node: Mapping[int, list[tuple[int, int]]], by_sums: bool
 ) -> list[str]:
-    """Return statements that hand out node forces; places: node -> (place in the result, axis), ascending.
+    """Return statements that store node forces.
+
+    entries_of_node: of each node the indices in the result, ascending, and their axes.
 
     A node's vector of four is stored whole where the next node's follows and overwrites the fourth.
     """
@@ -203,10 +203,10 @@ def _write_node_forces(
             lines.append(f"xyz_store{last}({result} + {first}, {force});")
             continue
         components = _name_vector(parts, "part", node)
-        lines += [f"double {part}[4];", f"xyz_store({part}, {force});"]
-        lines += [f"{result}[{place}] = {part}[{axis}];" for place, axis in entries]
+        lines += [f"double {components}[4];", f"xyz_store({components}, {force});"]
+        lines += [f"{result}[{place}] = {components}[{axis}];" for place, axis in entries]
     if by_sums:
-        return [*lines, f"return pack_is_below(length_sum + density_sum, {BOUND});"]
+        return [*lines, f"return pack_is_below(length_sum + density_sum, {MAX_SUM});"]
     return [*lines, *_check_finite(parts, entries_of_node)]
 
 
@@ -224,7 +224,9 @@ def _check_finite(parts: NodePosition, entries_of_node: Mapping[int, list[tuple[
         difference = f"xyz_minus({vector}, {vector})"
         name = sums[k % len(sums)]
         lines.append(
-            f"lanes_xyz {name} = {zero};" if k < len(sums) else f"{name} = xyz_plus({name}, {zero});"
+            f"lanes_xyz {name} = {difference};"
+            if k < len(sums)
+            else f"{name} = xyz_plus({name}, {difference});"
         )
     total = sums[0] if len(sums) == 1 else f"xyz_plus({', '.join(sums)})"
     return [*lines, f"return xyz_is_zero({total});"]
@@ -244,7 +246,7 @@ def _write_from_forces(parts: NodePosition, function: PrunedFunction) -> tuple[l
         [function.quantity.name],
         place=lambda name, k: f"force[{k // 3 * 4 + k % 3}]" if name == "force" else f"{name}[{k}]",
     )
-    stores = [f"xyz_store(force + {4 * node}, {_of_node(parts, 'force', node)});" for node in nodes]
+    stores = [f"xyz_store(force + {4 * node}, {_name_vector(parts, 'force', node)});" for node in nodes]
     return nodes, [f"double force[{4 * n_nodes}];", *stores, *body.lines]
 
 
