@@ -18,7 +18,7 @@ from harness.turns import EXAMPLES, measure_call, take_turns
 
 from tensegrity_codegen.export.export_fmu import export_fmu
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
-from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
+from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_length
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
@@ -35,7 +35,7 @@ def compare(scene: Path, t_end: float, rtol: float, rounds: int, folder: Path) -
     method = exported.facts["method"]
     model = compile_scene(scene, for_="simulate", method=method)
     state = np.concatenate([model.nominal("coordinate").ravel(), model.nominal("velocity").ravel()])
-    options = scale_to_length(model.manifest, RunOptions(method=method, rtol=rtol, control="steps"))
+    options = set_atol_by_length(model.manifest, RunOptions(method=method, rtol=rtol, control="steps"))
     unit = Unit2(out, folder / scene.stem, "cs")
     names = [name for name in unit.reference if name.startswith("coordinate.")]
     do_step, instance, size = unit.library.fmi2DoStep, unit.instance, c.c_double(t_end / N_STEPS)

@@ -22,7 +22,7 @@ enum {
 static const double radau_newton_share = 1e-4; /* of the tolerance, that Newton's method may leave */
 
 /* Row of each unknown (coordinates, then multipliers) in the order of elimination. */
-extern const int radau_place[N_UNKNOWNS];
+extern const int radau_elimination_row[N_UNKNOWNS];
 /* Lower triangle of the matrix, and of its factor, row by row without the diagonal. */
 extern const int radau_entry_start[N_UNKNOWNS + 1], radau_entry_column[RADAU_ENTRY_ROOM];
 extern const int radau_factor_start[N_UNKNOWNS + 1], radau_factor_column[RADAU_FACTOR_ROOM];

@@ -150,14 +150,14 @@ static inline void radau_enter_damped(radau_work *run, double re, double im, int
   static const double nothing[AXES] = {0.0};
   int b;
   for (b = 0; b < N_DAMPED; ++b) {
-    const int place = radau_place[N + N_TENSIONS + b], *to = radau_direction_entry + 2 * AXES * (N_TENSIONS + b);
+    const int row = radau_elimination_row[N + N_TENSIONS + b], *to = radau_direction_entry + 2 * AXES * (N_TENSIONS + b);
     const double u = 1.0 + run->damped_lag[b] * re, w = run->damped_lag[b] * im;
     const double size = run->damped_stiffness[b] * (u * u + w * w);
     const int is_in = re > 0.0 && size > 0.0;
     radau_enter(run, to, is_in ? run->damped_direction + AXES * b : nothing, width);
-    run->diagonal[width * place] = is_in ? -u / size : -1.0;
+    run->diagonal[width * row] = is_in ? -u / size : -1.0;
     if (width == 2) {
-      run->diagonal[2 * place + 1] = is_in ? w / size : 0.0;
+      run->diagonal[2 * row + 1] = is_in ? w / size : 0.0;
     }
   }
 }
@@ -172,11 +172,11 @@ static inline int radau_factor_real(
     run->entry[k] = square * run->mass_entry[k];
   }
   for (k = 0; k < N; ++k) {
-    run->diagonal[radau_place[k]] = square * run->mass_diagonal[radau_place[k]];
+    run->diagonal[radau_elimination_row[k]] = square * run->mass_diagonal[radau_elimination_row[k]];
   }
   for (b = 0; b < N_TENSIONS; ++b) {
     radau_enter(run, radau_direction_entry + 2 * AXES * b, run->direction + AXES * b, 1);
-    run->diagonal[radau_place[N + b]] = -compliance[b];
+    run->diagonal[radau_elimination_row[N + b]] = -compliance[b];
   }
 #if WITH_RADAU_DAMPED
   radau_enter_damped(run, s, 0.0, 1);
@@ -197,15 +197,15 @@ static inline int radau_factor_step(radau_work *run, double h)
     run->entry[2 * k + 1] = im * run->mass_entry[k];
   }
   for (k = 0; k < N; ++k) {
-    run->diagonal[2 * radau_place[k]] = re * run->mass_diagonal[radau_place[k]];
-    run->diagonal[2 * radau_place[k] + 1] = im * run->mass_diagonal[radau_place[k]];
+    run->diagonal[2 * radau_elimination_row[k]] = re * run->mass_diagonal[radau_elimination_row[k]];
+    run->diagonal[2 * radau_elimination_row[k] + 1] = im * run->mass_diagonal[radau_elimination_row[k]];
   }
   for (b = 0; b < N_TENSIONS; ++b) {
-    const int place = radau_place[N + b];
+    const int row = radau_elimination_row[N + b];
     const double u = 1.0 + run->lag[b] * a, w = run->lag[b] * c, share = run->compliance[b] / (u * u + w * w);
     radau_enter(run, radau_direction_entry + 2 * AXES * b, run->direction + AXES * b, 2);
-    run->diagonal[2 * place] = -share * u;
-    run->diagonal[2 * place + 1] = share * w;
+    run->diagonal[2 * row] = -share * u;
+    run->diagonal[2 * row + 1] = share * w;
   }
 #if WITH_RADAU_DAMPED
   radau_enter_damped(run, a, c, 2);
@@ -313,13 +313,13 @@ static inline void radau_transform(radau_work *run, double h)
   int k, b;
   for (k = 0; k < N_UNKNOWNS; ++k) {
     const double x = run->residual[k], y = run->residual[N_UNKNOWNS + k], z = run->residual[2 * N_UNKNOWNS + k];
-    const int to = radau_place[k];
+    const int to = radau_elimination_row[k];
     run->real_side[to] = radau_ti[0][0] * x + radau_ti[0][1] * y + radau_ti[0][2] * z;
     run->complex_side[2 * to] = radau_ti[1][0] * x + radau_ti[1][1] * y + radau_ti[1][2] * z;
     run->complex_side[2 * to + 1] = -(radau_ti[2][0] * x + radau_ti[2][1] * y + radau_ti[2][2] * z);
   }
   for (b = 0; b < N_TENSIONS; ++b) {
-    const int to = radau_place[N + b];
+    const int to = radau_elimination_row[N + b];
     const double u = 1.0 + run->lag[b] * a, w = run->lag[b] * c, size = u * u + w * w;
     const double re = run->complex_side[2 * to], im = run->complex_side[2 * to + 1];
     if (run->lag[b] > 0.0) {
@@ -339,7 +339,7 @@ static inline double radau_correct(radau_work *run, double h)
   radau_solve(run->real_factor, run->real_inverse, run->real_side);
   radau_complex_solve(run->complex_factor, run->complex_inverse, run->complex_side);
   for (k = 0; k < N_UNKNOWNS; ++k) {
-    const int from = radau_place[k];
+    const int from = radau_elimination_row[k];
     const double x = run->real_side[from], y = run->complex_side[2 * from], z = -run->complex_side[2 * from + 1];
     for (i = 0; i < 3; ++i) {
       change[i * N_UNKNOWNS + k] = radau_t[i][0] * x + radau_t[i][1] * y + radau_t[i][2] * z;
@@ -428,7 +428,7 @@ static inline void radau_solve_smooth(radau_work *run, const double *factor, con
 {
   int b;
   for (b = N_TENSIONS; b < N_ROWS; ++b) {
-    run->real_side[radau_place[N + b]] = 0.0;
+    run->real_side[radau_elimination_row[N + b]] = 0.0;
   }
   radau_solve(factor, inverse, run->real_side);
 }
@@ -464,11 +464,11 @@ static inline double radau_error(radau_work *run, double h, const double *state,
   }
   radau_mass(run, eq, run->residual);
   for (k = 0; k < N_UNKNOWNS; ++k) {
-    run->real_side[radau_place[k]] = k < N ? run->residual[k] : 0.0;
+    run->real_side[radau_elimination_row[k]] = k < N ? run->residual[k] : 0.0;
   }
   radau_solve(run->real_factor, run->real_inverse, run->real_side);
   for (k = 0; k < N; ++k) {
-    eq[k] = run->real_side[radau_place[k]];
+    eq[k] = run->real_side[radau_elimination_row[k]];
     ev[k] = s * eq[k] - ev[k];
   }
   for (b = 0; b < N_TENSIONS; ++b) {
@@ -478,10 +478,10 @@ static inline double radau_error(radau_work *run, double h, const double *state,
       const int i = at[k], j = at[AXES + k];
       along += run->direction[AXES * b + k] * ((i < 0 ? 0.0 : ev[i]) - (j < 0 ? 0.0 : ev[j]));
     }
-    run->real_side[radau_place[N + b]] = -along;
+    run->real_side[radau_elimination_row[N + b]] = -along;
   }
   for (k = 0; k < N; ++k) {
-    run->real_side[radau_place[k]] = 0.0;
+    run->real_side[radau_elimination_row[k]] = 0.0;
   }
   if (run->kept[RADAU_KEPT_HAS_QUIET_FACTORS] > 0.0) {
     radau_solve_smooth(run, run->quiet_factor, run->quiet_inverse);
@@ -489,7 +489,7 @@ static inline double radau_error(radau_work *run, double h, const double *state,
     radau_solve_smooth(run, run->smooth_factor, run->smooth_inverse);
   }
   for (k = 0; k < N; ++k) {
-    ev[k] += run->real_side[radau_place[k]];
+    ev[k] += run->real_side[radau_elimination_row[k]];
   }
   return radau_norm(run, eq, ev, state, trial);
 }
@@ -507,8 +507,8 @@ static inline int radau_factor_smooth(radau_work *run, double h, const double *q
     double mobility = 0.0, ratio;
     for (k = 0; k < AXES; ++k) {
       const double part = run->direction[AXES * b + k] * run->direction[AXES * b + k];
-      mobility += (at[k] < 0 ? 0.0 : part / run->mass_diagonal[radau_place[at[k]]]);
-      mobility += (at[AXES + k] < 0 ? 0.0 : part / run->mass_diagonal[radau_place[at[AXES + k]]]);
+      mobility += (at[k] < 0 ? 0.0 : part / run->mass_diagonal[radau_elimination_row[at[k]]]);
+      mobility += (at[AXES + k] < 0 ? 0.0 : part / run->mass_diagonal[radau_elimination_row[at[AXES + k]]]);
     }
     ratio = run->compliance[b] * s * s * radau_resolved / (mobility * h * h);
     ratio *= ratio;
@@ -540,20 +540,20 @@ static inline int radau_smooth(
   const int is_good = radau_factor_smooth(run, h, q, v);
   int k, b;
   for (b = 0; b < N_TENSIONS; ++b) {
-    run->real_side[radau_place[N + b]] = run->compliance[b] * (slope[b] - run->lag[b] * curvature[b]) - run->rate[b];
+    run->real_side[radau_elimination_row[N + b]] = run->compliance[b] * (slope[b] - run->lag[b] * curvature[b]) - run->rate[b];
   }
   for (k = 0; k < N; ++k) {
-    run->real_side[radau_place[k]] = 0.0;
+    run->real_side[radau_elimination_row[k]] = 0.0;
   }
   radau_solve_smooth(run, run->smooth_factor, run->smooth_inverse);
   for (k = 0; k < N; ++k) {
-    run->velocity[k] = v[k] + run->real_side[radau_place[k]];
+    run->velocity[k] = v[k] + run->real_side[radau_elimination_row[k]];
   }
   radau_force(q, run->velocity, run->with, run->applied);
   ++run->count[5];
   radau_pull(run->direction, tension, run->applied);
   for (k = 0; k < N; ++k) {
-    run->real_side[radau_place[k]] = run->applied[k];
+    run->real_side[radau_elimination_row[k]] = run->applied[k];
   }
   for (b = 0; b < N_TENSIONS; ++b) {
     const int *at = radau_coordinate + 2 * AXES * b;
@@ -564,14 +564,14 @@ static inline int radau_smooth(
       along += run->direction[AXES * b + k] * part;
       square += part * part;
     }
-    run->real_side[radau_place[N + b]] = run->compliance[b] * curvature[b] - (square - along * along) / length;
+    run->real_side[radau_elimination_row[N + b]] = run->compliance[b] * curvature[b] - (square - along * along) / length;
   }
   radau_solve_smooth(run, run->smooth_factor, run->smooth_inverse);
   for (k = 0; k < N; ++k) {
-    run->acceleration[k] = run->real_side[radau_place[k]];
+    run->acceleration[k] = run->real_side[radau_elimination_row[k]];
   }
   for (b = 0; b < N_TENSIONS; ++b) {
-    run->tension[b] = tension[b] + run->real_side[radau_place[N + b]];
+    run->tension[b] = tension[b] + run->real_side[radau_elimination_row[N + b]];
   }
   return is_good && all_finite(run->acceleration, N) && all_finite(run->velocity, N)
       && all_finite(run->tension, N_TENSIONS);

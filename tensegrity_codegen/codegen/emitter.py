@@ -64,14 +64,14 @@ class WantedFunction(Protocol):
 class Bodies:
     """C text of functions: what stands before them all, and the statements of each, by quantity.
 
-    checked: quantities whose statements end by returning whether all results are finite; settled: those that
-    return non-zero only where all arguments and all results are, and may return zero all the same.
+    checked: quantities whose statements end by returning whether all results are finite; checked_by_sums:
+    those that return non-zero only where all arguments and results are finite, and may return zero then too.
     """
 
     statements: Mapping[str, Sequence[str]]
     preamble: Sequence[str] = ()
     checked: frozenset[str] = frozenset()
-    settled: frozenset[str] = frozenset()
+    checked_by_sums: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

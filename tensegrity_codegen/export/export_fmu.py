@@ -24,7 +24,7 @@ from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.accuracy.choice import choose_method
-from tensegrity_codegen.runtime.accuracy.scales import find_length, scale_to_length
+from tensegrity_codegen.runtime.accuracy.scales import find_length, set_atol_by_length
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
@@ -79,7 +79,7 @@ def settle_method(
     model = build_library(structure, alone, compiler=compiler, calls=MANY_CALLS).load()
     state = np.concatenate([model.nominal("coordinate").ravel(), model.nominal("velocity").ravel()])
     motion = Motion(model, state, np.linspace(0.0, t_end, SAMPLES), {})
-    options = scale_to_length(model.manifest, RunOptions(method="auto", rtol=rtol))
+    options = set_atol_by_length(model.manifest, RunOptions(method="auto", rtol=rtol))
     return choose_method(motion, options).name
 
 

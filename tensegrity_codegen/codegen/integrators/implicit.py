@@ -140,7 +140,8 @@ def implicit_tables(
             saddle.entry(n + row, k) if k >= 0 else -1 for row, ks in enumerate(coordinate) for k in ks
         ],
         "mass_entry": [
-            -1 - saddle.place[a] if a == b else saddle.entry(a, b) if a > b else NO_PLACE for a, b in masses
+            -1 - saddle.elimination_row[a] if a == b else saddle.entry(a, b) if a > b else NO_PLACE
+            for a, b in masses
         ],
         "is_mass_diagonal": all(a == b for a, b in masses),
         "entries": len(saddle.entry_column),

@@ -1,4 +1,4 @@
-"""Symmetric saddle matrices of nodes and multipliers: what is non-zero, in which order it is factored.
+"""Symmetric saddle matrices of nodes and multipliers: non-zero entries, and the order of elimination.
 
         [ A    G^T ]     A: over the free coordinates, G: one row a multiplier, the directions of its member,
         [ G   -kappa ]   kappa >= 0: diagonal
@@ -16,14 +16,14 @@ from dataclasses import dataclass
 class SaddlePattern:
     """The factors of one saddle matrix of `size` rows, coordinates first, then multipliers.
 
-    place: row of each unknown in the order of elimination; the lower triangle of the matrix row by row:
+    elimination_row: row of each unknown in the order of elimination. The lower triangle, row by row:
     entry_start (size + 1,), entry_column, entries of the diagonal left out; the same of the factor L:
     factor_start, factor_column (ascending in a row); update_start (number of entries of L + 1,): for entry
     (r, c) of L the entries (i, c) with i < r, as update_row = i and update_entry, its index.
     """
 
     size: int
-    place: tuple[int, ...]
+    elimination_row: tuple[int, ...]
     entry_start: tuple[int, ...]
     entry_column: tuple[int, ...]
     factor_start: tuple[int, ...]
@@ -33,8 +33,8 @@ class SaddlePattern:
     update_entry: tuple[int, ...]
 
     def entry(self, a: int, b: int) -> int:
-        """Return the index of the entry of unknowns a and b, off the diagonal."""
-        row, column = sorted((self.place[a], self.place[b]), reverse=True)
+        """Return the index in entry_column of the entry of two unknowns a and b, off the diagonal."""
+        row, column = sorted((self.elimination_row[a], self.elimination_row[b]), reverse=True)
         first, last = self.entry_start[row], self.entry_start[row + 1]
         return first + self.entry_column[first:last].index(column)
 
@@ -51,99 +51,118 @@ def build_saddle_pattern(
     whose entry of A is not zero; multipliers: the coordinates that enter each row of G.
     """
     size = n_coordinates + len(multipliers)
+    # Entries off the diagonal, as pairs of unknowns: of A, then of G.
     pairs = {(max(a, b), min(a, b)) for a, b in couplings if a != b}
     pairs |= {(n_coordinates + row, column) for row, columns in enumerate(multipliers) for column in columns}
-    block_of = {unknown: index for index, block in enumerate(blocks) for unknown in block}
-    groups = [tuple(block) for block in blocks]
-    after: list[set[int]] = [set() for _ in blocks]
+    # Each multiplier is a block of its own, after the blocks of the nodes that it joins.
+    block_of_unknown = {unknown: index for index, block in enumerate(blocks) for unknown in block}
+    unknowns_of_block = [tuple(block) for block in blocks]
+    predecessors: list[set[int]] = [set() for _ in blocks]
     for row, columns in enumerate(multipliers):
-        block_of[n_coordinates + row] = len(groups)
-        groups.append((n_coordinates + row,))
-        after.append({block_of[column] for column in columns})
-    edges = {(block_of[a], block_of[b]) for a, b in pairs if block_of[a] != block_of[b]}
-    order = [unknown for block in order_blocks(after, edges) for unknown in groups[block]]
-    place = [0] * size
+        block_of_unknown[n_coordinates + row] = len(unknowns_of_block)
+        unknowns_of_block.append((n_coordinates + row,))
+        predecessors.append({block_of_unknown[column] for column in columns})
+    edges = {
+        (block_of_unknown[a], block_of_unknown[b])
+        for a, b in pairs
+        if block_of_unknown[a] != block_of_unknown[b]
+    }
+    # The row of each unknown is its position in the order of elimination.
+    order = [unknown for block in order_blocks(predecessors, edges) for unknown in unknowns_of_block[block]]
+    elimination_row = [0] * size
     for position, unknown in enumerate(order):
-        place[unknown] = position
-    return _factor(size, place, pairs)
+        elimination_row[unknown] = position
+    return _build_tables(size, elimination_row, pairs)
 
 
-def order_blocks(after: Sequence[set[int]], edges: Iterable[tuple[int, int]]) -> list[int]:
-    """Return the blocks of a graph by least degree; after: the blocks that must come before each one."""
-    neighbour: list[set[int]] = [set() for _ in after]
+def order_blocks(predecessors: Sequence[set[int]], edges: Iterable[tuple[int, int]]) -> list[int]:
+    """Return the blocks of a graph in an order of least degree.
+
+    predecessors: the blocks that must come before each one.
+    """
+    neighbours: list[set[int]] = [set() for _ in predecessors]
     for a, b in edges:
-        neighbour[a].add(b)
-        neighbour[b].add(a)
-    waits = [set(blocks) for blocks in after]
-    waiting: list[list[int]] = [[] for _ in after]
-    for block, blocks in enumerate(after):
-        for first in blocks:
-            waiting[first].append(block)
-    left, order = set(range(len(after))), []
-    while left:
-        chosen = min((block for block in left if not waits[block]), key=lambda b: (len(neighbour[b]), b))
+        neighbours[a].add(b)
+        neighbours[b].add(a)
+    open_predecessors = [set(blocks) for blocks in predecessors]
+    successors: list[list[int]] = [[] for _ in predecessors]
+    for block, blocks in enumerate(predecessors):
+        for predecessor in blocks:
+            successors[predecessor].append(block)
+    remaining, order = set(range(len(predecessors))), []
+    while remaining:
+        chosen = min(
+            (block for block in remaining if not open_predecessors[block]),
+            key=lambda b: (len(neighbours[b]), b),
+        )
         order.append(chosen)
-        left.remove(chosen)
-        joined = neighbour[chosen]
-        for block in joined:
-            neighbour[block] |= joined
-            neighbour[block] -= {block, chosen}
-        for block in waiting[chosen]:
-            waits[block].discard(chosen)
+        remaining.remove(chosen)
+        # Elimination joins all neighbours of the chosen block with each other.
+        clique = neighbours[chosen]
+        for block in clique:
+            neighbours[block] |= clique
+            neighbours[block] -= {block, chosen}
+        for block in successors[chosen]:
+            open_predecessors[block].discard(chosen)
     return order
 
 
-def _factor(size: int, place: Sequence[int], pairs: Iterable[tuple[int, int]]) -> SaddlePattern:
-    """Return the tables of the matrix and of its factor in the order of `place`."""
+def _build_tables(
+    size: int, elimination_row: Sequence[int], pairs: Iterable[tuple[int, int]]
+) -> SaddlePattern:
+    """Return the tables of the matrix and of its factor in the order of `elimination_row`."""
     entries: list[list[int]] = [[] for _ in range(size)]
     for a, b in pairs:
-        row, column = max(place[a], place[b]), min(place[a], place[b])
+        row, column = max(elimination_row[a], elimination_row[b]), min(elimination_row[a], elimination_row[b])
         entries[row].append(column)
-    rows = [sorted(columns) for columns in _fill(size, entries)]
-    index: dict[tuple[int, int], int] = {}
-    for row, columns in enumerate(rows):
+    factor_rows = [sorted(columns) for columns in _find_factor_rows(size, entries)]
+    entry_index: dict[tuple[int, int], int] = {}
+    for row, columns in enumerate(factor_rows):
         for column in columns:
-            index[row, column] = len(index)
-    below: list[list[int]] = [[] for _ in range(size)]  # rows of each column met so far
+            entry_index[row, column] = len(entry_index)
+    # Rows with an entry in each column, of those so far.
+    rows_of_column: list[list[int]] = [[] for _ in range(size)]
     update_start, update_row, update_entry = [0], [], []
-    for row, columns in enumerate(rows):
+    for row, columns in enumerate(factor_rows):
         for column in columns:
-            update_row += below[column]
-            update_entry += [index[i, column] for i in below[column]]
+            update_row += rows_of_column[column]
+            update_entry += [entry_index[i, column] for i in rows_of_column[column]]
             update_start.append(len(update_row))
-            below[column].append(row)
+            rows_of_column[column].append(row)
     entries = [sorted(columns) for columns in entries]
     return SaddlePattern(
         size,
-        tuple(place),
-        _starts(entries),
+        tuple(elimination_row),
+        _count_up(entries),
         tuple(column for columns in entries for column in columns),
-        _starts(rows),
-        tuple(column for columns in rows for column in columns),
+        _count_up(factor_rows),
+        tuple(column for columns in factor_rows for column in columns),
         tuple(update_start),
         tuple(update_row),
         tuple(update_entry),
     )
 
 
-def _fill(size: int, entries: Sequence[Sequence[int]]) -> list[set[int]]:
+def _find_factor_rows(size: int, entries: Sequence[Sequence[int]]) -> list[set[int]]:
     """Return the columns of L row by row: those of the matrix, and what elimination adds."""
-    below: list[set[int]] = [set() for _ in range(size)]
+    rows_of_column: list[set[int]] = [set() for _ in range(size)]
     for row, columns in enumerate(entries):
         for column in columns:
-            below[column].add(row)
+            rows_of_column[column].add(row)
+    # Eliminating a column adds its rows to that of its first row (the parent in the elimination tree).
     for column in range(size):
-        if below[column]:
-            parent = min(below[column])
-            below[parent] |= below[column] - {parent}
+        if rows_of_column[column]:
+            parent = min(rows_of_column[column])
+            rows_of_column[parent] |= rows_of_column[column] - {parent}
     rows: list[set[int]] = [set() for _ in range(size)]
-    for column, members in enumerate(below):
-        for row in members:
+    for column, column_rows in enumerate(rows_of_column):
+        for row in column_rows:
             rows[row].add(column)
     return rows
 
 
-def _starts(rows: Sequence[Sequence[int]]) -> tuple[int, ...]:
+def _count_up(rows: Sequence[Sequence[int]]) -> tuple[int, ...]:
+    """Return the index of the first entry of each row, and the number of all entries."""
     starts = [0]
     for row in rows:
         starts.append(starts[-1] + len(row))

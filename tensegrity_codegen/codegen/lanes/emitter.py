@@ -27,17 +27,15 @@ from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES
 
 # Checks for finite numbers by sums over members: no argument or result is looked at by itself.
 #
-# spread = sum of d_e . d_e, pulled = sum of |t_e / l_e| over all members. Where both are below 1e200, each
-# force on a node is the external one and at most 1e200 times 1e100. Where a coordinate is not finite, spread
-# is not either.
+# length_sum = sum of d_e . d_e, density_sum = sum of |t_e / l_e| over all members. Where both are below
+# 1e200, each force on a node is the external one and at most 1e200 times 1e100. Where a coordinate is not
+# finite, length_sum is not either.
+MAX_SUM = "1e200"  # of length_sum and density_sum
+MAX_EXTERNAL_FORCE = 1e290  # N
 
 
-BOUND = "1e200"  # of spread and pulled
-MOST_EXTERNAL = 1e290  # N
-
-
-def is_settled(parts: NodePosition, arguments: Sequence[str]) -> bool:
-    """Return whether a function of these arguments can be settled by sums over the members.
+def can_check_by_sums(parts: NodePosition, arguments: Sequence[str]) -> bool:
+    """Return whether a function of these arguments can be checked by sums over the members.
 
     It takes coordinates alone, each of a node that has a member, and external forces are numbers, not huge.
     """
@@ -47,15 +45,15 @@ def is_settled(parts: NodePosition, arguments: Sequence[str]) -> bool:
     if not set(parts.map.coordinate_nodes()) <= joined:
         return False
     external = [ca.SX(value) for vector in parts.external_force for value in vector]
-    return all(value.is_constant() and abs(float(value)) < MOST_EXTERNAL for value in external)
+    return all(value.is_constant() and abs(float(value)) < MAX_EXTERNAL_FORCE for value in external)
 
 
 # C statements of stiffness matrices: blocks of four members at a time, then sums of their columns.
 
 
 # Where the sizes of all entries sum up to less, no sum of some of them overflows: the matrix is finite.
-LARGEST_SUM = "1e300"
-TRIANGLE = 6  # entries of the upper triangle of a block, row by row
+MAX_BLOCK_SUM = "1e300"
+BLOCK_ENTRIES = 6  # entries of the upper triangle of a block, row by row
 
 
 class BlockLines(ForceLines):
@@ -63,46 +61,48 @@ class BlockLines(ForceLines):
 
     def __init__(self, parts: NodePosition, function: PrunedFunction, kernels: Kernels) -> None:
         nodes = list(parts.map.coordinate_nodes())
-        settled = is_settled(parts, function.arguments)
+        by_sums = can_check_by_sums(parts, function.arguments)
         super().__init__(
-            parts, nodes, function.arguments, True, kernels, has_forces=False, is_settled=settled
+            parts, nodes, function.arguments, True, kernels, has_forces=False, is_checked_by_sums=by_sums
         )
         self.function = function
 
     def lines(self) -> list[str]:
         """Return all statements."""
         self._nodes()
-        place: dict[int, tuple[int, int]] = {}
-        for number, quad in enumerate(quad for kind in self._kinds() for quad in kind):
-            kernel = self._lanes(number, quad, self.function.quantity.name)
+        lane_of_member: dict[int, tuple[int, int]] = {}
+        for four, quad in enumerate(quad for kind in self._kinds() for quad in kind):
+            kernel = self._lanes(four, quad, self.function.quantity.name)
             self._lines += [
-                f"double block{number}[{4 * TRIANGLE}];",
-                f"total = total + {kernel.name}_four({self._passed(number, kernel)}, block{number});",
+                f"double block{four}[{4 * BLOCK_ENTRIES}];",
+                f"total = total + {kernel.name}_four({self._passed(four, kernel)}, block{four});",
             ]
-            place |= {e: (number, lane) for lane, e in enumerate(quad)}
-        start = ["lanes_pack total = pack_all(0.0);", *self._sums_begin()]
-        finite = f"all_finite({self.function.quantity.name}, {self.function.sparsity.nnz()})"
-        end = f"return pack_is_below(total, {LARGEST_SUM}) || {finite};"
-        if self.is_settled:
-            end = f"return pack_is_below(total + spread, {LARGEST_SUM});"
+            lane_of_member |= {e: (four, lane) for lane, e in enumerate(quad)}
+        sum_declarations = ["lanes_pack total = pack_all(0.0);", *self._sums_begin()]
+        finite_check = f"all_finite({self.function.quantity.name}, {self.function.sparsity.nnz()})"
+        return_statement = f"return pack_is_below(total, {MAX_BLOCK_SUM}) || {finite_check};"
+        if self.is_checked_by_sums:
+            return_statement = f"return pack_is_below(total + length_sum, {MAX_BLOCK_SUM});"
         name, sparsity = self.function.quantity.name, self.function.sparsity
-        sums = write_columns(self.parts, sparsity, name, place) or self._sums_of_entries(place)
-        return [*self.given.lines(), *start, *self._lines, *sums, end]
+        sums = write_columns(self.parts, sparsity, name, lane_of_member) or self._sums_of_entries(
+            lane_of_member
+        )
+        return [*self.scalars.lines(), *sum_declarations, *self._lines, *sums, return_statement]
 
     def _sums_of_entries(self, place: dict[int, tuple[int, int]]) -> list[str]:
         members = list(place)
-        entry = ca.SX.sym("entry", TRIANGLE, len(members))
+        entry = ca.SX.sym("entry", BLOCK_ENTRIES, len(members))
         blocks = {e: _symmetric(entry[:, k]) for k, e in enumerate(members)}
         matrix = self.parts.map.member_matrix(blocks, self.parts.ends, self.parts.members.plan.ends)
-        wanted = ca.project(matrix, self.function.sparsity)
+        stored_entries = ca.project(matrix, self.function.sparsity)
 
         def text(name: str, k: int) -> str:
             if name != "entry":
                 return f"{name}[{k}]"
-            number, lane = place[members[k // TRIANGLE]]
-            return f"block{number}[{4 * (k % TRIANGLE) + lane}]"
+            four, lane = place[members[k // BLOCK_ENTRIES]]
+            return f"block{four}[{4 * (k % BLOCK_ENTRIES) + lane}]"
 
-        sums = ca.Function("sums", [entry], [wanted])
+        sums = ca.Function("sums", [entry], [stored_entries])
         return list(print_body(sums, ["entry"], [self.function.quantity.name], place=text).lines)
 
 
@@ -124,7 +124,7 @@ FORCE_QUANTITIES: Mapping[str, bool] = {
 }
 
 # Those that are node forces as they are: their vectors are looked at before they are stored.
-CHECKED = frozenset({"node_residual", "node_force", *BLOCKS})
+NODE_FORCES = frozenset({"node_residual", "node_force", *BLOCKS})
 
 
 def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precision: Precision) -> Bodies:
@@ -132,99 +132,107 @@ def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precisio
     parts = model.parts
     if not isinstance(parts, NodePosition) or len(parts.structure.axes) != 3 or precision.name != "double":
         return UNROLLED.write(model, functions, precision)
-    in_lanes = [item for item in functions if item.quantity.name in {*FORCE_QUANTITIES, *BLOCKS}]
-    plain = UNROLLED.write(model, tuple(item for item in functions if item not in in_lanes), precision)
-    kernels, settled = _Kernels(), set[str]()
-    statements = dict(plain.statements)
-    for function in in_lanes:
+    lane_functions = [item for item in functions if item.quantity.name in {*FORCE_QUANTITIES, *BLOCKS}]
+    unrolled = UNROLLED.write(
+        model, tuple(item for item in functions if item not in lane_functions), precision
+    )
+    kernels, checked_by_sums = _Kernels(), set[str]()
+    statements = dict(unrolled.statements)
+    for function in lane_functions:
         name = function.quantity.name
         statements[name] = _force_function(parts, function, kernels)
-        if name in CHECKED and is_settled(parts, function.arguments):
-            settled.add(name)
-    if not kernels.made:  # nothing moves, or no member pulls at what does
+        if name in NODE_FORCES and can_check_by_sums(parts, function.arguments):
+            checked_by_sums.add(name)
+    if not kernels.by_text:  # nothing moves, or no member pulls at what does
         return UNROLLED.write(model, functions, precision)
-    preamble = emit_kernels(list(kernels.made.values()), in_loops=False)
-    checked = CHECKED.intersection(statements) - settled
-    return Bodies(statements, [*plain.preamble, *preamble], checked, frozenset(settled))
+    preamble = emit_kernels(list(kernels.by_text.values()), in_loops=False)
+    checked = NODE_FORCES.intersection(statements) - checked_by_sums
+    return Bodies(statements, [*unrolled.preamble, *preamble], checked, frozenset(checked_by_sums))
 
 
 class _Kernels:
     """The kernels of one library, each made once, also where two kinds have the same text."""
 
     def __init__(self) -> None:
-        self.made: dict[tuple[tuple[str, ...], tuple[str, ...]], DensityKernel] = {}
+        self.by_text: dict[tuple[tuple[str, ...], tuple[str, ...]], DensityKernel] = {}
         self._by_kind: dict[KernelKind, DensityKernel] = {}
 
     def __call__(self, kind: KernelKind) -> DensityKernel:
         if kind not in self._by_kind:
-            found = build_kernel(kind, f"lanes_density{len(self.made)}")
-            same = (found.parameters, found.lines)
-            self._by_kind[kind] = self.made.setdefault(same, found)
+            kernel = build_kernel(kind, f"lanes_density{len(self.by_text)}")
+            text = (kernel.parameters, kernel.lines)
+            self._by_kind[kind] = self.by_text.setdefault(text, kernel)
         return self._by_kind[kind]
 
 
 def _force_function(parts: NodePosition, function: PrunedFunction, kernels: _Kernels) -> list[str]:
     name, n_nodes = function.quantity.name, parts.structure.n_nodes
-    settled = name in CHECKED and is_settled(parts, function.arguments)
+    by_sums = name in NODE_FORCES and can_check_by_sums(parts, function.arguments)
     if name in BLOCKS:
         return BlockLines(parts, function, kernels).lines()
     if name == "node_residual":
-        places = parts.map.coordinate_nodes()
-        nodes, rest = list(places), _store(parts, name, places, settled)
+        entries_of_node = parts.map.coordinate_nodes()
+        nodes, result_lines = list(entries_of_node), _write_node_forces(parts, name, entries_of_node, by_sums)
     elif name == "node_force":
         nodes = list(range(n_nodes))
-        rest = _store(parts, name, {node: [(3 * node + k, k) for k in range(3)] for node in nodes}, settled)
+        result_lines = _write_node_forces(
+            parts, name, {node: [(3 * node + k, k) for k in range(3)] for node in nodes}, by_sums
+        )
     else:
-        nodes, rest = _from_force(parts, function)
+        nodes, result_lines = _write_from_forces(parts, function)
     is_static = FORCE_QUANTITIES[name]
-    forces = ForceLines(parts, nodes, function.arguments, is_static, kernels, is_settled=settled)
-    return [*forces.lines(), *rest]
+    forces = ForceLines(parts, nodes, function.arguments, is_static, kernels, is_checked_by_sums=by_sums)
+    return [*forces.lines(), *result_lines]
 
 
-def _store(
-    parts: NodePosition, result: str, places: Mapping[int, list[tuple[int, int]]], settled: bool
+def _write_node_forces(
+    parts: NodePosition, result: str, entries_of_node: Mapping[int, list[tuple[int, int]]], by_sums: bool
 ) -> list[str]:
-    """Return statements that hand out node forces; places: node -> (place in the result, axis), ascending.
+    """Return statements that store node forces.
+
+    entries_of_node: of each node the indices in the result, ascending, and their axes.
 
     A node's vector of four is stored whole where the next node's follows and overwrites the fourth.
     """
-    size = sum(len(entries) for entries in places.values())
+    size = sum(len(entries) for entries in entries_of_node.values())
     lines = []
-    for node, entries in places.items():
-        first, force = entries[0][0], _of_node(parts, "force", node)
+    for node, entries in entries_of_node.items():
+        first, force = entries[0][0], _name_vector(parts, "force", node)
         if len(entries) == 3:
             last = "_last" if first + 4 > size else ""
             lines.append(f"xyz_store{last}({result} + {first}, {force});")
             continue
-        part = _of_node(parts, "part", node)
-        lines += [f"double {part}[4];", f"xyz_store({part}, {force});"]
-        lines += [f"{result}[{place}] = {part}[{axis}];" for place, axis in entries]
-    if settled:
-        return [*lines, f"return pack_is_below(spread + pulled, {BOUND});"]
-    return [*lines, *_check_finite(parts, places)]
+        components = _name_vector(parts, "part", node)
+        lines += [f"double {components}[4];", f"xyz_store({components}, {force});"]
+        lines += [f"{result}[{place}] = {components}[{axis}];" for place, axis in entries]
+    if by_sums:
+        return [*lines, f"return pack_is_below(length_sum + density_sum, {MAX_SUM});"]
+    return [*lines, *_check_finite(parts, entries_of_node)]
 
 
-def _of_node(parts: NodePosition, what: str, node: int) -> str:
+def _name_vector(parts: NodePosition, what: str, node: int) -> str:
     return name_local(what, parts.structure.node_name[node], node)
 
 
-def _check_finite(parts: NodePosition, places: Mapping[int, list[tuple[int, int]]]) -> list[str]:
+def _check_finite(parts: NodePosition, entries_of_node: Mapping[int, list[tuple[int, int]]]) -> list[str]:
     """Return statements that return whether all entries are finite: x - x is 0 then; in two sums."""
-    lines, sums = [], ["finite0", "finite1"][: len(places)]
-    for k, (node, entries) in enumerate(places.items()):
+    lines, sums = [], ["finite0", "finite1"][: len(entries_of_node)]
+    for k, (node, entries) in enumerate(entries_of_node.items()):
         axes = sum(1 << axis for _, axis in entries)
-        force = _of_node(parts, "force", node)
+        force = _name_vector(parts, "force", node)
         vector = force if axes == 7 else f"XYZ_ONLY({force}, {axes})"
-        zero = f"xyz_minus({vector}, {vector})"
+        difference = f"xyz_minus({vector}, {vector})"
         name = sums[k % len(sums)]
         lines.append(
-            f"lanes_xyz {name} = {zero};" if k < len(sums) else f"{name} = xyz_plus({name}, {zero});"
+            f"lanes_xyz {name} = {difference};"
+            if k < len(sums)
+            else f"{name} = xyz_plus({name}, {difference});"
         )
     total = sums[0] if len(sums) == 1 else f"xyz_plus({', '.join(sums)})"
     return [*lines, f"return xyz_is_zero({total});"]
 
 
-def _from_force(parts: NodePosition, function: PrunedFunction) -> tuple[list[int], list[str]]:
+def _write_from_forces(parts: NodePosition, function: PrunedFunction) -> tuple[list[int], list[str]]:
     """Return the nodes whose force a quantity needs, and its statements from these."""
     n_nodes, names = parts.structure.n_nodes, function.arguments
     force = ca.SX.sym("force", 3, n_nodes)
@@ -238,7 +246,7 @@ def _from_force(parts: NodePosition, function: PrunedFunction) -> tuple[list[int
         [function.quantity.name],
         place=lambda name, k: f"force[{k // 3 * 4 + k % 3}]" if name == "force" else f"{name}[{k}]",
     )
-    stores = [f"xyz_store(force + {4 * node}, {_of_node(parts, 'force', node)});" for node in nodes]
+    stores = [f"xyz_store(force + {4 * node}, {_name_vector(parts, 'force', node)});" for node in nodes]
     return nodes, [f"double force[{4 * n_nodes}];", *stores, *body.lines]
 
 

@@ -26,7 +26,7 @@ from tensegrity_codegen.tables.laws.law import compute_spring_constant
 Scalar = Any
 
 
-class GivenValues:
+class ScalarTexts:
     """Text of values of `arguments`; the C array `given` takes those that have to be worked out.
 
     kept: the arguments that the function takes. Its result does not depend on the others; where they stand
@@ -90,7 +90,7 @@ class ForceLines:
 
     parts: expressions of the structure; nodes: those whose force is wanted; arguments: names of what the
     function takes; is_static: forces without damping; kernels: gives the C function of a kind of members;
-    is_settled: the statements add up `spread` and `pulled`, see codegen.lanes.emitter.
+    is_checked_by_sums: the statements add up `length_sum` and `density_sum`, see codegen.lanes.emitter.
     """
 
     parts: NodePosition
@@ -99,12 +99,12 @@ class ForceLines:
     is_static: bool
     kernels: Kernels
     has_forces: bool = True
-    is_settled: bool = False
+    is_checked_by_sums: bool = False
     _lines: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.structure = self.parts.structure
-        self.given = GivenValues(self.parts.arguments, self.arguments)
+        self.scalars = ScalarTexts(self.parts.arguments, self.arguments)
         self.wanted = np.isin(np.arange(self.structure.n_nodes), list(self.nodes))
         values = self.parts.arguments
         self.values: dict[str, list[Scalar]] = {
@@ -138,7 +138,7 @@ class ForceLines:
                 done.add(quad)
             force, pull = self.of_node("force", node), self.of_member("pull", e)
             later.append(f"{force} = xyz_{'plus' if end else 'minus'}({force}, {pull});")
-        return [*self.given.lines(), *self._sums_begin(), *self._lines, *later]
+        return [*self.scalars.lines(), *self._sums_begin(), *self._lines, *later]
 
     def of_node(self, what: str, node: int) -> str:
         """Return the C name of a vector of a node."""
@@ -149,7 +149,7 @@ class ForceLines:
         return name_local(what, self.structure.member_name[member], member)
 
     def _sums_begin(self) -> list[str]:
-        names = ("spread", "pulled")[: 1 + self.has_forces] if self.is_settled else ()
+        names = ("length_sum", "density_sum")[: 1 + self.has_forces] if self.is_checked_by_sums else ()
         return [f"lanes_pack {name} = pack_all(0.0);" for name in names]
 
     def _kinds(self) -> list[list[tuple[int, ...]]]:
@@ -182,7 +182,7 @@ class ForceLines:
             self._lines.append(f"lanes_xyz {self.of_node('force', node)} = xyz_of({self._three(force)});")
 
     def _vector(self, name: str, vector: Sequence[Scalar], argument: str) -> None:
-        places = [self.given.place(value) for value in vector]
+        places = [self.scalars.place(value) for value in vector]
         first = places[0]
         value = f"xyz_of({self._three(vector)})"
         if first is not None and places == [(argument, first[1] + k) for k in range(3)]:
@@ -191,15 +191,15 @@ class ForceLines:
         self._lines.append(f"const lanes_xyz {name} = {value};")
 
     def _three(self, vector: Sequence[Scalar]) -> str:
-        return ", ".join(self.given.text(value) for value in vector)
+        return ", ".join(self.scalars.text(value) for value in vector)
 
     def _quad(self, number: int, quad: tuple[int, ...]) -> None:
         """Work out the pulls of up to four members."""
         kernel = self._lanes(number, quad, "density")
         passed = self._passed(number, kernel)
         self._lines.append(f"const lanes_four density_{number} = {kernel.name}_four({passed});")
-        if self.is_settled:
-            self._lines.append(f"pulled = pulled + four_size(density_{number});")
+        if self.is_checked_by_sums:
+            self._lines.append(f"density_sum = density_sum + four_size(density_{number});")
         for k, e in enumerate(quad):
             pull, vector = self.of_member("pull", e), self.of_member("d", e)
             self._lines.append(f"const lanes_xyz {pull} = XYZ_TIMES(density_{number}, {k}, {vector});")
@@ -218,9 +218,9 @@ class ForceLines:
             if RATES[0] in kernel.parameters:
                 self._difference("rate", e, "velocity")
         self._split(number, AXES, "d", members)
-        if self.is_settled:
+        if self.is_checked_by_sums:
             vector = ", ".join(f"{axis}_{number}" for axis in AXES)
-            self._lines.append(f"spread = spread + four_square({vector});")
+            self._lines.append(f"length_sum = length_sum + four_square({vector});")
         if RATES[0] in kernel.parameters:
             self._split(number, RATES, "rate", members)
         for name in kernel.parameters:
@@ -243,7 +243,7 @@ class ForceLines:
         self._lines.append(f"four_split({vectors}, {', '.join(f'&{four}' for four in fours)});")
 
     def _value(self, name: str, values: list[Scalar]) -> None:
-        value = self.given.four(values)
+        value = self.scalars.four(values)
         if all(item.is_constant() for item in values):
             value = f"four_of({', '.join(print_number(float(item)) for item in values)})"
         self._lines.append(f"const lanes_four {name} = {value};")

@@ -10,13 +10,14 @@ if TYPE_CHECKING:
     from matplotlib.colors import LinearSegmentedColormap
 
 
-INK = "#1f2933"
-MUTED = "#5c6670"
-GRID = "#d9dee3"
-PAPER = "#ffffff"
+INK = "#1f2933"  # text, and lines that are read first
+MUTED = "#5c6670"  # secondary text: axis ticks, notes
+GRID = "#d9dee3"  # grid lines, and areas without data
+PAPER = "#ffffff"  # background
+
 BAR = "#33506e"
 CABLE = "#d55e00"
-SLACK = "#8c949c"
+SLACK = "#8c949c"  # slack cables
 NODE = "#f4f6f8"
 UNKNOWN = "#f2e2a0"  # a member whose tension is not known; on no scale of tensions
 

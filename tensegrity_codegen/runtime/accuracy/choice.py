@@ -39,22 +39,22 @@ MIN_ALLOWED_STEPS = 2_000  # implicit steps that are allowed even where explicit
 
 @dataclass(frozen=True)
 class Choice:
-    """A method, a sentence that says why, and the one to take where it fails.
+    """A method, a sentence that says why, and the fallback after a failure.
 
     noise: what rounding of positions makes of velocities [m/s], below which no step can be held; frequency:
-    bound of the fastest vibration [rad/s]; most_steps: of an implicit run, before the other method has its
-    turn, and most_otherwise of that one; quiet: amplitude [m] of vibrations that it takes along smoothly;
-    vibration: these, as far as known.
+    bound of the fastest vibration [rad/s]; fallback: the method after the implicit one fails, "" for none;
+    max_steps, max_fallback_steps: of an implicit run, and of one of the fallback; damped_amplitude: amplitude
+    [m] up to which the implicit method damps out vibrations; vibration: these, as far as known.
     """
 
     name: str
     why: str
-    otherwise: str = ""
+    fallback: str = ""
     noise: float = 0.0
     frequency: float = 0.0
-    most_steps: int = UNLIMITED
-    most_otherwise: int = UNLIMITED
-    quiet: float = 0.0
+    max_steps: int = UNLIMITED
+    max_fallback_steps: int = UNLIMITED
+    damped_amplitude: float = 0.0
     vibration: Vibration | None = None
 
 
@@ -166,12 +166,12 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
         explicit,
         name=STIFF_INTEGRATOR,
         why=f"{ratio} and vibrate by {amplitude:.2g} m: {compared}",
-        otherwise=explicit.name if steps <= MAX_EXPLICIT_STEPS else "",
-        most_steps=int(MIN_ALLOWED_STEPS + steps / IMPLICIT_STEP_COST)
+        fallback=explicit.name if steps <= MAX_EXPLICIT_STEPS else "",
+        max_steps=int(MIN_ALLOWED_STEPS + steps / IMPLICIT_STEP_COST)
         if steps <= MAX_EXPLICIT_STEPS
         else UNLIMITED,
-        most_otherwise=int(MIN_ALLOWED_STEPS + STEP_RESERVE * steps),
-        quiet=float(vibration.others[0]),
+        max_fallback_steps=int(MIN_ALLOWED_STEPS + STEP_RESERVE * steps),
+        damped_amplitude=float(vibration.others[0]),
         vibration=vibration,
     )
 

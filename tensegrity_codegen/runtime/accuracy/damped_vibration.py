@@ -51,11 +51,15 @@ def integrate_implicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
     as integrate_implicit.
     """
     found = _tighten(motion, options)
-    return _tighten(replace(motion, watch=Watch()), options) if is_held_up(motion, found) else found
+    return (
+        _tighten(replace(motion, watch=Watch()), options)
+        if has_too_many_unwatched_events(motion, found)
+        else found
+    )
 
 
-def is_held_up(motion: Motion, found: RawTrajectory) -> bool:
-    """Whether events that nobody asked for have held a run up."""
+def has_too_many_unwatched_events(motion: Motion, found: RawTrajectory) -> bool:
+    """Return whether a run ended by too many events, which were not requested."""
     return found.status == TOO_MANY_EVENTS and motion.watch is None
 
 
@@ -78,13 +82,15 @@ def _tighten(motion: Motion, options: RunOptions) -> RawTrajectory:
 
     def run(rtol: float, atol: float) -> RawTrajectory:
         raw = integrate_implicit(motion, options.within(rtol, atol))
-        return note_vibration(motion, raw, vibration.damped_out(atol + rtol * size), stiff, rates.frequency)
+        return add_vibration_errors(
+            motion, raw, vibration.damped_out(atol + rtol * size), stiff, rates.frequency
+        )
 
     rounding = Rounding(lambda: rates.frequency, model.manifest.is_centre)
     checks = Checks(
-        vibration=read_vibration, min_counted=min_counted, resolves_vibration=True, rounding=rounding
+        vibration=read_vibration_errors, min_counted=min_counted, resolves_vibration=True, rounding=rounding
     )
-    return tell_vibration(tighten_until_converged(run, tolerance, checks), options)
+    return report_vibration(tighten_until_converged(run, tolerance, checks), options)
 
 
 def find_min_counted(motion: Motion) -> float:
@@ -98,10 +104,10 @@ def find_min_counted(motion: Motion) -> float:
 # --- what a run says of vibrations -------------------------------------------------------------------
 
 
-def note_vibration(
+def add_vibration_errors(
     motion: Motion, raw: RawTrajectory, error: FloatArray, stiff: tuple[int, ...], frequency: float
 ) -> RawTrajectory:
-    """Return the run with the word how far positions, velocities and tensions are off at most.
+    """Return the run with bounds of the errors of positions, velocities and tensions in its evidence.
 
     error (3,): by the vibrations of the start, to which those that jumps and kinks excite are added;
     stiff: the members that vibrate; frequency [rad/s]: the fastest of their vibrations.
@@ -111,13 +117,13 @@ def note_vibration(
     return replace(raw, evidence={**raw.evidence, **evidence})
 
 
-def read_vibration(raw: RawTrajectory) -> FloatArray:
+def read_vibration_errors(raw: RawTrajectory) -> FloatArray:
     """Return how far positions [m] and velocities [m/s] may be off by vibrations of stiff members, (2,)."""
     return np.array([raw.evidence.get(name, 0.0) for name in VIBRATION_ERRORS[:2]])
 
 
-def tell_vibration(raw: RawTrajectory, options: RunOptions) -> RawTrajectory:
-    """Return the run with a word on velocities and tensions that miss the tolerance; positions must not."""
+def report_vibration(raw: RawTrajectory, options: RunOptions) -> RawTrajectory:
+    """Return the run; its message reports velocities and tensions that miss the tolerance."""
     n = raw.state.shape[1] // 2
     _, speed, pull = (raw.evidence.get(name, 0.0) for name in VIBRATION_ERRORS)
     speed -= raw.evidence.get("rounding_speed_error", 0.0)  # no method resolves that

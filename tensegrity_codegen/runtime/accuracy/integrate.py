@@ -6,7 +6,7 @@ from tensegrity_codegen.runtime.accuracy.automatic import integrate_auto
 from tensegrity_codegen.runtime.accuracy.damped_vibration import integrate_implicit_to_samples
 from tensegrity_codegen.runtime.accuracy.explicit import integrate_explicit_to_samples
 from tensegrity_codegen.runtime.accuracy.rates import find_fastest
-from tensegrity_codegen.runtime.accuracy.scales import scale_to_motion
+from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_motion
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_by_doubling
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
@@ -41,7 +41,7 @@ NEW_RUN_DROP = 1e-6  # a fraction smaller than the last one by more than this is
 
 def integrate(motion: Motion, options: RunOptions) -> RawTrajectory:
     """Return the states at the sample times by one of METHODS, checked unless `control` is "steps"."""
-    options = scale_to_motion(motion, options)
+    options = set_atol_by_motion(motion, options)
     if options.control == "steps":
         run = integrate_once(motion, options)
         return replace(run, message=f"{run.message}; {NOT_ESTIMATED}") if run.status == "ok" else run

@@ -86,7 +86,7 @@ def analyse(
     require_model(model)
     _check_options(rank_tolerance, n_modes)
     at = read_configuration(model, coordinate, arguments)
-    rank = find_rank(at.matrix, tolerance=rank_tolerance, rounding=at.rounding)
+    rank = find_rank(at.equilibrium_matrix, tolerance=rank_tolerance, rounding=at.rounding)
     motions = find_free_motions(rank, at.rigid_motions)
     tensions = _find_tensions(at, rank, motions)
     stiffness = find_stability(at.problem, at.point)
@@ -102,7 +102,7 @@ def analyse(
         largest_force=at.point.largest_force,
         is_balanced=_check_forces(at),
         rank=rank,
-        parts=tuple(tuple(names[node] for node in part) for part in at.parts),
+        parts=tuple(tuple(names[node] for node in part) for part in at.separate_parts),
         rigid_motion=at.node_velocities(motions.rigid),
         mechanism=at.node_velocities(motions.mechanism),
         prestress=tensions.prestress,
@@ -136,7 +136,7 @@ class _Tensions:
 
 def _find_tensions(at: Configuration, rank: Rank, motions: FreeMotions) -> _Tensions:
     """Return tensions without and with loads, or proofs that there are none, and their stability."""
-    only, matrix = at.tension_only, at.matrix
+    only, matrix = at.tension_only, at.equilibrium_matrix
     prestress = find_prestress(rank.selfstress, only)
     certificate = None if prestress.is_found else find_certificate(matrix, only, rank=rank)
     note, loaded, load_certificate = _describe_load(at, rank, motions), None, None
@@ -161,7 +161,7 @@ def _find_stability(
 
     Self-stress does not hold rigid motions that the supports allow; there the loads decide.
     """
-    none = np.zeros((len(at.at), 0))
+    none = np.zeros((len(at.coordinate), 0))
     if loaded is not None and not (prestress.is_found and prestress.tension.any()):
         return find_prestress_stability(at, motions, loaded.tension, loaded=True)
     own = FreeMotions(none, motions.mechanism)
@@ -191,12 +191,14 @@ def _find_bar_distance(at: Configuration) -> FloatArray | None:
     """Return the distances between bars, None where no limit asks for them."""
     if not math.isfinite(at.structure.limits.clearance) or not at.problem.model.has("bar_distance"):
         return None
-    return np.asarray(at.problem.compute("bar_distance", at.at), dtype=float)
+    return np.asarray(at.problem.compute("bar_distance", at.coordinate), dtype=float)
 
 
 def _check_forces(at: Configuration) -> bool:
     """Return whether the present forces are in balance."""
-    floor = at.problem.rounding_floor(at.problem.stiffness(at.at), at.point) if len(at.at) else 0.0
+    floor = 0.0
+    if len(at.coordinate):
+        floor = at.problem.rounding_floor(at.problem.stiffness(at.coordinate), at.point)
     return at.point.is_balanced(BALANCE_TOLERANCE, floor)
 
 

@@ -26,8 +26,8 @@ from tensegrity_codegen.tables.formulations import find_formulation
 Subject = Structure | BodySystem
 
 EPSILON = float(np.finfo(float).eps)
-LOAD_TOLERANCE = 1e-12  # part of the forces from which loads are found that is rounding
-STEP = 1e-3  # of the extent: step of differences of fourth order
+LOAD_TOLERANCE = 1e-12  # loads below this part of the forces from which they are computed are rounding
+DIFFERENCE_STEP = 1e-3  # of the extent of the structure: step of differences of fourth order
 
 
 class Configuration:
@@ -48,9 +48,9 @@ class Configuration:
         self.structure = structure
         self.point = point
         self.manifest = problem.model.manifest
-        self.at = point.coordinate
-        self.position = problem.node_position(self.at)
-        self.length = np.array(problem.compute("member_length", self.at), dtype=float)
+        self.coordinate = point.coordinate
+        self.position = problem.node_position(self.coordinate)
+        self.length = np.array(problem.compute("member_length", self.coordinate), dtype=float)
         self.tension_only = np.asarray(structure.tension_only, dtype=bool)
 
     @property
@@ -59,121 +59,122 @@ class Configuration:
         return self.point.tension
 
     @cached_property
-    def matrix(self) -> FloatArray:
+    def equilibrium_matrix(self) -> FloatArray:
         """Equilibrium matrix A = (dl/dx)^T, (n_directions, n_members)."""
-        return np.asarray(self.problem.compute("equilibrium_matrix", self.at).toarray())
+        return np.asarray(self.problem.compute("equilibrium_matrix", self.coordinate).toarray())
 
     @property
     def rounding(self) -> float:
         """Relative error of direction cosines of members due to rounding of positions."""
-        reach = float(np.abs(self.position).max(initial=0.0))
-        return EPSILON * max(1.0, reach / float(self.length.min(initial=np.inf)))
+        largest_coordinate = float(np.abs(self.position).max(initial=0.0))
+        return EPSILON * max(1.0, largest_coordinate / float(self.length.min(initial=np.inf)))
 
     @cached_property
     def load(self) -> FloatArray:
         """Weight and loads along the directions, (n_directions,) [N]; exactly zero where there are none."""
         residual = self.point.residual
-        load: FloatArray = residual + self.matrix @ self.tension
-        size = np.abs(self.matrix) @ np.abs(self.tension) + np.abs(residual)
-        none = np.linalg.norm(load) <= LOAD_TOLERANCE * np.linalg.norm(size)
-        return np.zeros_like(load) if none else load
+        load: FloatArray = residual + self.equilibrium_matrix @ self.tension
+        size = np.abs(self.equilibrium_matrix) @ np.abs(self.tension) + np.abs(residual)
+        is_rounding = np.linalg.norm(load) <= LOAD_TOLERANCE * np.linalg.norm(size)
+        return np.zeros_like(load) if is_rounding else load
 
     @cached_property
-    def parts(self) -> tuple[tuple[int, ...], ...]:
+    def separate_parts(self) -> tuple[tuple[int, ...], ...]:
         """Nodes of each part of the structure that no members join to the others."""
         return find_parts(self.manifest)
 
     @cached_property
     def rigid_motions(self) -> FloatArray:
         """Orthonormal rigid motions of each part that the supports allow, (n_directions, k)."""
-        return build_part_motions(self.manifest, self.position, self.parts)
+        return build_part_motions(self.manifest, self.position, self.separate_parts)
 
     def node_velocities(self, directions: FloatArray) -> FloatArray:
-        """Return how nodes move along directions (n_directions, k), (n_nodes, 3, k)."""
-        return StaticProblem.node_velocities(self.problem, self.at, directions)
+        """Return the node velocities (n_nodes, 3, k) of unit rates along directions (n_directions, k)."""
+        return StaticProblem.node_velocities(self.problem, self.coordinate, directions)
 
     def geometric_stiffness(self, tension: FloatArray, directions: FloatArray) -> FloatArray:
         """Return sum t_e d2l_e/dx2 along directions (n_directions, k), (k, k) [N/m]."""
-        across = self._across(directions)
+        transverse = self._find_transverse_velocities(directions)
         weight = np.repeat(tension / self.length, 3)
-        flat = across.reshape(-1, across.shape[2])
+        flat = transverse.reshape(-1, transverse.shape[2])
         return np.asarray(flat.T @ (weight[:, None] * flat))
 
     def curvature(self, direction: FloatArray) -> FloatArray:
         """Return d2l_e/ds2 of each member along one direction (n_directions,), (n_members,) [1/m]."""
-        across = self._across(direction[:, None])[:, :, 0]
-        return np.asarray(np.sum(across**2, axis=1) / self.length)
+        transverse = self._find_transverse_velocities(direction[:, None])[:, :, 0]
+        return np.asarray(np.sum(transverse**2, axis=1) / self.length)
 
     def load_stiffness(self, directions: FloatArray) -> FloatArray:
         """Return the stiffness of loads along directions (n_directions, k), (k, k) [N/m]: none."""
         return np.zeros((directions.shape[1], directions.shape[1]))
 
-    def _across(self, directions: FloatArray) -> FloatArray:
+    def _find_transverse_velocities(self, directions: FloatArray) -> FloatArray:
         """Return the velocities of members' ends relative to each other, across the members, (m, 3, k)."""
         ends = np.array(self.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
         unit = (self.position[ends[:, 0]] - self.position[ends[:, 1]]) / self.length[:, None]
         velocity = self.node_velocities(directions)
-        change = velocity[ends[:, 0]] - velocity[ends[:, 1]]
-        along = np.einsum("ea,eak->ek", unit, change)
-        return np.asarray(change - unit[:, :, None] * along[:, None, :])
+        relative_velocity = velocity[ends[:, 0]] - velocity[ends[:, 1]]
+        axial_velocity = np.einsum("ea,eak->ek", unit, relative_velocity)
+        return np.asarray(relative_velocity - unit[:, :, None] * axial_velocity[:, None, :])
 
 
 class BodyConfiguration(Configuration):
     """A configuration of bodies; second derivatives are differences of fourth order."""
 
     @cached_property
-    def matrix(self) -> FloatArray:
+    def equilibrium_matrix(self) -> FloatArray:
         """Equilibrium matrix of the tendons over x = s q, (n_coordinates, n_members)."""
-        return self._matrix_at(self.at)
+        return self._compute_equilibrium_matrix(self.coordinate)
 
     @cached_property
-    def parts(self) -> tuple[tuple[int, ...], ...]:
+    def separate_parts(self) -> tuple[tuple[int, ...], ...]:
         """All nodes: bodies join them."""
-        return (tuple(range(len(self.position))),) if len(self.at) else ()
+        return (tuple(range(len(self.position))),) if len(self.coordinate) else ()
 
     @cached_property
     def rigid_motions(self) -> FloatArray:
         """Orthonormal rigid motions of the whole system, (n_coordinates, k)."""
-        return self.problem.rigid_motions(self.at)
+        return self.problem.rigid_motions(self.coordinate)
 
     def node_velocities(self, directions: FloatArray) -> FloatArray:
-        """Return how nodes move along directions (n_coordinates, k) of x, (n_nodes, 3, k)."""
-        return self.problem.node_velocities(self.at, directions)
+        """Return the node velocities (n_nodes, 3, k) of unit rates along directions (n_coordinates, k)."""
+        return self.problem.node_velocities(self.coordinate, directions)
 
     def geometric_stiffness(self, tension: FloatArray, directions: FloatArray) -> FloatArray:
         """Return sum t_e d2l_e/dx2 along directions (n_coordinates, k), (k, k) [N/m]."""
-        return self._differentiate(lambda x: self._matrix_at(x) @ tension, directions)
+        return self._differentiate(lambda x: self._compute_equilibrium_matrix(x) @ tension, directions)
 
     def curvature(self, direction: FloatArray) -> FloatArray:
         """Return d2l_e/ds2 of each member along one direction (n_coordinates,), (n_members,) [1/m]."""
-        return self._difference(lambda x: self._matrix_at(x).T @ direction, direction)
+        return self._difference(lambda x: self._compute_equilibrium_matrix(x).T @ direction, direction)
 
     def load_stiffness(self, directions: FloatArray) -> FloatArray:
         """Return the stiffness of weight and loads, which turn bodies, (k, k) [N/m]."""
 
         def load(x: FloatArray) -> FloatArray:
             residual, tension = self.problem.forces(x)
-            return np.asarray(-residual - self._matrix_at(x) @ tension)
+            return np.asarray(-residual - self._compute_equilibrium_matrix(x) @ tension)
 
         if not self.load.any():
             return super().load_stiffness(directions)
         return self._differentiate(load, directions)
 
-    def _matrix_at(self, x: FloatArray) -> FloatArray:
+    def _compute_equilibrium_matrix(self, x: FloatArray) -> FloatArray:
         scale = self.problem.scale  # type: ignore[attr-defined]
         return np.asarray(self.problem.compute("equilibrium_matrix", x).toarray() / scale[:, None])
 
     def _differentiate(self, function: Any, directions: FloatArray) -> FloatArray:
         """Return the symmetric part of directions^T df/dx directions."""
         columns = [self._difference(function, column) for column in directions.T]
-        matrix = directions.T @ np.array(columns).reshape(-1, len(directions)).T
-        return np.asarray((matrix + matrix.T) / 2)
+        product = directions.T @ np.array(columns).reshape(-1, len(directions)).T
+        return np.asarray((product + product.T) / 2)
 
     def _difference(self, function: Any, direction: FloatArray) -> FloatArray:
         """Return df/ds along a direction, by differences of fourth order."""
-        step = STEP * self.problem.extent(self.at, self.length) / float(np.abs(direction).max())
-        at = [np.asarray(function(self.at + k * step * direction)) for k in (-2, -1, 1, 2)]
-        return np.asarray((at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * step))
+        extent = self.problem.extent(self.coordinate, self.length)
+        step = DIFFERENCE_STEP * extent / float(np.abs(direction).max())
+        samples = [np.asarray(function(self.coordinate + k * step * direction)) for k in (-2, -1, 1, 2)]
+        return np.asarray((samples[0] - 8 * samples[1] + 8 * samples[2] - samples[3]) / (12 * step))
 
 
 def read_configuration(
@@ -204,14 +205,14 @@ def read_configuration(
     """
     problem = build_problem(model, arguments)
     require_quantities(model, ("equilibrium_matrix",), "an analysis of tensions needs")
-    own = model.nominal("coordinate").ravel()
-    given = own if coordinate is None else to_doubles(coordinate, "coordinate", f"shape {own.shape}")
-    check_shape(given, own.shape, "coordinate")
-    check_finite(given, "coordinate")
+    nominal = model.nominal("coordinate").ravel()
+    start = nominal if coordinate is None else to_doubles(coordinate, "coordinate", f"shape {nominal.shape}")
+    check_shape(start, nominal.shape, "coordinate")
+    check_finite(start, "coordinate")
     of_bodies = find_formulation(model.manifest.formulation).of_bodies
     if not of_bodies:
-        _check_lengths(problem, given)
-    point = problem.find_point(problem.to_search_coordinate(given))
+        _check_lengths(problem, start)
+    point = problem.find_point(problem.to_search_coordinate(start))
     if point is None:
         raise FormulationError(
             "the forces in this configuration are not finite",

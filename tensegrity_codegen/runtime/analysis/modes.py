@@ -61,7 +61,7 @@ def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None
     lengths of rigid bars, orthogonal to the rigid motions.
     """
     problem = at.problem
-    stiffness = np.asarray(problem.stiffness(at.at).toarray())
+    stiffness = np.asarray(problem.stiffness(at.coordinate).toarray())
     mass = _find_mass(at)
     if len(mass) and mass.diagonal().min() <= 0.0:
         return None
@@ -73,7 +73,7 @@ def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None
     value, vector = linalg.eigh(k, m)
     chosen = slice(0, min(count, total))
     square = np.where(np.abs(value) > ZERO_FREQUENCY_TOLERANCE * np.abs(value).max(), value, 0.0)[chosen]
-    shape = problem.node_velocities(at.at, basis @ vector[:, chosen])
+    shape = problem.node_velocities(at.coordinate, basis @ vector[:, chosen])
     largest = np.linalg.norm(shape, axis=1).max(axis=0)
     return Modes(
         frequency=np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi),
@@ -87,9 +87,9 @@ def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None
 def _find_mass(at: Configuration) -> FloatArray:
     """Return the mass matrix over the directions of the static problem."""
     problem = at.problem
-    mass = np.asarray(problem.compute("mass_matrix", at.at).toarray())
+    mass = np.asarray(problem.compute("mass_matrix", at.coordinate).toarray())
     if isinstance(problem, BarProblem):
-        directions = problem.directions(at.at)
+        directions = problem.directions(at.coordinate)
         return np.asarray(directions.T @ mass @ directions)
     if find_formulation(at.manifest.formulation).of_bodies:
         scale = problem.scale  # type: ignore[attr-defined]

@@ -9,7 +9,7 @@ from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.system.arrays import FloatArray
 
-TRIAL_MOTION_RATIO = 0.1  # of the structure's size: rigid motion under which its forces are looked at
+TRIAL_MOTION_RATIO = 0.1  # of the structure's size: trial motion, after which forces are computed
 ZERO_FORCE_TOLERANCE = 1e-7  # part of the forces along rigid motions that counts as none
 
 
@@ -58,20 +58,22 @@ class PinnedPath:
 
 
 def pin_path(path: ModelPath, start: FloatArray) -> PinnedPath | None:
-    """Return the path with its rigid motions held; None where they are none of it, or not free at its end.
+    """Return the path with its rigid motions held; None without such motions, or with forces along them.
 
-    They are free if no force acts along them at load factor 1, near `start` (n,): gravity on a structure
-    that hangs from a joint is such a force, tensions of its own cables are none.
+    Forces are those at load factor 1, near `start` (n,). Gravity on a structure that hangs from a joint acts
+    along a rigid motion; tensions of its own cables do not.
     """
     if not path.model.manifest.coordinate_node_axis:
         return None
     pinned = PinnedPath(path)
-    motions = pinned.motions(start)
-    if motions.shape[1] == 0:
+    rigid_motions = pinned.motions(start)
+    if rigid_motions.shape[1] == 0:
         return None
+    # Move the structure as a whole, by a trial motion of all rigid motions together.
     position = place_nodes(path.model, start)
     size = float(np.ptp(position, axis=0).max(initial=0.0)) * np.sqrt(len(position))
-    aside = start + TRIAL_MOTION_RATIO * size * motions.sum(axis=1) / motions.shape[1]
-    force = path.static_force(aside, 1.0)
-    along = np.linalg.norm(pinned.motions(aside).T @ force)
-    return pinned if along <= ZERO_FORCE_TOLERANCE * np.linalg.norm(force) else None
+    moved = start + TRIAL_MOTION_RATIO * size * rigid_motions.sum(axis=1) / rigid_motions.shape[1]
+    # Forces between its own members have no component along rigid motions there either.
+    force = path.static_force(moved, 1.0)
+    force_along = np.linalg.norm(pinned.motions(moved).T @ force)
+    return pinned if force_along <= ZERO_FORCE_TOLERANCE * np.linalg.norm(force) else None

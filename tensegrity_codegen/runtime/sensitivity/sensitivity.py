@@ -95,11 +95,11 @@ def equilibrium_sensitivity(
     problem = build_problem(model, arguments)
     if has_springs(model.manifest):
         require_quantities(model, REST_LENGTH_QUANTITIES, "a sensitivity needs")
-    names, chosen = select_columns(model, columns)
+    names, column_members = select_columns(model, columns)
     point = _find_point(problem, equilibrium)
     system = build_system(problem, point)
     _check_balance(problem, point, system, tolerance)
-    return _solve(problem, point, system, names, chosen)
+    return _solve(problem, point, system, names, column_members)
 
 
 def _find_point(problem: StaticProblem, equilibrium: Equilibrium | ArrayLike | None) -> Point:
@@ -139,27 +139,33 @@ def _check_balance(problem: StaticProblem, point: Point, system: StaticSystem, t
 
 
 def _solve(
-    problem: StaticProblem, point: Point, system: StaticSystem, names: tuple[str, ...], chosen: Any
+    problem: StaticProblem, point: Point, system: StaticSystem, names: tuple[str, ...], column_members: Any
 ) -> Sensitivity:
+    # Hold the motions that cost no force (gauge) and the lengths of rigid bars, by rows beside the stiffness.
     gauge, rounding = find_gauge(problem, point, system)
-    border = sparse.vstack([system.constraint, system.build_gauge_rows(gauge)], format="csc")
-    factors, is_regular = factorise(system.stiffness, border, gauge, max(rounding, 1e-300))
+    constraint_rows = sparse.vstack([system.constraint, system.build_gauge_rows(gauge)], format="csc")
+    factors, is_regular = factorise(system.stiffness, constraint_rows, gauge, max(rounding, 1e-300))
     eigenvalue, direction = factors.find_softest()
     if not is_regular or abs(eigenvalue) <= rounding:
-        raise _singular(problem, point, 0.0 if not is_regular else eigenvalue, rounding, direction)
-    force = np.asarray((system.force @ chosen).toarray())
-    kept = np.zeros((border.shape[0], len(names)))
-    kept[: len(system.bar)] = chosen[system.bar].toarray()
-    moved, pulls, refined = factors.solve(force, kept)
+        raise _describe_unresisted_motion(
+            problem, point, 0.0 if not is_regular else eigenvalue, rounding, direction
+        )
+    # Right-hand sides: forces of changed rest lengths, and the changed lengths of rigid bars.
+    force = np.asarray((system.force @ column_members).toarray())
+    constraint_change = np.zeros((constraint_rows.shape[0], len(names)))
+    constraint_change[: len(system.bar)] = column_members[system.bar].toarray()
+    displacement, multiplier, refinement_change = factors.solve(force, constraint_change)
+    # Tensions: of elastic members by their laws, of rigid bars the multipliers of their lengths.
     tension = np.asarray(
-        system.tension_jacobian @ moved + sparse.diags_array(system.tension_rest_length_derivative) @ chosen
+        system.tension_jacobian @ displacement
+        + sparse.diags_array(system.tension_rest_length_derivative) @ column_members
     )
-    tension[system.bar] = pulls[: len(system.bar)]
+    tension[system.bar] = multiplier[: len(system.bar)]
     manifest = problem.model.manifest
     return Sensitivity(
-        coordinate=moved / system.scale[:, None],
+        coordinate=displacement / system.scale[:, None],
         tension=tension,
-        node=find_node_velocities(problem, point, moved),
+        node=find_node_velocities(problem, point, displacement),
         coordinate_name=manifest.coordinate_name,
         node_name=manifest.node_name,
         member_name=manifest.member_name,
@@ -169,7 +175,7 @@ def _solve(
         slack=_find_slack(problem, point, system),
         one_sided=_find_one_sided(problem, point, system),
         smallest_eigenvalue=eigenvalue,
-        rounding=refined,
+        rounding=refinement_change,
         residual=point.node_force,
         largest_force=point.largest_force,
     )
@@ -197,16 +203,20 @@ def _find_one_sided(problem: StaticProblem, point: Point, system: StaticSystem) 
     return tuple(model.manifest.member_name[e] for e in np.flatnonzero(is_near))
 
 
-def _singular(
+def _describe_unresisted_motion(
     problem: StaticProblem, point: Point, eigenvalue: float, rounding: float, direction: FloatArray
 ) -> SingularStiffnessError:
     """Return the error of a motion without resistance, with the nodes that move most in it."""
-    field = find_node_velocities(problem, point, direction[:, None])[:, :, 0]
-    size = np.linalg.norm(field, axis=1)
-    largest = np.argsort(-size, kind="stable")[:MAX_NAMED_NODES]
-    unit = size.max(initial=0.0) or 1.0
+    node_velocity = find_node_velocities(problem, point, direction[:, None])[:, :, 0]
+    speed = np.linalg.norm(node_velocity, axis=1)
+    fastest = np.argsort(-speed, kind="stable")[:MAX_NAMED_NODES]
+    largest_speed = speed.max(initial=0.0) or 1.0
     names = problem.model.manifest.node_name
-    motion = {names[k]: [round(float(v), 6) + 0.0 for v in field[k] / unit] for k in largest if size[k] > 0}
+    motion = {
+        names[k]: [round(float(v), 6) + 0.0 for v in node_velocity[k] / largest_speed]
+        for k in fastest
+        if speed[k] > 0
+    }
     return SingularStiffnessError(
         f"nothing resists a motion of the nodes {', '.join(motion)}: the equilibrium has no sensitivity",
         evidence={"smallest_eigenvalue": eigenvalue, "rounding": rounding, "motion": motion},

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.accuracy.integrate import join_runs
 from tensegrity_codegen.runtime.accuracy.rates import find_fastest_of_batch
-from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
+from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_length
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_batch_by_doubling
 from tensegrity_codegen.runtime.integrate.batch_integration import (
     choose_batch_control,
@@ -126,25 +126,25 @@ def simulate_batch(
     """
     require_model(model)
     check_callback(progress, "progress")
-    steps = read_stepping(stepping)
-    options = steps.with_method(method, rtol)
+    stepping_options = read_stepping(stepping)
+    options = stepping_options.with_method(method, rtol)
     check_options(options, t_end, samples)
     require_simulation(model)
-    options = choose_batch_control(options, steps.control)
+    options = choose_batch_control(options, stepping_options.control)
     side_by_side = runs_side_by_side(options) and schedule is None
     if side_by_side:
-        options = scale_to_length(model.manifest, options)
+        options = set_atol_by_length(model.manifest, options)
     check_threads(threads)
     schedules = tuple(schedule) if isinstance(schedule, Sequence) else schedule
     check_profiles(model, schedules, arguments)
-    given = merge_inputs(model.manifest, arguments, is_batch=True, dtype=model.dtype)
-    starts = _read_starts(model, coordinate, velocity, given, schedules)
+    merged = merge_inputs(model.manifest, arguments, is_batch=True, dtype=model.dtype)
+    starts = _read_starts(model, coordinate, velocity, merged, schedules)
     check_sample_memory(model.manifest, len(starts.state) * samples)
     times = np.linspace(0.0, t_end, samples)
     if not side_by_side:
         return _simulate_one_by_one(model, starts, times, options, schedules, threads, progress)
-    own = {name: array for name, (array, _) in starts.arguments.items()}
-    motion = Motion(model, _make_consistent(model, starts), times, own, progress)
+    run_arguments = {name: array for name, (array, _) in starts.arguments.items()}
+    motion = Motion(model, _make_consistent(model, starts), times, run_arguments, progress)
     raw = _integrate(motion, options, threads)
     return evaluate_batch(model, raw, starts.arguments, threads)
 
@@ -165,18 +165,20 @@ def _read_starts(
     schedules: Sequence[Profile | Schedule] | Profile | Schedule | None,
 ) -> _Starts:
     check_arguments(model.manifest, arguments)
-    given = {
+    batched_arguments = {
         name: to_batch(value, model.nominal(name).shape, model.library.precision, name)
         for name, value in arguments.items()
     }
-    parts = {"coordinate": _initial(model, "coordinate", coordinate)}
-    parts["velocity"] = _initial(model, "velocity", velocity)
-    lengths = {name: len(array) for name, (array, is_batched) in (given | parts).items() if is_batched}
+    initial = {"coordinate": _read_initial(model, "coordinate", coordinate)}
+    initial["velocity"] = _read_initial(model, "velocity", velocity)
+    lengths = {
+        name: len(array) for name, (array, is_batched) in (batched_arguments | initial).items() if is_batched
+    }
     if isinstance(schedules, Sequence):
         lengths["schedule"] = len(schedules)
     n_batch = agree_on_rows(lengths, "simulate_batch", "use simulate() for a single motion")
-    rows = [array if is_batched else np.tile(array, (n_batch, 1)) for array, is_batched in parts.values()]
-    return _Starts(np.concatenate(rows, axis=1), given)
+    rows = [array if is_batched else np.tile(array, (n_batch, 1)) for array, is_batched in initial.values()]
+    return _Starts(np.concatenate(rows, axis=1), batched_arguments)
 
 
 def _integrate(motion: Motion, options: RunOptions, threads: int) -> RawBatch:
@@ -193,7 +195,7 @@ def _integrate(motion: Motion, options: RunOptions, threads: int) -> RawBatch:
     )
 
 
-def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> tuple[FloatArray, bool]:
+def _read_initial(model: CompiledModel, name: str, value: ArrayLike | None) -> tuple[FloatArray, bool]:
     nominal = model.nominal(name)
     return to_batch(nominal if value is None else value, nominal.shape, model.library.precision, name)
 
@@ -203,15 +205,15 @@ def _make_consistent(model: CompiledModel, starts: _Starts) -> FloatArray:
     state = starts.state
     if not model.has("consistent_coordinate"):
         return state
-    n, rows = state.shape[1] // 2, []
+    n_coordinates, consistent = state.shape[1] // 2, []
     for k, row in enumerate(state):
-        if not np.isfinite(row).all():  # the integrator says so
-            rows.append(row)
+        if not np.isfinite(row).all():  # the integrator reports it
+            consistent.append(row)
             continue
-        rows.append(
-            np.concatenate(make_consistent(model, row[:n], row[n:], select_motion(starts.arguments, k)))
-        )
-    return np.array(rows)
+        coordinate, velocity = row[:n_coordinates], row[n_coordinates:]
+        corrected = make_consistent(model, coordinate, velocity, select_motion(starts.arguments, k))
+        consistent.append(np.concatenate(corrected))
+    return np.array(consistent)
 
 
 def _simulate_one_by_one(
@@ -227,75 +229,78 @@ def _simulate_one_by_one(
 
     A motion that cannot even begin has the status "non_finite_input" or "unstable" and no samples.
     """
-    n, state = starts.state.shape[1] // 2, starts.state
+    n_coordinates, state = starts.state.shape[1] // 2, starts.state
 
     def run(k: int) -> Trajectory | tuple[str, str]:
-        own = select_motion(starts.arguments, k)
-        if not all(np.isfinite(array).all() for array in (state[k], *own.values())):
+        arguments_of_motion = select_motion(starts.arguments, k)
+        if not all(np.isfinite(array).all() for array in (state[k], *arguments_of_motion.values())):
             return "non_finite_input", "the initial state or an argument is not finite"
         try:
             return simulate(
                 model,
                 float(times[-1]),
                 samples=len(times),
-                coordinate=state[k, :n],
-                velocity=state[k, n:],
-                arguments=own,
+                coordinate=state[k, :n_coordinates],
+                velocity=state[k, n_coordinates:],
+                arguments=arguments_of_motion,
                 schedule=schedule[k] if isinstance(schedule, Sequence) else schedule,
                 **options.as_given(),
             )
         except NonFiniteError as error:
             return "unstable", str(error.problem)
 
-    found: list[Trajectory | tuple[str, str]] = []  # or why there is none
+    # Of each motion: samples, or status and message where there are none.
+    outcomes: list[Trajectory | tuple[str, str]] = []
     with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
         try:
-            for one in pool.map(run, range(len(state))):
-                found.append(one)
+            for outcome in pool.map(run, range(len(state))):
+                outcomes.append(outcome)
                 if progress is not None:
-                    progress(len(found) / len(state))
+                    progress(len(outcomes) / len(state))
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    return _stack(model, times, found, options.method)
+    return _join_motions(model, times, outcomes, options.method)
 
 
-def _stack(
-    model: CompiledModel, time: FloatArray, found: list[Trajectory | tuple[str, str]], method: str
+def _join_motions(
+    model: CompiledModel, time: FloatArray, outcomes: list[Trajectory | tuple[str, str]], method: str
 ) -> BatchTrajectory:
-    """Return the motions as one, NAN where samples were not reached."""
-    manifest, n_batch, n_t = model.manifest, len(found), len(time)
-    n, nodes, members = len(manifest.coordinate_name), len(manifest.node_name), len(manifest.member_name)
+    """Return one record of all motions; NAN where samples were not reached, -1 for unknown rejected steps."""
+    manifest, n_batch, n_samples = model.manifest, len(outcomes), len(time)
+    n_coordinates, n_nodes = len(manifest.coordinate_name), len(manifest.node_name)
+    n_members = len(manifest.member_name)
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys((*STATE, *SAMPLED), ())
-    shapes |= {"coordinate": (n,), "velocity": (n,), "member_tension": (members,)}
-    shapes |= {"node_position": (nodes, 3), "node_velocity": (nodes, 3)}
-    arrays: dict[str, Any] = {name: np.full((n_batch, n_t, *shape), np.nan) for name, shape in shapes.items()}
-    drift, estimate = np.full(n_batch, np.nan), np.full(n_batch, np.nan)
-    counts = np.zeros((4, n_batch), dtype=np.int64)
-    counts[2] = -1
-    ends: list[tuple[str, str]] = []
-    for k, motion in enumerate(found):
+    shapes |= {"coordinate": (n_coordinates,), "velocity": (n_coordinates,), "member_tension": (n_members,)}
+    shapes |= {"node_position": (n_nodes, 3), "node_velocity": (n_nodes, 3)}
+    arrays: dict[str, Any] = {
+        name: np.full((n_batch, n_samples, *shape), np.nan) for name, shape in shapes.items()
+    }
+    energy_drift, error_estimate = np.full(n_batch, np.nan), np.full(n_batch, np.nan)
+    n_reached, n_steps, n_evaluations = (np.zeros(n_batch, dtype=np.int64) for _ in range(3))
+    verdicts: list[tuple[str, str]] = []
+    for k, motion in enumerate(outcomes):
         if not isinstance(motion, Trajectory):
-            ends.append(motion)
+            verdicts.append(motion)
             continue
-        ends.append((motion.status, motion.message))
+        verdicts.append((motion.status, motion.message))
         reached = len(motion.time)
         for name, array in arrays.items():
             array[k, :reached] = getattr(motion, name)
-        drift[k] = np.nan if motion.energy_drift is None else motion.energy_drift
-        estimate[k] = np.nan if motion.error_estimate is None else motion.error_estimate
-        counts[:2, k], counts[3, k] = (reached, motion.n_steps), motion.n_evaluations
+        energy_drift[k] = np.nan if motion.energy_drift is None else motion.energy_drift
+        error_estimate[k] = np.nan if motion.error_estimate is None else motion.error_estimate
+        n_reached[k], n_steps[k], n_evaluations[k] = reached, motion.n_steps, motion.n_evaluations
     return BatchTrajectory(
         time=time,
         **arrays,
-        energy_drift=drift,
-        error_estimate=estimate,
-        status=tuple(word for word, _ in ends),
-        message=tuple(message for _, message in ends),
-        n_reached=counts[0],
-        n_steps=counts[1],
-        n_rejected=counts[2],
-        n_evaluations=counts[3],
+        energy_drift=energy_drift,
+        error_estimate=error_estimate,
+        status=tuple(status for status, _ in verdicts),
+        message=tuple(message for _, message in verdicts),
+        n_reached=n_reached,
+        n_steps=n_steps,
+        n_rejected=np.full(n_batch, -1, dtype=np.int64),
+        n_evaluations=n_evaluations,
         method=method,
         step=None,
         node_name=manifest.node_name,

@@ -103,8 +103,8 @@ class CaseGroup:
         return self.rows[start:stop]
 
 
-BLOCK = 2_000_000  # rest lengths that are computed together
-MOST_KEPT = 50_000  # assemblies that a process remembers
+MAX_REST_LENGTHS_AT_ONCE = 2_000_000  # rest lengths that are computed together
+MAX_CACHED_ASSEMBLIES = 50_000  # assemblies that a process keeps
 OTHER_LIBRARY = "the values of this case need another library than those of its group; run it alone"
 
 
@@ -125,15 +125,17 @@ class CaseMapper:
     varying : ndarray of int, shape (n_varying,)
         Entries, of all slots in one row, that differ between cases.
     direct : DirectKeys
-        Those that follow without the scene being assembled.
+        Entries that are computed from keys without the scene being assembled.
     indirect_keys : tuple of int
         Keys that vary and are not direct.
     parameters : mapping of str to tuple of int
         Rows of the run-time parameters of the library, in its order.
     idle_keys : tuple of int
-        Those of `indirect_keys` that change nothing where each is changed alone.
+        Keys of `indirect_keys` that change no entry where only one of them changes.
     assembles_all : bool
         Whether every case has to be assembled, since its values may be no scene although each is allowed.
+    cache : dict
+        Entries and message of each assembly, by the bytes of the indirect keys' values.
     """
 
     assembler: CaseAssembler
@@ -146,31 +148,31 @@ class CaseMapper:
     parameters: Mapping[str, tuple[int, ...]]
     idle_keys: tuple[int, ...] = ()
     assembles_all: bool = False
-    kept: dict[bytes, tuple[FloatArray, str]] = field(default_factory=dict, repr=False)
+    cache: dict[bytes, tuple[FloatArray, str]] = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"kept": {}}
+        return self.__dict__ | {"cache": {}}
 
     def __call__(self, values: FloatArray) -> AppliedCases:
         """Return the arguments of cases with these values (n_cases, n_keys)."""
         entries, messages = self.fill(np.ascontiguousarray(values, dtype=np.float64))
-        return AppliedCases(self._spread(entries), tuple(messages))
+        return AppliedCases(self._build_arguments(entries), tuple(messages))
 
     def fill(self, values: FloatArray) -> tuple[FloatArray, list[str]]:
         """Return the varying entries of cases, (n_cases, n_varying), and why some have none."""
         entries = np.tile(self._flat_template[self.varying], (len(values), 1))
         messages = [""] * len(values)
-        alone = ~self.assembler.in_bounds(values)
+        needs_own_assembly = ~self.assembler.in_bounds(values)
         if self.indirect_keys:
             # Cases of equal values share one assembly, in which direct keys have their values of the base.
-            chosen = np.ascontiguousarray(values[:, list(self.indirect_keys)])
-            for row in np.flatnonzero(~alone).tolist():
-                entries[row], text = self._assemble_shared(chosen[row])
-                alone[row] = bool(text)
-        good = np.flatnonzero(~alone)
-        alone[good] = ~self._fill_direct(values, good, entries)
+            indirect_values = np.ascontiguousarray(values[:, list(self.indirect_keys)])
+            for row in np.flatnonzero(~needs_own_assembly).tolist():
+                entries[row], text = self._assemble_cached(indirect_values[row])
+                needs_own_assembly[row] = bool(text)
+        good = np.flatnonzero(~needs_own_assembly)
+        needs_own_assembly[good] = ~self._fill_direct(values, good, entries)
         # A case that is no scene says why; assembled with its own direct values it may be one.
-        for row in np.flatnonzero(alone).tolist():
+        for row in np.flatnonzero(needs_own_assembly).tolist():
             entries[row], messages[row] = self._assemble(values[row])
         return entries, messages
 
@@ -188,73 +190,73 @@ class CaseMapper:
         rest_lengths = self.direct.rest_lengths
         if rest_lengths is not None:
             places = self._find_places([("rest_length", row) for row in rest_lengths.members.tolist()])
-            size = max(BLOCK // len(places), 1)
-            for first in range(0, len(rows), size):
-                part = rows[first : first + size]
-                found = rest_lengths.compute(values[part])
-                entries[np.ix_(part, places)] = found
-                is_good[first : first + size] = ~np.isnan(found).any(axis=1)
+            n_at_once = max(MAX_REST_LENGTHS_AT_ONCE // len(places), 1)
+            for first in range(0, len(rows), n_at_once):
+                rows_at_once = rows[first : first + n_at_once]
+                computed = rest_lengths.compute(values[rows_at_once])
+                entries[np.ix_(rows_at_once, places)] = computed
+                is_good[first : first + n_at_once] = ~np.isnan(computed).any(axis=1)
         # These come last: keys of arrays replace rest lengths that follow from others.
         places = self._find_places(list(self.direct.entries))
         keys = np.array([*self.direct.entries.values()], dtype=np.int64)
         entries[np.ix_(rows, places)] = values[np.ix_(rows, keys)]
         return is_good
 
-    def _assemble_shared(self, chosen: FloatArray) -> tuple[FloatArray, str]:
+    def _assemble_cached(self, indirect_values: FloatArray) -> tuple[FloatArray, str]:
         """Return the varying entries of the case of the base with these values of the indirect keys."""
-        name = chosen.tobytes()
-        if name not in self.kept:
-            if len(self.kept) >= MOST_KEPT:
-                self.kept.clear()
+        cache_key = indirect_values.tobytes()
+        if cache_key not in self.cache:
+            if len(self.cache) >= MAX_CACHED_ASSEMBLIES:
+                self.cache.clear()
             values = self.base.copy()
-            values[list(self.indirect_keys)] = chosen
-            self.kept[name] = self._assemble(values)
-        return self.kept[name]
+            values[list(self.indirect_keys)] = indirect_values
+            self.cache[cache_key] = self._assemble(values)
+        return self.cache[cache_key]
 
     def _assemble(self, values: FloatArray) -> tuple[FloatArray, str]:
         """Return the varying entries of one case, and "" or why it has none."""
-        nothing = np.full(len(self.varying), np.nan)
+        no_entries = np.full(len(self.varying), np.nan)
         try:
             case = self.assembler.assemble(values)
         except TensegrityError as error:
-            return nothing, str(error)
+            return no_entries, str(error)
         if hash_constants(case) != self.constants:
-            return nothing, OTHER_LIBRARY
-        whole = np.concatenate([part.ravel() for part in list_slots(case).values()])
-        is_constant = np.ones(len(whole), dtype=np.bool_)
+            return no_entries, OTHER_LIBRARY
+        all_entries = np.concatenate([part.ravel() for part in list_slots(case).values()])
+        is_constant = np.ones(len(all_entries), dtype=np.bool_)
         is_constant[self.varying] = False
-        if not np.array_equal(whole[is_constant], self._flat_template[is_constant]):
-            return nothing, OTHER_LIBRARY
-        return whole[self.varying], ""
+        if not np.array_equal(all_entries[is_constant], self._flat_template[is_constant]):
+            return no_entries, OTHER_LIBRARY
+        return all_entries[self.varying], ""
 
     @cached_property
     def _flat_template(self) -> FloatArray:
         return np.concatenate([part.ravel() for part in self.template.values()])
 
     @cached_property
-    def _starts(self) -> dict[str, int]:
+    def _slot_starts(self) -> dict[str, int]:
         """Where each slot begins in one row of all."""
         ends = np.cumsum([array.size for array in self.template.values()]).tolist()
         return dict(zip(self.template, [0, *ends[:-1]], strict=True))
 
     def _find_places(self, entries: list[tuple[str, int]]) -> IntArray:
         """Return the places of entries in `varying`."""
-        flat = np.array([self._starts[slot] + place for slot, place in entries], dtype=np.int64)
+        flat = np.array([self._slot_starts[slot] + place for slot, place in entries], dtype=np.int64)
         return np.searchsorted(self.varying, flat)
 
-    def _spread(self, entries: FloatArray) -> dict[str, FloatArray]:
-        """Return the arguments of which some entry varies, (n_cases, ...) each; NaN in cases without."""
-        bad = np.isnan(entries).any(axis=1)
+    def _build_arguments(self, entries: FloatArray) -> dict[str, FloatArray]:
+        """Return the arguments with some entry that varies, (n_cases, ...) each; NaN where no scene."""
+        has_no_entries = np.isnan(entries).any(axis=1)
         arguments: dict[str, FloatArray] = {}
         for name, nominal in self.template.items():
-            start = self._starts[name]
+            start = self._slot_starts[name]
             inside = (self.varying >= start) & (self.varying < start + nominal.size)
             if not inside.any():
                 continue
-            flat = np.tile(nominal.ravel(), (len(entries), 1))
-            flat[:, self.varying[inside] - start] = entries[:, inside]
-            array = flat.reshape(len(entries), *nominal.shape)
-            array[bad] = np.nan
-            chosen = array if name in (*STATE, "gravity") else array[:, list(self.parameters[name])]
-            arguments[name] = np.ascontiguousarray(chosen)
+            flat_values = np.tile(nominal.ravel(), (len(entries), 1))
+            flat_values[:, self.varying[inside] - start] = entries[:, inside]
+            array = flat_values.reshape(len(entries), *nominal.shape)
+            array[has_no_entries] = np.nan
+            used_rows = array if name in (*STATE, "gravity") else array[:, list(self.parameters[name])]
+            arguments[name] = np.ascontiguousarray(used_rows)
         return arguments

@@ -54,7 +54,7 @@ class Analyse(AtPoint):
     keep : tuple of str
         Names of RESULTS; by default DEFAULT_RESULTS.
     about : str
-        See `AtPoint`.
+        Whether each case is analysed at its start or its equilibrium, see `AtPoint`.
     """
 
     name: ClassVar[str] = "analyse"
@@ -67,19 +67,21 @@ class Analyse(AtPoint):
         self, model: CompiledModel, point: Point, arguments: Mapping[str, Any], names: Collection[str]
     ) -> Mapping[str, Any]:
         """Return what is kept of the analysis of one case."""
-        others = {name: value for name, value in arguments.items() if name != "velocity"}
-        modes = len(name_states(model.manifest)) // 2
-        found = analyse(model, coordinate=point[0], arguments=others, n_modes=modes)
-        known: dict[str, Any] = {name: getattr(found, name, None) for name in names}
-        known["is_stable"] = found.status == "stable"
-        known["prestress"] = found.prestress.tension
-        known["least_tension"] = _finite(found.prestress.least_tension)
-        known["mechanism_stiffness"] = _finite(found.stability.smallest_eigenvalue)
-        known["natural_frequency"] = () if found.modes is None else found.modes.frequency
-        return known
+        coordinate, _ = point
+        static_arguments = {name: value for name, value in arguments.items() if name != "velocity"}
+        n_modes = len(name_states(model.manifest)) // 2
+        found = analyse(model, coordinate=coordinate, arguments=static_arguments, n_modes=n_modes)
+        results: dict[str, Any] = {name: getattr(found, name, None) for name in names}
+        results["is_stable"] = found.status == "stable"
+        results["prestress"] = found.prestress.tension
+        results["least_tension"] = _replace_infinite(found.prestress.least_tension)
+        results["mechanism_stiffness"] = _replace_infinite(found.stability.smallest_eigenvalue)
+        results["natural_frequency"] = () if found.modes is None else found.modes.frequency
+        return results
 
 
-def _finite(value: float) -> float:
+def _replace_infinite(value: float) -> float:
+    """Return the value, NAN for an infinite one."""
     return value if np.isfinite(value) else np.nan
 
 

@@ -51,7 +51,8 @@ RESULTS = {
     LIMIT_USE: LIMIT_USE_RESULT,
     "saddles_left": ("int64", "1", "Number of unstable equilibria that the search passed."),
 }
-HELD = (POSITION, "member_tension", "member_length")  # quantities that every search returns
+# Quantities that every search returns, so that they are not computed again.
+SEARCH_QUANTITIES = (POSITION, "member_tension", "member_length")
 
 
 @dataclass(frozen=True)
@@ -77,20 +78,20 @@ class FindEquilibrium(Operation):
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:
         """Return what the search needs, and the quantities that are kept."""
         check_search_options(self.tolerance, self.max_iterations, self.method)
-        wanted = find_kept_quantities(_of_quantities(self._texts()), request)
+        kept_quantities = find_kept_quantities(_without_own_results(self._parse_keep()), request)
         needs = find_needs("equilibria", structure, request)
-        added = tuple(name for name in wanted if name not in needs.quantities)
-        return replace(needs, quantities=(*needs.quantities, *added))
+        missing = tuple(name for name in kept_quantities if name not in needs.quantities)
+        return replace(needs, quantities=(*needs.quantities, *missing))
 
     def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
         """Return one array for each thing that is kept."""
-        bound = _bind(self._texts(), manifest)
+        bound = _bind_quantities(self._parse_keep(), manifest)
         return tuple(
-            bound[text.name].output if text.name in bound else _describe_result(text, manifest)
-            for text in self._texts()
+            bound[kept_text.name].output if kept_text.name in bound else _describe_result(kept_text, manifest)
+            for kept_text in self._parse_keep()
         )
 
-    def _texts(self) -> tuple[KeptText, ...]:
+    def _parse_keep(self) -> tuple[KeptText, ...]:
         return parse_kept(self.keep or DEFAULT_RESULTS, (*RESULTS, COORDINATE))
 
     def compute(
@@ -98,54 +99,60 @@ class FindEquilibrium(Operation):
     ) -> Mapping[str, NDArray[Any]]:
         """Find the equilibria; a case without one has the status that `find_equilibrium` gives it."""
         count = case_arguments.count
-        found = find_case_equilibria(model, case_arguments, threads, **self.options)
-        outcomes.mark_ok(found.status, found.message)
-        bound = _bind(self._texts(), model.manifest)
+        equilibria = find_case_equilibria(model, case_arguments, threads, **self.options)
+        outcomes.mark_ok(equilibria.status, equilibria.message)
+        bound = _bind_quantities(self._parse_keep(), model.manifest)
         names = dict.fromkeys(name for item in bound.values() for name in item.names)
-        values = _compute_at(model, found, case_arguments, tuple(names), threads)
+        values = _compute_quantities(model, equilibria, case_arguments, tuple(names), threads)
         return {
-            text.name: bound[text.name].evaluate(values, (count,))
-            if text.name in bound
+            kept_text.name: bound[kept_text.name].evaluate(values, (count,))
+            if kept_text.name in bound
             else compute_limit_use(
-                model, case_arguments, slice(count), found.member_tension, found.member_length
+                model, case_arguments, slice(count), equilibria.member_tension, equilibria.member_length
             )
-            if text.expression == LIMIT_USE
-            else getattr(found, text.expression)
-            for text in self._texts()
+            if kept_text.expression == LIMIT_USE
+            else getattr(equilibria, kept_text.expression)
+            for kept_text in self._parse_keep()
         }
 
 
-def _of_quantities(texts: tuple[KeptText, ...]) -> tuple[KeptText, ...]:
-    return tuple(text for text in texts if text.expression not in (*RESULTS, COORDINATE))
+def _without_own_results(kept_texts: tuple[KeptText, ...]) -> tuple[KeptText, ...]:
+    """Return what is kept besides RESULTS and coordinates: expressions over quantities."""
+    return tuple(kept_text for kept_text in kept_texts if kept_text.expression not in (*RESULTS, COORDINATE))
 
 
-def _bind(texts: tuple[KeptText, ...], manifest: Manifest) -> dict[str, Kept]:
-    return {item.text.name: item for item in bind_kept(_of_quantities(texts), manifest)}
+def _bind_quantities(kept_texts: tuple[KeptText, ...], manifest: Manifest) -> dict[str, Kept]:
+    """Return the kept expressions over quantities, bound to a library, by the names of their arrays."""
+    return {kept.text.name: kept for kept in bind_kept(_without_own_results(kept_texts), manifest)}
 
 
-def _describe_result(text: KeptText, manifest: Manifest) -> Output:
-    expression = text.text_beside_name
-    if text.expression in RESULTS:
-        return Output(text.name, (), (), *RESULTS[text.expression], expression=expression)
+def _describe_result(kept_text: KeptText, manifest: Manifest) -> Output:
+    expression = kept_text.text_beside_name
+    if kept_text.expression in RESULTS:
+        return Output(kept_text.name, (), (), *RESULTS[kept_text.expression], expression=expression)
     dim, names = label_axis(manifest, "n_coordinates", COORDINATE)
     sentence = "Free coordinates."
-    return Output(text.name, (dim,), (len(names),), "float64", "m", sentence, {dim: names}, expression)
+    return Output(kept_text.name, (dim,), (len(names),), "float64", "m", sentence, {dim: names}, expression)
 
 
-def _compute_at(
+def _compute_quantities(
     model: CompiledModel,
-    found: Equilibria,
+    equilibria: Equilibria,
     case_arguments: CaseArguments,
     names: tuple[str, ...],
     threads: int,
 ) -> dict[str, NDArray[Any]]:
-    """Return quantities at rest in the equilibria, (count, ...)."""
-    others = [name for name in names if name not in HELD]
-    rows = {**case_arguments.rows, COORDINATE: found.coordinate, "velocity": np.zeros_like(found.coordinate)}
-    shared = {name: array for name, array in case_arguments.shared.items() if name not in rows}
-    computed = compute_values(model, others, rows, shared, case_arguments.count, threads)
+    """Return the quantities `names` at the equilibria, at rest, (count, ...) each."""
+    computed_names = [name for name in names if name not in SEARCH_QUANTITIES]
+    rows = {
+        **case_arguments.rows,
+        COORDINATE: equilibria.coordinate,
+        "velocity": np.zeros_like(equilibria.coordinate),
+    }
+    shared_arguments = {name: array for name, array in case_arguments.shared.items() if name not in rows}
+    computed = compute_values(model, computed_names, rows, shared_arguments, case_arguments.count, threads)
     values = {name: value for name, (value, _) in computed.items()}
-    return values | {name: getattr(found, name) for name in names if name in HELD}
+    return values | {name: getattr(equilibria, name) for name in names if name in SEARCH_QUANTITIES}
 
 
 OPERATION = FindEquilibrium

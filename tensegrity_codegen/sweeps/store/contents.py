@@ -111,22 +111,22 @@ class StoreContents:
             StoredArray(RECORD, (TASK,), (self.layout.n_tasks,), (1,), TEXT, "", sentence),
         ]
 
-    def list_points(self) -> list[StoredArray]:
+    def list_key_arrays(self) -> list[StoredArray]:
         """Return the arrays of the values of a sample or table, one a key."""
         points = self.cases.points
         if points is None:
             return []
-        part = (max(self.layout.chunk[-1], min(points.count, 2**16)),)
+        chunk = (max(self.layout.chunk[-1], min(points.count, 2**16)),)
         return [
             StoredArray(
-                name, self.case_dims[-1:], (points.count,), part, "float64", np.nan, self._describe_key(key)
+                name, self.case_dims[-1:], (points.count,), chunk, "float64", np.nan, self._describe_key(key)
             )
             for key, name in zip(points.keys, map(self.name_key, points.keys), strict=True)
         ]
 
     def list_attributes(self) -> dict[str, Any]:
         """Return the attributes of the data set."""
-        names = [array.name for array in self.list_points()]
+        names = [array.name for array in self.list_key_arrays()]
         coordinates = {"coordinates": " ".join(names)} if names else {}
         own = {
             "format": FORMAT,

@@ -1,4 +1,4 @@
-"""The folder of a new sweep: all of its metadata and coordinates, or nothing."""
+"""A new store of a sweep: its folder, with all metadata and coordinates, appears at once or not at all."""
 
 import json
 import os
@@ -35,14 +35,14 @@ def create_store(path: str | Path, contents: StoreContents) -> None:
     target = Path(path).absolute()
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        with work_folder(target.parent, sweep=True) as work:
-            new = work / "new.zarr"
-            _write_metadata(new, contents)
+        with work_folder(target.parent, sweep=True) as temporary:
+            unfinished = temporary / "new.zarr"
+            _write_metadata(unfinished, contents)
             if target.is_dir():
                 target.rmdir()  # an empty folder; any other raises
             elif os.path.lexists(target):
                 raise FileExistsError(17, "there is something of this name")
-            new.rename(target)
+            unfinished.rename(target)
     except OSError as error:
         raise explain_unwritable(path, error.strerror or type(error).__name__, "folder") from error
 
@@ -50,7 +50,7 @@ def create_store(path: str | Path, contents: StoreContents) -> None:
 def _write_metadata(folder: Path, contents: StoreContents) -> None:
     zarr = import_extra("zarr", SWEEP)
     group = zarr.create_group(str(folder), zarr_format=3, attributes=contents.list_attributes())
-    for item in [*contents.list_arrays(), *contents.list_points()]:
+    for item in [*contents.list_arrays(), *contents.list_key_arrays()]:
         _create_array(group, item)
     _write_coordinates(group, contents)
     with warnings.catch_warnings():  # Zarr's reader finds all arrays in one file; other readers ignore it
@@ -80,17 +80,19 @@ def restore_coordinates(stored: StoredSweep, contents: StoreContents) -> None:
 
 
 def _write_coordinates(group: Any, contents: StoreContents) -> None:
+    """Write labels and grid values; of a sample or table the values of each key, chunk by chunk."""
     with writing_empty_chunks():
         for item in contents.list_arrays():
             if item.values is not None and item.values.size:
                 group[item.name][...] = item.values.astype(object) if item.dtype == "string" else item.values
         if contents.cases.points is not None:
-            points, arrays = contents.cases.points, [group[item.name] for item in contents.list_points()]
-            part = arrays[0].chunks[0]
-            for first in range(0, points.count, part):
-                last = min(first + part, points.count)
-                for array, column in zip(arrays, points.values(first, last).T, strict=True):
-                    array[first:last] = column
+            sampled = contents.cases.points
+            key_arrays = [group[item.name] for item in contents.list_key_arrays()]
+            chunk_size = key_arrays[0].chunks[0]
+            for first in range(0, sampled.count, chunk_size):
+                last = min(first + chunk_size, sampled.count)
+                for key_array, key_values in zip(key_arrays, sampled.values(first, last).T, strict=True):
+                    key_array[first:last] = key_values
 
 
 def _create_array(group: Any, item: StoredArray) -> Any:

@@ -325,7 +325,7 @@ def test_unknown_flags_are_refused(flags: str) -> None:
 
 
 def test_each_instruction_set_is_there_once() -> None:
-    places = {(item.leaf, item.part, item.word, item.bit) for item in INSTRUCTION_SETS}
+    places = {(item.leaf, item.subleaf, item.register, item.bit) for item in INSTRUCTION_SETS}
     assert len(places) == len({item.macro for item in INSTRUCTION_SETS}) == len(INSTRUCTION_SETS)
 
 

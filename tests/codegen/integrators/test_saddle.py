@@ -9,7 +9,7 @@ from tensegrity_codegen.codegen.integrators.saddle import SaddlePattern, build_s
 
 def factor(pattern: SaddlePattern, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """L and D of the matrix in the order of elimination, by the tables alone, as the generated C does it."""
-    place = np.array(pattern.place)
+    place = np.array(pattern.elimination_row)
     ordered = np.zeros_like(matrix)
     ordered[np.ix_(place, place)] = matrix
     value = np.zeros(len(pattern.factor_column), dtype=matrix.dtype)
@@ -53,7 +53,7 @@ def test_the_tables_factor_any_saddle_matrix(seed: int, n: int, m: int, complian
     m = min(m, n // 3)  # rows of G that can be independent
     pattern, matrix = random_saddle(seed, n, m, compliance)
     lower, pivot = factor(pattern, matrix)
-    place = np.array(pattern.place)
+    place = np.array(pattern.elimination_row)
     ordered = np.zeros_like(matrix)
     ordered[np.ix_(place, place)] = matrix
     scale = np.abs(matrix).max() * max(1.0, np.abs(lower).max() ** 2)
@@ -67,17 +67,17 @@ def test_complex_symmetric_matrices_use_the_same_tables() -> None:
     matrix = matrix.astype(complex)
     matrix[:18, :18] *= 2.0 + 5.0j
     lower, pivot = factor(pattern, matrix)
-    place = np.array(pattern.place)
+    place = np.array(pattern.elimination_row)
     np.testing.assert_allclose((lower @ np.diag(pivot) @ lower.T)[np.ix_(place, place)], matrix, atol=1e-12)
 
 
 def test_multipliers_come_after_the_nodes_that_they_join() -> None:
     pattern, _ = random_saddle(11, 21, 6, 0.0)
     for row in range(6):
-        after = pattern.place[21 + row]
-        joined = [k for k in range(21) if _has_entry(pattern, after, pattern.place[k])]
+        after = pattern.elimination_row[21 + row]
+        joined = [k for k in range(21) if _has_entry(pattern, after, pattern.elimination_row[k])]
         assert joined
-        assert all(pattern.place[k] < after for k in joined)
+        assert all(pattern.elimination_row[k] < after for k in joined)
 
 
 def _has_entry(pattern: SaddlePattern, row: int, column: int) -> bool:

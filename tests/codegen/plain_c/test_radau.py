@@ -13,7 +13,7 @@ MAIN = r"""
 #include <stdio.h>
 #include <string.h>
 #include "radau.h"
-const int radau_place[2] = {0, 1};
+const int radau_elimination_row[2] = {0, 1};
 const int radau_entry_start[3] = {0, 0, 1}, radau_entry_column[1] = {0};
 const int radau_factor_start[3] = {0, 0, 1}, radau_factor_column[1] = {0};
 const int radau_row[1] = {1};

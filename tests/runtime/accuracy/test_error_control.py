@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.runtime.accuracy.error_control import tighten_until_converged
-from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
+from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_length
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance, compare_runs
 from tensegrity_codegen.runtime.integrate.event_log import EventLog
 from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
@@ -164,6 +164,6 @@ def test_a_structure_a_hundred_times_as_large_takes_the_same_steps(model: Compil
 
 
 def test_an_absolute_tolerance_that_is_given_is_kept(model: CompiledModel) -> None:
-    assert scale_to_length(model.manifest, RunOptions(atol=1e-5)).atol == 1e-5
-    usual = scale_to_length(model.manifest, RunOptions()).absolute
+    assert set_atol_by_length(model.manifest, RunOptions(atol=1e-5)).atol == 1e-5
+    usual = set_atol_by_length(model.manifest, RunOptions()).absolute
     assert usual == pytest.approx(1e-9 * np.ptp(model.manifest.stated_position, axis=0).max())

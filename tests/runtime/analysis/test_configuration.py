@@ -30,11 +30,15 @@ def check_stiffness(model) -> None:
     """The tangent stiffness is A diag(mu) A^T, and what tensions and loads add by turning."""
     at = read_configuration(model, None, None)
     mu = np.where((at.tension != 0) | ~at.tension_only, model.structure.mu, 0.0)
-    unit = np.eye(len(at.at))
-    parts = at.matrix * mu @ at.matrix.T + at.geometric_stiffness(at.tension, unit) + at.load_stiffness(unit)
-    whole = at.problem.stiffness(at.at).toarray()
+    unit = np.eye(len(at.coordinate))
+    parts = (
+        at.equilibrium_matrix * mu @ at.equilibrium_matrix.T
+        + at.geometric_stiffness(at.tension, unit)
+        + at.load_stiffness(unit)
+    )
+    whole = at.problem.stiffness(at.coordinate).toarray()
     np.testing.assert_allclose(parts, whole, atol=1e-7 * np.abs(whole).max())
-    direction = np.random.default_rng(4).normal(size=len(at.at))
+    direction = np.random.default_rng(4).normal(size=len(at.coordinate))
     bend = at.geometric_stiffness(at.tension, direction[:, None])[0, 0]
     assert at.tension @ at.curvature(direction) == pytest.approx(bend, rel=1e-7)
 

@@ -1,4 +1,4 @@
-"""A stage of plain statements."""
+"""The stage of a table function that is a fixed list of C statements, without a table."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,9 +9,13 @@ from tensegrity_codegen.codegen.table.members.writer import Writer
 
 @dataclass(frozen=True)
 class Statements:
-    """Statements that need no table; @REAL@, @ZERO@, @ONE@, @SAFE@ stand for what the precision calls so."""
+    """C statements that need no table, in text with placeholders, see `in_precision`.
 
-    find: Callable[[], Sequence[str]]
+    list_lines: returns them, called when the function is written; arguments, operations, repeats: see
+    `Stage`.
+    """
+
+    list_lines: Callable[[], Sequence[str]]
     arguments: frozenset[str] = frozenset()
     operations: int = 0
     repeats: int = 1
@@ -25,13 +29,16 @@ class Statements:
 
     def write(self, writer: Writer) -> list[str]:
         """Return the statements."""
-        return [in_precision(line, writer) for line in self.find()]
+        return [in_precision(line, writer) for line in self.list_lines()]
 
 
 def in_precision(line: str, writer: Writer) -> str:
-    """Return a statement with the type and the numbers of the precision."""
-    words = {"@REAL@": writer.real, "@ZERO@": writer.number(0.0), "@ONE@": writer.number(1.0)}
-    words["@SAFE@"] = writer.number(1e-8 * writer.precision.largest)
-    for word, text in words.items():
-        line = line.replace(word, text)
+    """Return a statement with its placeholders replaced.
+
+    @REAL@: the type in C; @ZERO@, @ONE@: these numbers; @SAFE@: a bound of sums, far from overflow.
+    """
+    replacements = {"@REAL@": writer.real, "@ZERO@": writer.number(0.0), "@ONE@": writer.number(1.0)}
+    replacements["@SAFE@"] = writer.number(1e-8 * writer.precision.largest)
+    for placeholder, text in replacements.items():
+        line = line.replace(placeholder, text)
     return line
