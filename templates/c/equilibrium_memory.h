@@ -8,26 +8,23 @@
 #if WITH_MEMBERS
 /* Members at one configuration. */
 typedef struct {
-  double vector[3 * EQUILIBRIUM_MEMBERS], length[EQUILIBRIUM_MEMBERS], tension[EQUILIBRIUM_MEMBERS];
+  double unit[3 * EQUILIBRIUM_MEMBERS], length[EQUILIBRIUM_MEMBERS], tension[EQUILIBRIUM_MEMBERS];
 } equilibrium_members;
 #endif
 
 /* Memory of the search for an equilibrium. */
 typedef struct {
-  double force[N], step[N], trial[N], trial_force[N], weight[N];
+  double force[N + 1], step[N + 1], trial[N + 1], trial_force[N], weight[N];
   double hessian[EQUILIBRIUM_NNZ], factor[N * N];
 #if WITH_MEMBERS
   equilibrium_members here, there;
-  double damping[EQUILIBRIUM_MEMBERS];         /* of each member [N/m] */
-  double compression[EQUILIBRIUM_MEMBERS];     /* its tension over its length [N/m], where negative */
-  double density[EQUILIBRIUM_MEMBERS];         /* what a stiff member lacks in tension, over its length [N/m] */
-  double spring_constant[EQUILIBRIUM_MEMBERS]; /* last known [N/m] */
+  double damping[EQUILIBRIUM_MEMBERS]; /* of each member [N/m] */
+  double density[EQUILIBRIUM_MEMBERS]; /* what a stiff one lacks in tension, over its length [N/m] */
   double turn[EQUILIBRIUM_MEMBERS], need[EQUILIBRIUM_MEMBERS];
-  double part, shift;                   /* how much of the compression is damped; damping of all motions [N/m] */
+  double gap[N], stiff_factor[N * N];   /* of lengths of stiff members [m]; Cholesky factors of J J^T */
+  double shift;                         /* damping of all motions [N/m] */
   double largest_force, longest;        /* [N], [m] */
-  double length[N], gap[N], stiff_factor[N * N]; /* of stiff members: lengths to keep; Cholesky factors of J J^T */
-  int n_stiff, stiff[N];                /* how many; which */
-  int is_started;
+  int is_started, n_stiff, stiff[N];    /* numbers of stiff members */
 #endif
 } equilibrium_memory;
 

@@ -45,24 +45,23 @@ static inline const int *equilibrium_column_start(void)
   return start;
 }
 
-/* Coordinates of the ends of each member, three of either end, -1 where an end is fixed. */
+/* Coordinates of the ends of each member, three of either end, N where an end is fixed. */
 static inline const short *equilibrium_ends(void)
 {
   static short ends[6 * N];
   int k;
   for (k = 0; k < 6 * N; ++k) {
-    ends[k] = (short)(k % 6 == 0 ? k / 6 : k % 6 == 3 ? k / 6 - 1 : -1);
+    ends[k] = (short)(k % 6 == 0 ? k / 6 : k % 6 == 3 && k > 6 ? k / 6 - 1 : N);
   }
   return ends;
 }
 
-/* From the second end of a member to the first. */
-static inline void equilibrium_vector(
-    const double *coordinate, const equilibrium_arguments *arguments, int member, double *vector)
+/* What fixed ends add to the vector from the second end of a member to the first. */
+static inline void equilibrium_fixed_part(const equilibrium_arguments *arguments, int member, double *vector)
 {
   (void)arguments;
-  vector[0] = coordinate[member] - (member > 0 ? coordinate[member - 1] : 0.0);
-  vector[1] = vector[2] = 0.0;
+  (void)member;
+  vector[0] = vector[1] = vector[2] = 0.0;
 }
 
 static inline double sample_stretch(const double *coordinate, int k)

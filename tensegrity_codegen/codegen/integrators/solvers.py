@@ -43,9 +43,9 @@ def solver_spec(model: EmittedModel, name: str, functions: tuple[FunctionSpec, .
     pattern = needed["stiffness"].pattern
     nonzeros = len(pattern.row) if pattern is not None else count * count
     loads = model.arguments["node_load"] if "node_load" in passed else None
-    size = 5 * count + nonzeros + count * count + (count + loads.nominal.size if loads else 0)
+    size = 5 * count + 3 + nonzeros + count * count + (count + loads.nominal.size if loads else 0)
     if _find_tension(functions, passed, model.frame.coordinate_node_axis) is not None:
-        size += count * count + 16 * len(model.frame.member_name) + 3 * count + 6
+        size += count * count + 14 * len(model.frame.member_name) + 2 * count + 4
     return SolverSpec(
         name=name,
         symbol=f"{model.name}_find_{name}",
@@ -106,24 +106,24 @@ def _find_tension(
 
 
 def _member_context(manifest: Manifest, still: int) -> dict[str, Any]:
-    """Return the members as tables: coordinates of their ends (-1: fixed), what fixed ends add to vectors.
+    """Return the members as tables: coordinates of their ends, entries of arguments, and fixed places.
 
-    Places that are arguments count on from the last coordinate. still: size of arguments that are zero.
+    still: size of the arguments that are zero.
     """
-    place, number = manifest.stated_position.copy(), np.full((len(manifest.node_name), 3), -1)
+    n_coordinates, shape = len(manifest.coordinate_name), (len(manifest.node_name), 3)
+    number, anchor, fixed = np.full(shape, n_coordinates), np.full(shape, -1), manifest.stated_position.copy()
     moved = next((item for item in manifest.arguments if item.name == "anchor_position"), None)
     if moved is not None:
-        rows, axes = [manifest.node_name.index(name) for name in moved.over], list(manifest.axes)
-        first = len(manifest.coordinate_name)
-        number[np.ix_(rows, axes)] = first + np.arange(len(rows) * len(axes)).reshape(len(rows), -1)
-    nodes, axis = manifest.coordinate_place.T
-    number[nodes, axis] = np.arange(len(nodes))
-    place[number >= 0] = 0.0
+        rows = [manifest.node_name.index(name) for name in moved.over]
+        anchor[np.ix_(rows, manifest.axes)] = np.arange(len(moved.nominal)).reshape(moved.shape)
+    nodes, axes = manifest.coordinate_place.T
+    number[nodes, axes], anchor[nodes, axes] = np.arange(n_coordinates), -1
+    fixed[(anchor >= 0) | (number < n_coordinates)] = 0.0
     ends = np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)
     return {
         "ends": number[ends].ravel().tolist(),
-        "fixed": print_numbers(place[ends[:, 0]] - place[ends[:, 1]]),
-        "has_anchors": moved is not None,
+        "anchors": anchor[ends].ravel().tolist() if moved is not None else None,
+        "fixed": print_numbers(fixed[ends[:, 0]] - fixed[ends[:, 1]]),
         "at_rest": still,
     }
 
