@@ -54,6 +54,7 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             "inputs": [item.name for item in structure.inputs],
             **_describe_control(structure),
             **_describe_start(structure),
+            "ground": _describe_ground(structure),
             "warnings": warnings,
         }
         counts = {"node": structure.n_nodes, "bar": n_bars, "cable": n_cables}
@@ -66,6 +67,7 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             *_summarise_start(data),
             f"requested: {', '.join(request.quantities)}",
             *_summarise_control(structure),
+            *_summarise_ground(data["ground"]),
         )
 
 
@@ -128,6 +130,47 @@ def _summarise_control(subject: "Structure | BodySystem") -> list[str]:
     names = {"inputs": inputs, "actuators": [item.name for item in subject.actuators]}
     names |= {"sensors": sensors, "limits": list(stated)}
     return [f"{key}: {name_list(items, most=10)}" for key, items in names.items() if items]
+
+
+def _describe_ground(subject: "Structure | BodySystem") -> dict[str, Any] | None:
+    """Return contacts, stiffness, and penetration and stick offset at rest; None without a ground."""
+    from tensegrity_codegen.structure.contact_estimates import estimate_contacts
+
+    ground = subject.ground
+    if ground is None:
+        return None
+    rest = estimate_contacts(subject, ground)
+    return {
+        "contacts": [subject.node_name[node] for node in ground.node],
+        "normal": ground.normal,
+        "stiffness": ground.stiffness,
+        "dissipation": ground.dissipation,
+        "friction": ground.friction,
+        "weight": rest.weight,
+        "penetration": rest.penetration,
+        "largest_penetration": rest.largest_penetration,
+        "contact_frequency": rest.frequency,
+        "stick_offset": rest.stick_offset,
+    }
+
+
+def _summarise_ground(ground: dict[str, Any] | None) -> list[str]:
+    """Return a line on the ground, none without one."""
+    from tensegrity_codegen.system.summaries import describe_count
+
+    if ground is None:
+        return []
+    facts = [describe_count(len(ground["contacts"]), "contact")]
+    if ground["weight"] > 0:
+        shared, alone = ground["penetration"], ground["largest_penetration"]
+        facts.append(
+            f"penetration at rest {shared:.3g} m (each an equal part of the weight of "
+            f"{ground['weight']:.4g} N; {alone:.3g} m where one carries all)"
+        )
+    facts.append(f"contact frequency {ground['contact_frequency']:.4g} Hz")
+    if ground["friction"] and ground["weight"] > 0:
+        facts.append(f"stick offset at rest up to {ground['stick_offset']:.3g} m")
+    return [f"ground: {', '.join(facts)}"]
 
 
 def _count_bars(subject: "Structure | BodySystem") -> tuple[int, int]:

@@ -1,0 +1,103 @@
+"""Checks of a ground together with the structure or body system that stands on it."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from tensegrity_codegen.scene.checks.check_control import check_indices
+from tensegrity_codegen.scene.names import key_path, name_list
+from tensegrity_codegen.structure.contact_estimates import (
+    ALONG,
+    Subject,
+    compute_contact_mass,
+    find_movable,
+    find_position,
+)
+from tensegrity_codegen.structure.ground import Ground
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.system.checks import check_instance
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError
+
+DEPTH_TOLERANCE = 1e-9  # of the structure's size
+
+
+def check_ground(structure: Structure, where: str) -> None:
+    """Raise unless the ground of a structure is None, or sound: see check_normal and check_contacts."""
+    ground = structure.ground
+    if ground is None:
+        return
+    check_instance(ground, Ground, key_path(where, "ground"), "None, or a Ground")
+    check_indices(tuple(ground.node.tolist()), structure.n_nodes, key_path(where, "ground", "node"))
+    check_normal(ground.normal, structure.axes, where)
+    names = dict(enumerate(structure.node_name))
+    check_contacts(structure, ground.normal, ground.offset, ground.node, names, where)
+
+
+def check_normal(normal: FloatArray, axes: tuple[int, ...], where: str) -> None:
+    """Raise StructureError for a normal (3,) that leaves the axes of the scene."""
+    outside = [axis for axis in range(3) if axis not in axes and abs(normal[axis]) > ALONG]
+    if outside:
+        letter = "xyz"[outside[0]]
+        raise StructureError(
+            f"the ground has a normal along {letter}, an axis that the scene does not model",
+            where=key_path(where, "ground", "normal"),
+            given=normal.tolist(),
+            allowed=f"0 along {letter}",
+        )
+
+
+@np.errstate(all="ignore")
+def check_contacts(
+    subject: Subject,
+    normal: FloatArray,
+    offset: float,
+    node: IntArray,
+    names: Mapping[int, str],
+    where: str,
+) -> None:
+    """Raise StructureError for contacts that cannot move along the normal or have no mass, and for nodes that
+    are anchored below the ground.
+
+    normal: (3,); offset: of the plane [m]; node: (n_contacts,) indices; names: of nodes, for messages.
+    """
+    if not node.size:
+        raise InvalidValueError(
+            "the ground has no contact",
+            where=key_path(where, "ground", "contacts"),
+            allowed="one node or more",
+        )
+    movable = find_movable(subject, normal)
+    place = key_path(where, "ground", "contacts")
+    held = [names[int(k)] for k in node if not movable[k]]
+    if held:
+        raise StructureError(
+            f"anchored nodes cannot be contacts: {name_list(held)}",
+            where=place,
+            given=held[0],
+            allowed="nodes that can move along the normal of the ground",
+            hint="remove them from the list",
+        )
+    bare = [names[int(k)] for k in node[compute_contact_mass(subject, node) == 0]]
+    if bare:
+        raise StructureError(
+            f"contacts without mass: {name_list(bare)}",
+            where=place,
+            given=bare[0],
+            allowed="nodes with a mass [kg], or at which a bar with a mass ends",
+            hint="give the nodes a mass, or list the contacts without them",
+        )
+    position = find_position(subject)
+    height = position @ normal - offset
+    least = -DEPTH_TOLERANCE * max(float(np.ptp(position, axis=0).max()), abs(offset))
+    buried = [
+        f"{names[int(k)]} ({-height[k]:.4g} m deep)" for k in np.flatnonzero(~movable & (height < least))
+    ]
+    if buried:
+        raise StructureError(
+            f"anchored nodes are below the ground: {name_list(buried)}",
+            where=key_path(where, "ground", "offset"),
+            given=offset,
+            allowed=f"at most {float((height[~movable] + offset).min()):.9g} m with these anchors",
+            hint="lower the ground by offset, or move the anchors up",
+        )
