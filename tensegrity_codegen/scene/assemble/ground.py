@@ -57,13 +57,14 @@ def build_ground(
     impact = stated.restitution
     dissipation = find_dissipation(impact.value, impact.speed) if impact else stated.dissipation or 0.0
     static = stated.static_friction
+    velocity, radius = table.find_velocity(normal, subject.axes), table.find_radius(subject)[node]
     try:
         return Ground(
             normal=normal,
             offset=stated.offset,
-            velocity=table.find_velocity(normal, subject.axes),
+            velocity=velocity,
             node=node,
-            radius=table.find_radius(subject)[node],
+            radius=radius,
             stiffness=stiffness,
             exponent=stated.exponent,
             dissipation=dissipation,

@@ -51,8 +51,8 @@ def warn_of_ground(subject: Subject) -> list[str]:
     if rest.mass.mean() > MAX_MASS_RATIO * rest.mass[light]:
         found.append(
             f"contact {subject.node_name[ground.node[light]]} has {rest.mass[light]:.3g} kg, contacts in the "
-            f"mean {rest.mass.mean():.3g} kg: alone it vibrates on the ground at {rest.frequency:.4g} Hz, which "
-            "takes small steps"
+            f"mean {rest.mass.mean():.3g} kg: alone it vibrates on the ground at {rest.frequency:.4g} Hz, "
+            "which takes small steps"
         )
     lying = _find_lying_bars(subject, gap, size) if is_rough else []
     if lying:
