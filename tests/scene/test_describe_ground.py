@@ -71,8 +71,8 @@ def test_a_slope_a_belt_and_a_penetration_become_numbers() -> None:
 
 
 def test_all_contacts_and_radii_of_bars_are_written_as_words() -> None:
-    structure, _ = build(changed("ground", to={"normal": [0, 1, 1], "stiffness": 1, "offset": -1, "radius": "bar"},
-                                 base=ROUND))  # fmt: skip
+    table = {"normal": [0, 1, 1], "stiffness": 1, "offset": -1, "radius": "bar"}
+    structure, _ = build(changed("ground", to=table, base=ROUND))
     written = describe_structure(structure)["ground"]
     assert (written["contacts"], written["radius"]) == ("all", "bar")
 

@@ -162,11 +162,11 @@ def _summarise_ground(ground: dict[str, Any] | None) -> list[str]:
         return []
     facts = [describe_count(len(ground["contacts"]), "contact")]
     if ground["weight"] > 0:
-        shared, alone = ground["penetration"], ground["largest_penetration"]
-        facts.append(
-            f"penetration at rest {shared:.3g} m (each an equal part of the weight of "
-            f"{ground['weight']:.4g} N; {alone:.3g} m where one carries all)"
-        )
+        weight = f"weight {ground['weight']:.4g} N"
+        if len(ground["contacts"]) > 1:
+            alone = ground["largest_penetration"]
+            weight += f" in equal parts; {alone:.3g} m where one contact carries all"
+        facts.append(f"penetration at rest {ground['penetration']:.3g} m ({weight})")
     facts.append(f"contact frequency {ground['contact_frequency']:.4g} Hz")
     if ground["friction"] and ground["weight"] > 0:
         facts.append(f"stick offset at rest up to {ground['stick_offset']:.3g} m")
