@@ -191,6 +191,19 @@ class Structure(WithMemberLaws, Summarised):
         return len(self.coordinate_node_axis)
 
     @property
+    def internal_name(self) -> tuple[str, ...]:
+        """Names of the internal states: where contacts with friction stick, along each tangent."""
+        if self.ground is None or not self.ground.friction:
+            return ()
+        tangents = range(1, len(self.axes))
+        return tuple(f"{self.node_name[node]}_stick{k}" for node in self.ground.node for k in tangents)
+
+    @property
+    def contact_name(self) -> tuple[str, ...]:
+        """Names of the nodes that can touch the ground."""
+        return () if self.ground is None else tuple(self.node_name[node] for node in self.ground.node)
+
+    @property
     def is_rigid(self) -> NDArray[np.bool_]:
         """(n_members,): members without any stiffness, which keep their length exactly."""
         rigid: NDArray[np.bool_] = (self.spring_constant == 0) & (self.axial_stiffness == 0)
