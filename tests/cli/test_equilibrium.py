@@ -64,15 +64,6 @@ def test_loads_are_added_to_those_of_the_scene(run: Run, folder: Path) -> None:
     assert data["member_tension"]["s1"] == pytest.approx(9.81 + 13.5, rel=1e-9)
 
 
-def test_the_settled_scene_keeps_its_ground(run: Run, folder: Path) -> None:
-    ground = "\n[ground]\noffset = -1.5\npenetration = 1e-3\nfriction = 0.5\n"
-    path = write(folder / "small.toml", HANGING + ground)
-    run.good("equilibrium", path, "--out", "settled.toml")
-    before, after = (load_scene(name)[0].ground for name in (path, "settled.toml"))
-    assert before is not None
-    assert after == before
-
-
 @pytest.mark.thorough
 def test_a_load_may_start_with_a_minus(run: Run, folder: Path) -> None:
     path = write(folder / "small.toml", HANGING)

@@ -140,18 +140,10 @@ def _describe_ground(subject: "Structure | BodySystem") -> dict[str, Any] | None
     if ground is None:
         return None
     rest = estimate_contacts(subject, ground)
-    return {
-        "contacts": [subject.node_name[node] for node in ground.node],
-        "normal": ground.normal,
-        "stiffness": ground.stiffness,
-        "dissipation": ground.dissipation,
-        "friction": ground.friction,
-        "weight": rest.weight,
-        "penetration": rest.penetration,
-        "largest_penetration": rest.largest_penetration,
-        "contact_frequency": rest.frequency,
-        "stick_offset": rest.stick_offset,
-    }
+    names = ("weight", "penetration", "largest_penetration", "frequency", "stick_offset")
+    of_ground = {name: getattr(ground, name) for name in ("normal", "stiffness", "dissipation", "friction")}
+    contacts = [subject.node_name[node] for node in ground.node]
+    return {"contacts": contacts, **of_ground, **{name: getattr(rest, name) for name in names}}
 
 
 def _summarise_ground(ground: dict[str, Any] | None) -> list[str]:
@@ -167,7 +159,7 @@ def _summarise_ground(ground: dict[str, Any] | None) -> list[str]:
             alone = ground["largest_penetration"]
             weight += f" in equal parts; {alone:.3g} m where one contact carries all"
         facts.append(f"penetration at rest {ground['penetration']:.3g} m ({weight})")
-    facts.append(f"contact frequency {ground['contact_frequency']:.4g} Hz")
+    facts.append(f"contact frequency {ground['frequency']:.4g} Hz")
     if ground["friction"] and ground["weight"] > 0:
         facts.append(f"stick offset at rest up to {ground['stick_offset']:.3g} m")
     return [f"ground: {', '.join(facts)}"]

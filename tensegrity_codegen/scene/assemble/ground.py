@@ -84,50 +84,39 @@ class _Table:
     def __init__(self, stated: GroundTable, where: str) -> None:
         self.stated, self.where = stated, where
 
-    def refuse(self, problem: str, key: str, allowed: str, hint: str = "") -> InvalidValueError:
-        """Return the error about one key."""
-        place = key_path(self.where, "ground", key)
-        given = getattr(self.stated, key, None)
-        return InvalidValueError(problem, where=place, given=given, allowed=allowed, hint=hint)
+    def require(self, is_met: bool, problem: str, key: str, allowed: str, hint: str = "") -> None:
+        """Raise InvalidValueError about one key unless a condition is met."""
+        if not is_met:
+            place = key_path(self.where, "ground", key)
+            given = getattr(self.stated, key)
+            raise InvalidValueError(problem, where=place, given=given, allowed=allowed, hint=hint)
 
     def check_alternatives(self) -> None:
         """Raise InvalidValueError for keys that exclude each other, lack each other or are out of range."""
-        stated = self.stated
-        if (stated.stiffness is None) == (stated.penetration is None):
-            both = stated.stiffness is not None
-            problem = "the stiffness of the ground is given twice" if both else "the ground has no stiffness"
-            allowed = "one of stiffness [N/m] and penetration [m], the depth at rest"
-            hint = "remove one" if both else "penetration = 1e-4"
-            raise self.refuse(problem, "penetration" if both else "stiffness", allowed, hint)
-        if stated.restitution is not None and stated.dissipation is not None:
-            allowed = "one of restitution = { value, speed } and dissipation [s/m]"
-            raise self.refuse("the damping of impacts is given twice", "dissipation", allowed, "remove one")
-        if stated.slope_deg is not None and stated.normal is not None:
-            allowed = "one of normal and slope_deg"
-            raise self.refuse("the normal is given twice", "slope_deg", allowed, "remove one")
-        if stated.exponent not in EXPONENTS:
-            raise self.refuse("not an exponent of the contact force", "exponent", "1 or 1.5")
-        if stated.static_friction is not None and stated.static_friction < stated.friction:
-            raise self.refuse(
-                "the static friction is below the friction",
-                "static_friction",
-                f"at least {stated.friction:g}, the friction",
-                "remove static_friction, or raise it",
-            )
-        if stated.static_friction and not stated.friction:
-            raise self.refuse(
-                "static friction without friction", "static_friction", "with friction > 0", "give friction"
-            )
+        stated, static = self.stated, self.stated.static_friction
+        has_stiffness, has_depth = stated.stiffness is not None, stated.penetration is not None
+        damped_twice = stated.restitution is not None and stated.dissipation is not None
+        turned_twice = stated.slope_deg is not None and stated.normal is not None
+        low = static is not None and static < stated.friction
+        need, one = self.require, "one of stiffness [N/m] and penetration [m], the depth at rest"
+        need(has_stiffness or has_depth, "the ground has no stiffness", "stiffness", one)
+        need(not (has_stiffness and has_depth), "the stiffness is given twice", "penetration", one)
+        one = "one of restitution = { value, speed } and dissipation [s/m]"
+        need(not damped_twice, "the damping of impacts is given twice", "dissipation", one)
+        need(not turned_twice, "the normal is given twice", "slope_deg", "one of normal and slope_deg")
+        need(stated.exponent in EXPONENTS, "not an exponent of the contact force", "exponent", "1 or 1.5")
+        least = f"at least {stated.friction:g}, the friction"
+        need(not low, "the static friction is below the friction", "static_friction", least)
+        without = bool(static) and not stated.friction
+        need(not without, "static friction without friction", "static_friction", "with friction > 0")
 
     def find_normal(self, axes: tuple[int, ...]) -> FloatArray:
         """Return the unit vector out of the ground, (3,)."""
         stated, normal = self.stated, np.zeros(3)
         if stated.normal is None:
             angle = math.radians(stated.slope_deg or 0.0)
-            if stated.slope_deg is not None and len(axes) < 2:
-                raise self.refuse(
-                    "a scene of one axis has no slope", "slope_deg", "scenes of two axes or three"
-                )
+            is_flat = stated.slope_deg is None or len(axes) > 1
+            self.require(is_flat, "a scene of one axis has no slope", "slope_deg", "scenes of two or three")
             normal[axes[0]] = math.sin(angle)
             normal[axes[-1]] = math.cos(angle)
             return normal
@@ -155,15 +144,14 @@ class _Table:
         unit = velocity / largest if largest else velocity
         speed, part = float(np.linalg.norm(unit)), float(unit @ normal)
         along: FloatArray = (unit - part * normal) * largest
-        if abs(part) > MAX_NORMAL_PART * speed:
-            shown = ", ".join(f"{along[axis]:.9g}" for axis in axes)
-            still = float(np.abs(along).max()) <= MAX_NORMAL_PART * largest
-            raise self.refuse(
-                "the belt moves along the normal of the ground",
-                "velocity",
-                "a velocity along the plane",
-                "remove the key" if still else f"the part along the plane: velocity = [{shown}]",
-            )
+        shown = ", ".join(f"{along[axis]:.9g}" for axis in axes)
+        self.require(
+            abs(part) <= MAX_NORMAL_PART * speed,
+            "the belt moves along the normal of the ground",
+            "velocity",
+            "a velocity along the plane",
+            f"the part along the plane: velocity = [{shown}]",
+        )
         return along if abs(part) > ROUNDING * speed else velocity
 
     def find_contacts(self, subject: Subject, normal: FloatArray, node_of: Mapping[str, int]) -> IntArray:
@@ -171,10 +159,8 @@ class _Table:
         names = self.stated.contacts
         if names == "all":
             node = find_surface_nodes(subject, normal)
-            if not node.size:
-                raise self.refuse(
-                    "no node can move along the normal of the ground", "contacts", "nodes that can"
-                )
+            problem = "no node can move along the normal of the ground"
+            self.require(node.size > 0, problem, "contacts", "nodes that can")
             return node
         for number, name in enumerate(names):
             place = ("ground", "contacts", number)
@@ -190,10 +176,8 @@ class _Table:
         if self.stated.radius != "bar":
             return np.full(subject.n_nodes, self.stated.radius, dtype=np.float64)
         radius = find_bar_radius(subject)
-        if not radius.any():
-            raise self.refuse(
-                "no bar has a radius", "radius", "a radius [m], or bars with a radius", "give the bars one"
-            )
+        allowed = "a radius [m], or bars with a radius"
+        self.require(bool(radius.any()), "no bar has a radius", "radius", allowed)
         return radius
 
     def find_stiffness(self, force: float) -> float:
@@ -213,9 +197,8 @@ class _Table:
 
     def need_weight(self, force: float, key: str, hint: str) -> None:
         """Raise InvalidValueError unless a weight acts into the ground."""
-        if not force > 0:
-            problem = "no weight acts into the ground, so that no stiffness follows from the depth at rest"
-            raise self.refuse(problem, key, "with gravity into the ground", f"give {hint}, or gravity")
+        problem = "no weight acts into the ground, so that no stiffness follows from the depth at rest"
+        self.require(force > 0, problem, key, "with gravity into the ground", f"give {hint}, or gravity")
 
 
 def _allowed(node_of: Mapping[str, int]) -> str:

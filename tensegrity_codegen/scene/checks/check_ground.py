@@ -17,7 +17,7 @@ from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_instance
-from tensegrity_codegen.system.errors import InvalidValueError, StructureError
+from tensegrity_codegen.system.errors import StructureError
 
 DEPTH_TOLERANCE = 1e-9  # of the structure's size
 
@@ -61,32 +61,26 @@ def check_contacts(
 
     normal: (3,); offset: of the plane [m]; node: (n_contacts,) indices; names: of nodes, for messages.
     """
-    if not node.size:
-        raise InvalidValueError(
-            "the ground has no contact",
-            where=key_path(where, "ground", "contacts"),
-            allowed="one node or more",
-        )
     movable = find_movable(subject, normal)
-    place = key_path(where, "ground", "contacts")
-    held = [names[int(k)] for k in node if not movable[k]]
-    if held:
-        raise StructureError(
-            f"anchored nodes cannot be contacts: {name_list(held)}",
-            where=place,
-            given=held[0],
-            allowed="nodes that can move along the normal of the ground",
-            hint="remove them from the list",
-        )
-    bare = [names[int(k)] for k in node[compute_contact_mass(subject, node) == 0]]
-    if bare:
-        raise StructureError(
-            f"contacts without mass: {name_list(bare)}",
-            where=place,
-            given=bare[0],
-            allowed="nodes with a mass [kg], or at which a bar with a mass ends",
-            hint="give the nodes a mass, or list the contacts without them",
-        )
+    rules = (
+        (
+            ~movable[node],
+            "anchored nodes cannot be contacts",
+            "nodes that can move along the normal of the ground",
+            "remove them from the list",
+        ),
+        (
+            compute_contact_mass(subject, node) == 0,
+            "contacts without mass",
+            "nodes with a mass [kg], or at which a bar with a mass ends",
+            "give the nodes a mass, or list the contacts without them",
+        ),
+    )
+    for is_bad, problem, allowed, hint in rules:
+        bad = [names[int(k)] for k in node[is_bad]]
+        if bad:
+            text, place = f"{problem}: {name_list(bad)}", key_path(where, "ground", "contacts")
+            raise StructureError(text, where=place, given=bad[0], allowed=allowed, hint=hint)
     position = find_position(subject)
     height = position @ normal - offset
     least = -DEPTH_TOLERANCE * max(float(np.ptp(position, axis=0).max()), abs(offset))
