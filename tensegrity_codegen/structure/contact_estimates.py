@@ -186,7 +186,7 @@ def find_dissipation(value: float, speed: float) -> float:
         return value * value * _reduced_log(-value * x) - _reduced_log(x)
 
     largest = (1.0 - 2.0**-50) / value
-    if excess(largest) >= 0.0:  # 1 - a w is of the size of rounding errors
+    if value < 0.01 or excess(largest) >= 0.0:  # 1 - a w is below the rounding error of 1
         return largest / speed
     root = scipy.optimize.brentq(excess, 0.0, largest, xtol=1e-300, rtol=4 * np.finfo(float).eps, maxiter=500)
     return float(root) / speed
