@@ -118,7 +118,7 @@ static inline double event_limit_step(double planned, const scene_run *run, int 
   return *is_cut ? run->cut : step;
 }
 
-#if WITH_SMOOTH_EVENTS
+#if WITH_EVENT_FORECAST
 
 /* Whether no margin reaches zero within ten times `length` at its present rate, so that the expected event was an
  * error. Not asked of events in short succession, which are expected correctly. */
@@ -142,14 +142,14 @@ static inline int event_can_be_passed(
 {
   run->ahead = 0.0;
   run->cut = 0.0;
-#if !WITH_SMOOTH_EVENTS
+#if !WITH_EVENT_FORECAST
   (void)planned;
   (void)m;
 #endif
   /* No event on the extrapolation: count more as noise from now on, and take shorter steps. */
   if (event_wait > length) {
     run->loudness *= 8.0;
-#if WITH_SMOOTH_EVENTS
+#if WITH_EVENT_FORECAST
     *planned *= event_is_mispredicted(m, length, run) ? 0.2 : 1.0;
 #endif
     return 0;

@@ -1,4 +1,4 @@
-"""What is there for structures on the ground; all else ends in one error, before any number is computed."""
+"""Support of structures on the ground: all that lacks it ends in one error, before any number is computed."""
 
 from typing import Any
 
