@@ -9,6 +9,11 @@ static const double MAX_NOISE_TIME = 1e-8; /* of a step: longer extrapolations c
 static const double MAX_NOISE_TIME = 1e-6;
 #endif
 
+#if WITH_GROUND_EVENTS
+/* Whether margin k is of a contact with the ground, at which forces do not jump. */
+static inline int event_is_kink(int k) { return k >= FIRST_CONTACT && k < FIRST_CONTACT + N_KINKS; }
+
+#endif
 /* Time in which margin k passes its noise, at most MAX_NOISE_TIME of a step. */
 static inline double event_noise_time(double usual_step, const event_memory *m, int k)
 {
@@ -208,6 +213,11 @@ static inline double event_delay(double longest, const event_memory *m)
   double delay = 0.0;
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
+#if WITH_GROUND_EVENTS
+    if (event_is_kink(k)) {
+      continue;
+    }
+#endif
     delay = event_side_distance(m, m->end_margin, k) < 0.0 ? fmax(delay, fabs(m->end_margin[k] / m->start_rate[k]))
                                                            : delay;
   }

@@ -170,6 +170,12 @@ static inline int method_pass(double root, double near, double left, const metho
 /* The extrapolation over an event must cost no accuracy, nor end a run late. */
 static inline double method_event_base(const method_motion *m)
 {
+#if WITH_GROUND_EVENTS
+  /* Contacts are kinks, where forces do not jump. */
+  if (!m->run->stop && event_is_kink(m->work->events.found_margin)) {
+    return 1e-8 * m->run->pace + 1e-15 * fabs(*m->time);
+  }
+#endif
 #if WITH_SMOOTH_EVENTS
   return (m->run->stop ? 1e-12 : 1e-8) * m->run->pace + 1e-15 * fabs(*m->time);
 #else
