@@ -15,6 +15,7 @@ from tensegrity_codegen.scene.checks.geometry import check_connectivity, check_f
 from tensegrity_codegen.scene.names import check_name, check_names, check_scene_name, key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
+from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, StructureError
@@ -61,6 +62,7 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
     _check_rigid_bars(structure, where)
     _check_anchored_velocity(structure, where)
     _check_plane(structure, where)
+    _check_ground(structure, where)
     for group, members in structure.groups.items():
         check_indices(members, structure.n_members, key_path(where, "groups", group))
     for number, item in enumerate(structure.inputs):
@@ -272,6 +274,25 @@ def _check_plane(structure: Structure, where: str) -> None:
                 where=key_path(where, "gravity"),
                 given=structure.gravity.tolist(),
                 allowed=f"0 along {letter}",
+            )
+
+
+def _check_ground(structure: Structure, where: str) -> None:
+    """Check that contacts are nodes that can move, and that the normal lies in the modelled axes."""
+    ground = structure.ground
+    if ground is None:
+        return
+    place = key_path(where, "ground")
+    check_instance(ground, Ground, place, "a Ground, or None")
+    check_indices(tuple(ground.node.tolist()), structure.n_nodes, key_path(place, "node"))
+    ground.tangents(structure.axes)
+    for node in ground.node:
+        if structure.node_anchored[node, list(structure.axes)].all():
+            raise StructureError(
+                "an anchored node does not move, the ground cannot support it",
+                where=key_path(place, "node"),
+                given=structure.node_name[node],
+                allowed="nodes that are free on some axis",
             )
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
 from tests.cases import thorough
 from tests.ground_cases import (
     GRAVITY,
@@ -260,6 +261,9 @@ def test_internal_states_are_in_the_file_of_a_motion_that_has_some(tmp_path: Any
     with np.load(path) as data:
         assert data["internal"].shape == (2, 2)
         assert data["internal_name"].tolist() == ["n0_stick1", "n1_stick1"]
+    again = read_trajectory(path, make_rod())
+    np.testing.assert_array_equal(again.internal, motion.internal)
+    assert again.internal_name == motion.internal_name
     _, without = move(make_block([0.0, 0.0, 0.1], friction=0.0), "rk54", [0.0, 0.1], rtol=1e-6)
     without.write(tmp_path / "ball.npz")
     with np.load(tmp_path / "ball.npz") as data:
