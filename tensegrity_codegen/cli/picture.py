@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.structure.ground_support import require_no_ground
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.system.files import write_text
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
@@ -270,6 +271,7 @@ def play_live(
         )
     check_choice(method, METHODS, "method", "--method")
     subject, request = output.load(scene, settles=settle)
+    require_no_ground(subject, "a page in which the model runs")
     wanted = request_play(subject, request, method)
     check_buildable(subject, wanted)
     module, licence = find_three(three)

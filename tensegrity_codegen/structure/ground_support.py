@@ -23,7 +23,6 @@ def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
     return FormulationError(
         f"the ground is not supported here: {what}",
         where=f"{name}: ground",
-        given=what,
         allowed="motions by explicit methods, in node positions or with rigid bars",
         hint=hint,
     )
