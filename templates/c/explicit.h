@@ -252,6 +252,17 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
     return SCENE_OK;
   }
   run->loudness = 1.0;
+#if WITH_GROUND_EVENTS
+#if METHOD_HAS_ERROR
+  /* A contact vibrates faster than the structure in the air. */
+  if (w->events.found_margin >= FIRST_CONTACT && w->events.found_margin < FIRST_CONTACT + N_CONTACTS &&
+      w->events.side[w->events.found_margin] > 0.0) {
+    const double in_air = *m->step;
+    method_choose_step(*m->time + left, m);
+    *m->step = fmin(in_air, *m->step);
+  }
+#endif
+#endif
   if (!all_finite(w->rates, N_STATES) || !method_evaluate_margins(run->pace, m, w->change)) {
     return SCENE_NON_FINITE_RESULT;
   }

@@ -230,6 +230,18 @@ def test_a_block_rests_at_0_999_of_the_friction_cone(duration: float) -> None:
     np.testing.assert_allclose(force, [[0.0, 0.0, GRAVITY]], atol=1e-11)
 
 
+@pytest.mark.parametrize(("method", "loose", "order"), [("rk54", 1e-8, 4.8), ("rk853", 1e-7, 7.5)])
+def test_errors_fall_with_the_order_through_38_events(method: str, loose: float, order: float) -> None:
+    prism = make_prism(rotate((0.0, 0.3, 0.2)))
+    _, exact = move(prism, "rk853", PRISM_TIMES, rtol=1e-13, atol=1e-16)
+    found = []
+    for rtol in (loose, 1e-3 * loose):
+        _, motion = move(prism, method, PRISM_TIMES, rtol=rtol, atol=0.01 * rtol)
+        found.append((np.abs(motion.node_position - exact.node_position).max(), motion.n_evaluations))
+    (coarse, few), (fine, many) = found
+    assert np.log(coarse / fine) / np.log(many / few) > order
+
+
 def test_a_fixed_step_ends_at_events_too() -> None:
     rod = make_rod()
     _, exact = move(rod, "rk853", [0.0, 0.15, 0.3])
