@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.structure.ground_support import require_no_ground
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.system.files import write_text
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
@@ -264,6 +263,7 @@ def play_live(
     from tensegrity_codegen.live.three_module import find_three
     from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library, check_buildable
     from tensegrity_codegen.pipeline.settle import find_settled
+    from tensegrity_codegen.structure.ground_support import require_no_ground
 
     if not 1e-12 <= rtol <= 1e-2:
         raise InvalidValueError(

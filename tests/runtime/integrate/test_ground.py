@@ -13,8 +13,10 @@ import pytest
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.options import Stepping
+from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
+from tensegrity_codegen.structure.structure import ActuatedInput
 from tests.cases import thorough
 from tests.ground_cases import (
     GRAVITY,
@@ -240,6 +242,25 @@ def test_errors_fall_with_the_order_through_38_events(method: str, loose: float,
         found.append((np.abs(motion.node_position - exact.node_position).max(), motion.n_evaluations))
     (coarse, few), (fine, many) = found
     assert np.log(coarse / fine) / np.log(many / few) > order
+
+
+@pytest.mark.parametrize("cycles", [100, *thorough(10_000)])
+def test_loads_inside_the_cone_move_nothing_in_the_long_run(cycles: int) -> None:
+    """A push of 0.5 N to and fro, 50 times a second, where mu N is 4.9 N; LuGre friction drifts here."""
+    push = ActuatedInput("push", "force", (0,), (1.0, 0.0, 0.0))
+    block = make_block([0.0, 0.0, -GRAVITY / 1e5]).with_changes(inputs=(push,))
+    model = simulator(block, "rk853")
+    times = np.arange(4 * cycles + 1) * 0.005
+    schedule = Profile(times, {"push": np.array([0.0, 0.5, 0.0, -0.5] * cycles + [0.0])})
+    stepping = Stepping(atol=1e-14, control="steps", max_steps=10**7)
+    samples = times[:: 2 * cycles]
+    motion = simulate(
+        model, times[-1], samples=samples, method="rk853", rtol=1e-10, schedule=schedule, stepping=stepping
+    )
+    assert motion.status == "ok"
+    assert 1e-6 < abs(motion.coordinate[1, 0]) < 5e-6  # up to F / kt
+    assert abs(motion.coordinate[2, 0] - motion.coordinate[1, 0]) < 1e-12
+    assert motion.log.count == 0
 
 
 def test_a_fixed_step_ends_at_events_too() -> None:
