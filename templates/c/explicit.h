@@ -170,6 +170,12 @@ static inline int method_pass(double root, double near, double left, const metho
 /* The extrapolation over an event must cost no accuracy, nor end a run late. */
 static inline double method_event_base(const method_motion *m)
 {
+#if WITH_GROUND_EVENTS
+  /* Contacts are kinks, where forces do not jump. */
+  if (!m->run->stop && event_is_kink(m->work->events.found_margin)) {
+    return 1e-8 * m->run->pace + 1e-15 * fabs(*m->time);
+  }
+#endif
 #if WITH_SMOOTH_EVENTS
   return (m->run->stop ? 1e-12 : 1e-8) * m->run->pace + 1e-15 * fabs(*m->time);
 #else
@@ -184,6 +190,38 @@ static inline int method_after_crossing(const scene_run *run, int *is_over)
   return run->succession > MOST_IN_SUCCESSION ? SCENE_TOO_MANY_EVENTS : SCENE_OK;
 }
 
+#if WITH_GROUND_EVENTS
+/* Length of a step that ends soon after a node touches the ground, at most `planned`; that time is extrapolated. What a
+ * longer one finds below the ground is no motion, and a whole contact could lie within it. */
+static inline double method_limit_fall(double planned, const method_motion *m)
+{
+  method_work *w = m->work;
+  event_memory *events = &w->events;
+  event_path path;
+  double first = 1.0;
+  int k;
+  path.start = w->old;
+  path.end_coordinate = w->trial;
+  path.end_velocity = w->trial + N;
+  path.end_acceleration = w->rates + N;
+  path.time = *m->time;
+  path.length = planned;
+  motion_extrapolate(planned, m->state, w->lost, w->rates, w->change, w->trial);
+  event_margins_at(&path, 1.0, m->with, m->run, events->point, events->end_margin);
+  for (k = FIRST_CONTACT; k < FIRST_CONTACT + N_CONTACTS; ++k) {
+    const double distance = event_side_distance(events, events->end_margin, k);
+    if (events->side[k] < 0.0 && distance < 0.0) {
+      first = fmin(
+          first,
+          event_find_crossing(
+              &path, k, 0.0, event_side_distance(events, events->start_margin, k), 1.0, distance, m->with, m->run,
+              events));
+    }
+  }
+  return first < 1.0 ? fmin(planned, (1.05 * first + 1e-12) * planned) : planned;
+}
+
+#endif
 /* Where the motion stands just before an event: pass it, or choose where the next step is cut. */
 static inline int method_meet_crossing(double left, const method_motion *m, int *is_over)
 {
@@ -214,6 +252,17 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
     return SCENE_OK;
   }
   run->loudness = 1.0;
+#if WITH_GROUND_EVENTS
+#if METHOD_HAS_ERROR
+  /* A contact vibrates faster than the structure in the air. */
+  if (w->events.found_margin >= FIRST_CONTACT && w->events.found_margin < FIRST_CONTACT + N_CONTACTS &&
+      w->events.side[w->events.found_margin] > 0.0) {
+    const double in_air = *m->step;
+    method_choose_step(*m->time + left, m);
+    *m->step = fmin(in_air, *m->step);
+  }
+#endif
+#endif
   if (!all_finite(w->rates, N_STATES) || !method_evaluate_margins(run->pace, m, w->change)) {
     return SCENE_NON_FINITE_RESULT;
   }
@@ -469,6 +518,13 @@ static inline int method_trial(double time_end, const method_motion *m, int *is_
     return method_meet_crossing(left, m, is_over);
   }
   h = event_limit_step(h, m->run, &is_short, &is_cut);
+#if WITH_GROUND_EVENTS
+  if (m->run->watch && !is_cut) {
+    const double planned = fmin(h, left);
+    h = method_limit_fall(planned, m);
+    is_short = is_short || h < planned;
+  }
+#endif
 #endif
 #if METHOD_HAS_ERROR
   is_last = h >= left;

@@ -17,6 +17,7 @@
 #define WITH_GROUND_EVENTS 0      /* contacts with the ground are watched */
 #define WITH_STICK_EVENTS 0       /* and where these stick */
 #define WITH_SMOOTH_EVENTS 1      /* forces do not jump at them */
+#define WITH_EVENT_FORECAST 1     /* steps become shorter where the rates of margins contradict an expected event */
 #ifndef WITH_INTERNAL
 #define WITH_INTERNAL 0 /* 1: the state has more than coordinates and velocities */
 #endif

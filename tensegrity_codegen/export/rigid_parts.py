@@ -90,7 +90,7 @@ def find_parts(subject: Structure | BodySystem) -> tuple[list[RigidPart], dict[s
     if isinstance(subject, BodySystem):
         return _find_bodies(subject)
     structure = subject
-    require_no_ground(structure, "MJCF and URDF")
+    require_no_ground(structure, "URDF")
     _check(structure)
     ends = structure.connectivity[structure.is_rigid]
     parts = [_build_rod(structure, int(member)) for member in np.flatnonzero(structure.is_rigid)]

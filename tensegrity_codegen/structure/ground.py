@@ -86,7 +86,8 @@ class Ground:
         self._require("normal", self.normal.shape == (3,) and abs(length - 1) < 1e-12, "a unit vector, (3,)")
         along = abs(float(self.velocity @ self.normal)) <= 1e-12 * float(np.linalg.norm(self.velocity))
         self._require("velocity", along, "a velocity along the plane")
-        self._require("node", bool((np.diff(self.node) > 0).all()), "ascending indices of nodes")
+        ascending = self.node.size > 0 and bool((np.diff(self.node) > 0).all())
+        self._require("node", ascending, "ascending indices of one or more nodes")
         self._require("radius", self.radius.shape == self.node.shape, "one radius a node")
         self._require("radius", bool((self.radius >= 0).all()), "numbers of 0 or more")
 

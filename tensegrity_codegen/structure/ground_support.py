@@ -1,4 +1,4 @@
-"""What is there for structures on the ground; all else ends in one error, before any number is computed."""
+"""Support of structures on the ground: all that lacks it ends in one error, before any number is computed."""
 
 from typing import Any
 
@@ -23,7 +23,6 @@ def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
     return FormulationError(
         f"the ground is not supported here: {what}",
         where=f"{name}: ground",
-        given=what,
         allowed="motions by explicit methods, in node positions or with rigid bars",
         hint=hint,
     )

@@ -5,8 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.structure.ground import Ground
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError, SceneError
+from tests.ground_cases import make_block, make_rod
 
 
 def make_ground(**changes: Any) -> Ground:
@@ -63,6 +65,7 @@ def test_a_plane_model_has_one_tangent() -> None:
         ("velocity", np.array([0.0, 0.0, 1.0])),
         ("velocity", np.array([np.inf, 0.0, 0.0])),
         ("node", np.array([2, 0])),
+        ("node", np.array([], dtype=np.int64)),
         ("radius", np.zeros(3)),
         ("radius", np.array([0.0, -1.0])),
     ],
@@ -78,3 +81,23 @@ def test_equal_grounds_are_equal_and_read_only() -> None:
     assert hash(ground) == hash(make_ground())
     assert ground != make_ground(friction=0.4)
     assert not ground.normal.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"node": np.array([0, 9]), "radius": np.zeros(2)}, "out of range"),
+        ({"node": np.array([1]), "radius": np.zeros(1)}, "anchored node"),
+    ],
+)
+def test_contacts_are_nodes_that_can_move(changes: dict[str, Any], words: str) -> None:
+    block = make_block([0.0, 0.0, 0.1])
+    check_structure(block)
+    with pytest.raises(SceneError, match=words):
+        check_structure(block.with_changes(ground=make_ground(**changes)))
+
+
+def test_the_normal_lies_in_the_axes_of_the_scene() -> None:
+    tilted = make_ground(normal=np.array([0.0, 0.6, 0.8]), node=np.array([0, 1]))
+    with pytest.raises(InvalidValueError, match="leaves the axes"):
+        check_structure(make_rod().with_changes(ground=tilted))

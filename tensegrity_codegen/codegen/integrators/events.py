@@ -149,6 +149,7 @@ def events_context(
         "kinds": kinds,
         "cables": list(spec.cables),
         "n_margins": first + 1,
+        "n_kinks": sum(kind["count"] for kind in kinds if kind["word"] in CONTINUOUS),
         "n_measured": max(
             (reach.get(kind["quantity"], n_coordinates) for kind in kinds), default=n_coordinates
         ),

@@ -231,6 +231,9 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
         "WITH_PROFILE": bool(context["driven"]),
         "WITH_EVENTS": bool(events),
         "WITH_INTERNAL": bool(context["n_internal"]),
+        "WITH_EVENT_FORECAST": any(
+            [events.get("is_smooth"), *(kind["word"] == "ground" for kind in events.get("kinds", ()))]
+        ),
         **{
             f"WITH_{word.upper()}_EVENTS": any(kind["word"] == word for kind in events.get("kinds", ()))
             for word in ("switch", "ground", "stick")
