@@ -1,5 +1,6 @@
 """Eigenvalues of a state matrix [0 I; S D], sorted into oscillations, rigid motions and the rest."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,27 +45,59 @@ def find_spectrum(state_matrix: Any, count: int) -> Spectrum:
     is_complete = 2 * n_coordinates <= DENSE_STATES or count >= n_coordinates - 1
     # Eigenvalues below zero_bound are zero to rounding.
     if is_undamped:
-        square = _find_eigenvalues(stiffness, is_complete, max(count, 1), _bound_eigenvalues(stiffness))
+        largest = _bound_eigenvalues(stiffness)
+        square = _find_eigenvalues(stiffness, None, is_complete, max(count, 1), largest)
         root = np.sqrt(square.astype(complex))
         eigenvalue = np.concatenate([root, -root])
-        zero_bound = np.sqrt(64 * EPSILON * _bound_eigenvalues(stiffness))
+        zero_bound = np.sqrt(64 * EPSILON * largest)
     else:
         largest = max(np.sqrt(_bound_eigenvalues(stiffness)), _bound_eigenvalues(damping))
-        matrix = scipy.sparse.csc_array(state_matrix)
-        eigenvalue = _find_eigenvalues(matrix, is_complete, 2 * max(count, 1), largest)
+        eigenvalue = _find_eigenvalues(stiffness, damping, is_complete, 2 * max(count, 1), largest)
         zero_bound = 8 * np.sqrt(EPSILON) * largest
     return _sort_eigenvalues(eigenvalue, float(zero_bound), is_complete)
 
 
-def _find_eigenvalues(matrix: Any, is_complete: bool, count: int, largest: float) -> NDArray[Any]:
-    """Return all eigenvalues, or the `count` nearest to zero; largest: a bound of all of them."""
+def _find_eigenvalues(
+    stiffness: Any, damping: Any | None, is_complete: bool, count: int, largest: float
+) -> NDArray[Any]:
+    """Return all eigenvalues of [0 I; S D], or of S where D is None, or the `count` nearest to zero.
+
+    largest: a bound of all of them.
+    """
+    eye = scipy.sparse.eye_array(stiffness.shape[0], format="csc")
+    matrix = stiffness if damping is None else scipy.sparse.block_array([[None, eye], [stiffness, damping]])
     if is_complete:
         return np.asarray(np.linalg.eigvals(matrix.toarray()))
     # Shift and invert, beside zero, where the matrix may be singular.
-    shift, start = 1e-9 * largest, np.random.default_rng(0).normal(size=matrix.shape[0])
+    shift = 1e-9 * largest
+    if damping is None:
+        solve = _factorise(stiffness - shift * eye)
+    else:
+        # Of x2 - shift x1 = b1 and S x1 + (D - shift) x2 = b2 only half are unknowns at a time.
+        beside = damping - shift * eye
+        solve_half = _factorise(stiffness + shift * beside)
+
+        def solve(right: FloatArray) -> FloatArray:
+            first, second = np.split(right, 2)
+            found = solve_half(second - beside @ first)
+            return np.concatenate([found, first + shift * found])
+
+    inverse = scipy.sparse.linalg.LinearOperator(matrix.shape, matvec=solve, dtype=float)
+    start = np.random.default_rng(0).normal(size=matrix.shape[0])
     return np.asarray(
-        scipy.sparse.linalg.eigs(matrix, k=count, sigma=shift, v0=start, return_eigenvectors=False)
+        scipy.sparse.linalg.eigs(
+            matrix, k=count, sigma=shift, OPinv=inverse, v0=start, return_eigenvectors=False
+        )
     )
+
+
+def _factorise(matrix: Any) -> Callable[[FloatArray], FloatArray]:
+    """Return the function b -> matrix^-1 b of a matrix with a symmetric pattern."""
+    factors = scipy.sparse.linalg.splu(
+        scipy.sparse.csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1
+    )
+    solve: Callable[[FloatArray], FloatArray] = factors.solve
+    return solve
 
 
 def _sort_eigenvalues(eigenvalue: NDArray[np.complex128], zero_bound: float, is_complete: bool) -> Spectrum:

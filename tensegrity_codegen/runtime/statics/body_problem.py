@@ -106,7 +106,8 @@ class BodyProblem(StaticProblem):
     def find_differences(self, coordinate: FloatArray) -> Any:
         """Return D over x."""
         jacobian = scipy.sparse.csr_array(self.compute("node_jacobian", coordinate))
-        return self.subtract_ends(jacobian @ scipy.sparse.diags_array(1.0 / self.scale))
+        jacobian.data = jacobian.data / self.scale[jacobian.indices]
+        return self.subtract_ends(jacobian)
 
     def residual(self, coordinate: FloatArray) -> FloatArray:
         """Return the generalised forces over s, (n_coordinates,) [N]."""
@@ -115,8 +116,10 @@ class BodyProblem(StaticProblem):
 
     def stiffness(self, coordinate: FloatArray) -> Any:
         """Return the Hessian of the energy over x, sparse (n_coordinates, n_coordinates) [N/m]."""
-        inverse = scipy.sparse.diags_array(1.0 / self.scale)
-        return scipy.sparse.csc_array(inverse @ self.compute("tangent_stiffness", coordinate) @ inverse)
+        stiffness = scipy.sparse.csc_array(self.compute("tangent_stiffness", coordinate))
+        column_scale = np.repeat(self.scale, np.diff(stiffness.indptr))
+        stiffness.data = stiffness.data / (self.scale[stiffness.indices] * column_scale)
+        return stiffness
 
     def extent(self, coordinate: FloatArray, length: FloatArray) -> float:
         """Return the longest tendon or the largest extent of all nodes [m]."""

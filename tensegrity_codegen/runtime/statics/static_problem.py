@@ -199,9 +199,11 @@ class StaticProblem:
 
     def subtract_ends(self, velocity: Any) -> Any:
         """Return the differences of the ends of members, of velocities of nodes (3 n_nodes, k)."""
+        if velocity.shape[1] <= DENSE_LIMIT:
+            velocity = velocity.toarray()
         first, second = ((3 * self.ends[:, end, None] + np.arange(3)).ravel() for end in (0, 1))
         found = velocity[first] - velocity[second]
-        return found.toarray() if found.shape[1] <= DENSE_LIMIT else scipy.sparse.csc_array(found)
+        return found if isinstance(found, np.ndarray) else scipy.sparse.csc_array(found)
 
     def move_coordinate(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Return coordinates moved by `by`, and the displacement; None where constraints cannot be kept."""
