@@ -99,5 +99,5 @@ def test_contacts_are_nodes_that_can_move(changes: dict[str, Any], words: str) -
 
 def test_the_normal_lies_in_the_axes_of_the_scene() -> None:
     tilted = make_ground(normal=np.array([0.0, 0.6, 0.8]), node=np.array([0, 1]))
-    with pytest.raises(InvalidValueError, match="leaves the axes"):
+    with pytest.raises(SceneError, match="an axis that the scene does not model"):
         check_structure(make_rod().with_changes(ground=tilted))

@@ -25,13 +25,9 @@ def test_a_sound_ground_passes() -> None:
     check_structure(BASE.with_changes(ground=None))
 
 
-NONE = {"node": np.zeros(0, dtype=np.int64), "radius": np.zeros(0)}
-
-
 @pytest.mark.parametrize(
     ("changes", "error", "key", "words"),
     [
-        (NONE, InvalidValueError, "ground.node", "empty"),
         ({"node": np.array([3])}, InvalidValueError, "ground.node", "0 to 2"),
         ({"node": np.array([-1])}, InvalidValueError, "ground.node", "0 to 2"),
         ({"node": np.array([0])}, StructureError, "ground.contacts", "cannot be contacts: a"),
