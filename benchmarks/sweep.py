@@ -280,7 +280,7 @@ def _make_solve_ivp(work: Work, chosen: list[int], rtol: float) -> Way:
         for k in chosen:
             own = work.of_case(k)
             parts = (own.pop(name, work.model.nominal(name)) for name in ("coordinate", "velocity"))
-            start, options = np.concatenate(list(parts)), {"rtol": rtol, "stepping": Stepping(atol=rtol)}
+            start, options = np.concatenate(list(parts)), {"rtol": rtol, "atol": rtol}
             integrate.solve_ivp(lambda _, x, own=own: rate(x, own), (0.0, 1.0), start, "DOP853", **options)
         return len(chosen)
 

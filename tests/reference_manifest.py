@@ -47,7 +47,7 @@ def full_value(structure: Structure, name: str) -> Array:
 def build_manifest(structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -> Manifest:
     """The manifest of a model of all quantities with these run-time parameters."""
     wanted = [n for n in ARGUMENTS if n not in PARAMETERS or n in parameters]
-    wanted = [n for n in wanted if n != "input" or structure.inputs]
+    wanted = [n for n in wanted if (n != "input" or structure.inputs) and n != "internal"]
     arguments = tuple(argument_spec(structure, parameters, name) for name in wanted)
     sizes = count_sizes(structure, arguments)
     return Manifest(

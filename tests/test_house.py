@@ -18,7 +18,7 @@ from tensegrity_codegen.cli.app import app
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.checks.scene_warnings import find_warnings
 from tensegrity_codegen.scene.read import parse_scene
-from tensegrity_codegen.scene.schema import control_schema, schema
+from tensegrity_codegen.scene.schema import control_schema, ground_schema, schema
 from tensegrity_codegen.scene.shapes.icosahedron import IcosahedronShape
 from tensegrity_codegen.scene.shapes.prism import PrismShape
 from tensegrity_codegen.scene.shapes.tower import TowerShape
@@ -312,6 +312,15 @@ def test_the_actuators_sensors_and_limits_of_the_scene_page_are_sound() -> None:
     assert structure.limits.least_tension.tolist() == [-float("inf"), 1.0, 5.0]
 
 
+def test_the_ground_of_the_scene_page_is_sound() -> None:
+    blocks = re.findall(r"```toml\n(.*?)```", document("docs/scene.md"), re.DOTALL)
+    (ground,) = (text for text in blocks if text.startswith("[ground"))
+    structure, _ = assemble(parse_scene(tomllib.loads(f"{blocks[0]}\n{ground}"), "docs/scene.md"))
+    assert find_warnings(structure) == ()
+    assert structure.ground is not None
+    assert [structure.node_name[node] for node in structure.ground.node] == ["head"]
+
+
 def table_keys(section: str) -> list[str]:
     """Return the keys in the first column of a section's table."""
     cells = re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
@@ -331,6 +340,7 @@ SECTIONS: dict[str, tuple[type[BaseModel], ...]] = {
     "## [classes.*]": (schema.MemberClass,),
     "## [nodes]": (schema.Node,),
     "## [interference]": (schema.Interference,),
+    "## [ground]": (ground_schema.GroundTable,),
     "## [[loads]]": (schema.Load,),
     "## [[inputs]]": (schema.RestLengthInput, schema.ForceInput),
     "## [[actuators]]": (control_schema.ActuatorTable,),

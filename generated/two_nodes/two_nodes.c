@@ -695,25 +695,25 @@ static int event_is_mispredicted(const event_memory *m, double length, const two
   return run->leash == 0.0;
 }
 
-/* Whether the event that lies `until_event` ahead, on an extrapolation over `length`, is within `tolerance`, so that
+/* Whether the event that lies `event_wait` ahead, on an extrapolation over `length`, is within `tolerance`, so that
  * the extrapolation can pass it. If not, the next step is cut just before it. Where the extrapolation meets no event,
  * noise was taken for one, or `planned` steps are too long to tell where events are (not so of overdamped cables). */
 static int event_can_be_passed(
-    double until_event, double tolerance, double length, double *planned, two_nodes_run *run, const event_memory *m)
+    double event_wait, double tolerance, double length, double *planned, two_nodes_run *run, const event_memory *m)
 {
   run->ahead = 0.0;
   run->cut = 0.0;
   /* No event on the extrapolation: count more as noise from now on, and take shorter steps. */
-  if (until_event > length) {
+  if (event_wait > length) {
     run->loudness *= 8.0;
     *planned *= event_is_mispredicted(m, length, run) ? 0.2 : 1.0;
     return 0;
   }
   /* The event is farther ahead: the next step ends just before it. */
-  if (until_event > tolerance) {
-    run->cut = until_event
-        - fmax(until_event * fmin(0.05, (until_event / run->pace) * (until_event / run->pace)), 0.5 * tolerance);
-    run->remaining = until_event - run->cut;
+  if (event_wait > tolerance) {
+    run->cut = event_wait
+        - fmax(event_wait * fmin(0.05, (event_wait / run->pace) * (event_wait / run->pace)), 0.5 * tolerance);
+    run->remaining = event_wait - run->cut;
     return 0;
   }
   return 1;
@@ -723,10 +723,10 @@ static int event_can_be_passed(
  * the event, the closer. Where `found` is negative: up to the turn of a margin at minus this fraction. */
 static void event_shorten_step(double found, double step, double tolerance, two_nodes_run *run)
 {
-  const double until_event = fabs(found) * step;
-  run->cut = found < 0.0 ? until_event : until_event * (0.999 - 0.05 * (1.0 - found) * (1.0 - found));
-  run->remaining = until_event - run->cut;
-  run->ahead = found >= 0.0 && until_event <= tolerance ? fmax(until_event, 1e-300) : 0.0;
+  const double event_wait = fabs(found) * step;
+  run->cut = found < 0.0 ? event_wait : event_wait * (0.999 - 0.05 * (1.0 - found) * (1.0 - found));
+  run->remaining = event_wait - run->cut;
+  run->ahead = found >= 0.0 && event_wait <= tolerance ? fmax(event_wait, 1e-300) : 0.0;
   ++run->n_rejected;
 }
 

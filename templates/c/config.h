@@ -21,9 +21,16 @@
 
 enum {
   N = CONFIG_N,             /* coordinates */
+  N_INTERNAL = WITH_INTERNAL ? 1 : 0,
+  N_STATES = 2 * N + N_INTERNAL, /* coordinates, velocities, internal states */
+  N_SLOPES = N + N_INTERNAL,     /* accelerations, rates of internal states */
+  N_OLD = N_STATES + N_SLOPES,   /* a state and these */
   WIDTH = 8,                /* lanes of a batch */
   LINE = 64 / sizeof(real), /* numbers in a line of the cache */
   N_ARGUMENTS = 1,          /* what accelerations take beside coordinate and velocity */
+  FIRST_CONTACT = 0,        /* first margin of a contact with the ground */
+  N_CONTACTS = 1,
+  N_KINKS = 1, /* margins of contacts from there on, at which forces do not jump */
   N_MARGINS = 2,            /* events that are watched, the condition last */
   N_MEASURED = N,           /* coordinates whose size counts as rounding */
   MOST_IN_SUCCESSION = 150, /* events, each within a thousandth of a step of the last one */
@@ -52,6 +59,21 @@ static inline void motion_slope(
     result[k] = -with->stiffness[0] * coordinate[k];
   }
 }
+
+#if WITH_INTERNAL
+/* Rates of coordinates, velocities and internal states, which are `velocity + N`: one that follows a coordinate. */
+static inline void motion_state_derivative(
+    const real *coordinate, const real *velocity, const motion_arguments *with, real *result)
+{
+  const real *internal = velocity + N;
+  int k;
+  for (k = 0; k < N; ++k) {
+    result[k] = velocity[k];
+  }
+  motion_slope(coordinate, velocity, with, result + N);
+  result[2 * N] = coordinate[0] - internal[0];
+}
+#endif
 
 /* The Jacobian of the state derivative, column by column: v' to q, then q' to v. */
 extern const int scene_state_jacobian_row[N_STATE_JACOBIAN], scene_state_jacobian_column_start[2 * N + 1];

@@ -9,6 +9,11 @@ static const double MAX_NOISE_TIME = 1e-8; /* of a step: longer extrapolations c
 static const double MAX_NOISE_TIME = 1e-6;
 #endif
 
+#if WITH_GROUND_EVENTS
+/* Whether margin k is of a contact with the ground, at which forces do not jump. */
+static inline int event_is_kink(int k) { return k >= FIRST_CONTACT && k < FIRST_CONTACT + N_KINKS; }
+
+#endif
 /* Time in which margin k passes its noise, at most MAX_NOISE_TIME of a step. */
 static inline double event_noise_time(double usual_step, const event_memory *m, int k)
 {
@@ -118,7 +123,7 @@ static inline double event_limit_step(double planned, const scene_run *run, int 
   return *is_cut ? run->cut : step;
 }
 
-#if WITH_SMOOTH_EVENTS
+#if WITH_EVENT_FORECAST
 
 /* Whether no margin reaches zero within ten times `length` at its present rate, so that the expected event was an
  * error. Not asked of events in short succession, which are expected correctly. */
@@ -142,14 +147,14 @@ static inline int event_can_be_passed(
 {
   run->ahead = 0.0;
   run->cut = 0.0;
-#if !WITH_SMOOTH_EVENTS
+#if !WITH_EVENT_FORECAST
   (void)planned;
   (void)m;
 #endif
   /* No event on the extrapolation: count more as noise from now on, and take shorter steps. */
   if (event_wait > length) {
     run->loudness *= 8.0;
-#if WITH_SMOOTH_EVENTS
+#if WITH_EVENT_FORECAST
     *planned *= event_is_mispredicted(m, length, run) ? 0.2 : 1.0;
 #endif
     return 0;
@@ -208,6 +213,11 @@ static inline double event_delay(double longest, const event_memory *m)
   double delay = 0.0;
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
+#if WITH_GROUND_EVENTS
+    if (event_is_kink(k)) {
+      continue;
+    }
+#endif
     delay = event_side_distance(m, m->end_margin, k) < 0.0 ? fmax(delay, fabs(m->end_margin[k] / m->start_rate[k]))
                                                            : delay;
   }

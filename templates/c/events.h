@@ -28,7 +28,7 @@ typedef struct {
   double side[N_MARGINS], noise[N_MARGINS], start_margin[N_MARGINS], start_rate[N_MARGINS], end_margin[N_MARGINS];
   double end_slope[N_MARGINS], middle_margin[N_MARGINS], middle_slope[N_MARGINS], trial_margin[N_MARGINS];
   double nearby_margin[N_MARGINS], start_slope[N_MARGINS];
-  double point[2 * N];
+  double point[N_STATES];
   int may_cut_at_turn; /* whether a turn that is too near to tell may cut the step */
   int found_margin;    /* the margin whose event was found */
 } event_memory;

@@ -10,9 +10,9 @@
 
 /* Memory of one integration; from call to call it keeps rates[0], what rounding took, and the sides of events. */
 typedef struct {
-  real rates[2 * N * METHOD_RATES], trial[2 * N], old[3 * N], lost[2 * N], change[2 * N], spare[2 * N];
+  real rates[N_STATES * METHOD_RATES], trial[N_STATES], old[N_OLD], lost[N_STATES], change[N_STATES], spare[N_STATES];
 #if METHOD_HAS_DENSE
-  real dense[2 * N * METHOD_DENSE];
+  real dense[N_STATES * METHOD_DENSE];
 #endif
 #if METHOD_HAS_MEMORY
   method_memory own;
@@ -45,10 +45,10 @@ static inline void method_interpolate(real s, const real *old, const real *dense
 {
   const real r = (real)1.0 - s;
   int k, power;
-  for (k = 0; k < 2 * N; ++k) {
-    real sum = dense[2 * N * (METHOD_DENSE - 1) + k];
+  for (k = 0; k < N_STATES; ++k) {
+    real sum = dense[N_STATES * (METHOD_DENSE - 1) + k];
     for (power = METHOD_DENSE - 2; power >= 0; --power) {
-      sum = dense[2 * N * power + k] + (power % 2 == 0 ? r : s) * sum;
+      sum = dense[N_STATES * power + k] + (power % 2 == 0 ? r : s) * sum;
     }
     out[k] = old[k] + s * sum;
   }
@@ -62,7 +62,7 @@ static inline void method_sample_dense(
   (void)with;
   (void)spare;
   for (; motion_next_sample(to) < t1; ++*to->n_filled) {
-    real *sample = to->state + *to->n_filled * 2 * N;
+    real *sample = to->state + *to->n_filled * N_STATES;
     method_interpolate((real)((motion_next_sample(to) - t0) / h), old, dense, sample);
 #if WITH_CONSTRAINTS
 #if WITH_PROFILE
@@ -78,11 +78,11 @@ static inline void method_sample_dense(
 static inline void method_keep_old(const real *state, const real *rates, real *old)
 {
   int k;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     old[k] = state[k];
   }
-  for (k = 0; k < N; ++k) {
-    old[2 * N + k] = rates[N + k];
+  for (k = 0; k < N_SLOPES; ++k) {
+    old[N_STATES + k] = rates[N + k];
   }
 }
 
@@ -90,7 +90,7 @@ static inline void method_keep_old(const real *state, const real *rates, real *o
 /* Choose a first step up to time_end, from how accelerations answer to small displacements. */
 static inline void method_choose_step(double time_end, const method_motion *m)
 {
-  real *rates = m->work->rates, *found = rates + 2 * N, *trial = m->work->trial;
+  real *rates = m->work->rates, *found = rates + N_STATES, *trial = m->work->trial;
   double fastest = 0.0;
   int k;
 #if WITH_VELOCITY
@@ -146,7 +146,7 @@ static inline int method_pass(double root, double near, double left, const metho
     return 0;
   }
   method_keep_old(m->state, w->rates, w->old);
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     m->state[k] = w->trial[k];
     w->lost[k] = w->change[k] - (w->trial[k] - w->old[k]);
   }
@@ -155,7 +155,7 @@ static inline int method_pass(double root, double near, double left, const metho
 #endif
   motion_rate(m->state, m->with, w->rates);
 #if !WITH_SMOOTH_EVENTS
-  event_correct_velocity(delay, w->old + 2 * N, w->rates + N, m->state + N, w->lost + N);
+  event_correct_velocity(delay, w->old + N_STATES, w->rates + N, m->state + N, w->lost + N);
   motion_rate(m->state, m->with, w->rates);
   ++m->run->n_evaluations;
 #endif
@@ -170,6 +170,12 @@ static inline int method_pass(double root, double near, double left, const metho
 /* The extrapolation over an event must cost no accuracy, nor end a run late. */
 static inline double method_event_base(const method_motion *m)
 {
+#if WITH_GROUND_EVENTS
+  /* Contacts are kinks, where forces do not jump. */
+  if (!m->run->stop && event_is_kink(m->work->events.found_margin)) {
+    return 1e-8 * m->run->pace + 1e-15 * fabs(*m->time);
+  }
+#endif
 #if WITH_SMOOTH_EVENTS
   return (m->run->stop ? 1e-12 : 1e-8) * m->run->pace + 1e-15 * fabs(*m->time);
 #else
@@ -184,6 +190,38 @@ static inline int method_after_crossing(const scene_run *run, int *is_over)
   return run->succession > MOST_IN_SUCCESSION ? SCENE_TOO_MANY_EVENTS : SCENE_OK;
 }
 
+#if WITH_GROUND_EVENTS
+/* Length of a step that ends soon after a node touches the ground, at most `planned`; that time is extrapolated. What a
+ * longer one finds below the ground is no motion, and a whole contact could lie within it. */
+static inline double method_limit_fall(double planned, const method_motion *m)
+{
+  method_work *w = m->work;
+  event_memory *events = &w->events;
+  event_path path;
+  double first = 1.0;
+  int k;
+  path.start = w->old;
+  path.end_coordinate = w->trial;
+  path.end_velocity = w->trial + N;
+  path.end_acceleration = w->rates + N;
+  path.time = *m->time;
+  path.length = planned;
+  motion_extrapolate(planned, m->state, w->lost, w->rates, w->change, w->trial);
+  event_margins_at(&path, 1.0, m->with, m->run, events->point, events->end_margin);
+  for (k = FIRST_CONTACT; k < FIRST_CONTACT + N_CONTACTS; ++k) {
+    const double distance = event_side_distance(events, events->end_margin, k);
+    if (events->side[k] < 0.0 && distance < 0.0) {
+      first = fmin(
+          first,
+          event_find_crossing(
+              &path, k, 0.0, event_side_distance(events, events->start_margin, k), 1.0, distance, m->with, m->run,
+              events));
+    }
+  }
+  return first < 1.0 ? fmin(planned, (1.05 * first + 1e-12) * planned) : planned;
+}
+
+#endif
 /* Where the motion stands just before an event: pass it, or choose where the next step is cut. */
 static inline int method_meet_crossing(double left, const method_motion *m, int *is_over)
 {
@@ -214,7 +252,18 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
     return SCENE_OK;
   }
   run->loudness = 1.0;
-  if (!all_finite(w->rates, 2 * N) || !method_evaluate_margins(run->pace, m, w->change)) {
+#if WITH_GROUND_EVENTS
+#if METHOD_HAS_ERROR
+  /* A contact vibrates faster than the structure in the air. */
+  if (w->events.found_margin >= FIRST_CONTACT && w->events.found_margin < FIRST_CONTACT + N_CONTACTS &&
+      w->events.side[w->events.found_margin] > 0.0) {
+    const double in_air = *m->step;
+    method_choose_step(*m->time + left, m);
+    *m->step = fmin(in_air, *m->step);
+  }
+#endif
+#endif
+  if (!all_finite(w->rates, N_STATES) || !method_evaluate_margins(run->pace, m, w->change)) {
     return SCENE_NON_FINITE_RESULT;
   }
   return method_after_crossing(run, is_over);
@@ -237,7 +286,7 @@ static inline int method_is_cut_short(
   path.start = w->old;
   path.end_coordinate = w->trial;
   path.end_velocity = w->trial + N;
-  path.end_acceleration = w->rates + 2 * N * METHOD_STAGES + N;
+  path.end_acceleration = w->rates + N_STATES * METHOD_STAGES + N;
   path.time = *m->time;
   path.length = h;
   events->may_cut_at_turn = !is_cut;
@@ -287,7 +336,7 @@ static inline int method_begin(double time_end, const method_motion *m)
   scene_run *run = m->run;
   int k;
   (void)time_end;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     w->lost[k] = (real)0.0;
   }
 #if WITH_PROFILE
@@ -295,7 +344,7 @@ static inline int method_begin(double time_end, const method_motion *m)
 #endif
   motion_rate(m->state, m->with, w->rates);
   ++run->n_evaluations;
-  if (!all_finite(w->rates, 2 * N)) {
+  if (!all_finite(w->rates, N_STATES)) {
     return SCENE_NON_FINITE_RESULT;
   }
 #if METHOD_HAS_ERROR
@@ -347,7 +396,7 @@ static inline double method_attempt(double h, const method_motion *m)
   if (!(error < INFINITY)) {
     return error;
   }
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     w->change[k] -= w->trial[k] - m->state[k];
   }
 #if WITH_PROFILE
@@ -362,10 +411,10 @@ static inline double method_attempt(double h, const method_motion *m)
 #else
   if (error <= 1.0) {
 #endif
-    real *end = w->rates + 2 * N * METHOD_STAGES;
+    real *end = w->rates + N_STATES * METHOD_STAGES;
     motion_rate(w->trial, m->with, end);
     ++m->run->n_evaluations;
-    error = all_finite(end, 2 * N) ? error : INFINITY;
+    error = all_finite(end, N_STATES) ? error : INFINITY;
   }
 #endif
   return error;
@@ -387,8 +436,8 @@ static inline void method_sample_step(double h, double t1, const method_motion *
     m->run->n_evaluations += METHOD_DENSE_ROWS;
   }
 #endif
-  for (k = 0; k < 2 * N; ++k) {
-    w->rates[k] = w->rates[2 * N * METHOD_STAGES + k];
+  for (k = 0; k < N_STATES; ++k) {
+    w->rates[k] = w->rates[N_STATES * METHOD_STAGES + k];
   }
 #if METHOD_HAS_DENSE
   if (is_between) {
@@ -398,7 +447,7 @@ static inline void method_sample_step(double h, double t1, const method_motion *
   motion_sample(*m->time, h, t1, w->old, m->state, w->rates + N, m->with, w->spare, to);
 #if METHOD_KEEPS_ENERGY
   for (; m->run->keeps_energy && first < *to->n_filled; ++first) {
-    motion_keep_energy(m->run->energy, to->state + first * 2 * N, m->with, &w->energy);
+    motion_keep_energy(m->run->energy, to->state + first * N_STATES, m->with, &w->energy);
   }
 #endif
 }
@@ -408,13 +457,13 @@ static inline void method_take(double h, double t1, const method_motion *m)
 {
   method_work *w = m->work;
   int k;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     m->state[k] = w->trial[k];
     w->lost[k] = w->change[k];
   }
 #if METHOD_KEEPS_ENERGY
   if (m->run->keeps_energy) {
-    real *end = w->rates + 2 * N * METHOD_STAGES;
+    real *end = w->rates + N_STATES * METHOD_STAGES;
     motion_keep_energy(m->run->energy, m->state, m->with, &w->energy);
 #if WITH_CONSTRAINTS
     motion_rate(m->state, m->with, end);
@@ -469,6 +518,13 @@ static inline int method_trial(double time_end, const method_motion *m, int *is_
     return method_meet_crossing(left, m, is_over);
   }
   h = event_limit_step(h, m->run, &is_short, &is_cut);
+#if WITH_GROUND_EVENTS
+  if (m->run->watch && !is_cut) {
+    const double planned = fmin(h, left);
+    h = method_limit_fall(planned, m);
+    is_short = is_short || h < planned;
+  }
+#endif
 #endif
 #if METHOD_HAS_ERROR
   is_last = h >= left;
@@ -546,7 +602,7 @@ static inline int method_pass_kink(const method_motion *m)
   profile_enter(*m->time, m->with->profile);
   motion_rate(m->state, m->with, w->rates);
   ++m->run->n_evaluations;
-  if (!all_finite(w->rates, 2 * N)) {
+  if (!all_finite(w->rates, N_STATES)) {
     return SCENE_NON_FINITE_RESULT;
   }
 #if WITH_EVENTS

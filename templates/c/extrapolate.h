@@ -15,6 +15,12 @@ static inline void motion_extrapolate(
     trial[k] = state[k] + change[k];
     trial[N + k] = state[N + k] + change[N + k];
   }
+#if WITH_INTERNAL
+  for (k = 2 * N; k < N_STATES; ++k) {
+    change[k] = h * rate[k] + lost[k];
+    trial[k] = state[k] + change[k];
+  }
+#endif
 }
 
 /* Margins and their slopes a second where the motion is, over an extrapolation of length h; non-zero if they are
@@ -25,11 +31,11 @@ static inline int motion_evaluate_margins(
 {
   event_path path;
   int k;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     old[k] = state[k];
   }
-  for (k = 0; k < N; ++k) {
-    old[2 * N + k] = rate[N + k];
+  for (k = 0; k < N_SLOPES; ++k) {
+    old[N_STATES + k] = rate[N + k];
   }
   motion_extrapolate(h, state, lost, rate, change, trial);
   path.start = old;

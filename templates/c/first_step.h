@@ -11,7 +11,7 @@ static inline void motion_displace(
   const int first = round == 2 ? N : 0;
   double size = 0.0, steepest = 0.0;
   int k;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     moved[k * stride] = state[k * stride];
   }
   for (k = 0; k < N; ++k) {

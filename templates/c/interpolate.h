@@ -14,13 +14,24 @@ static inline void motion_interpolate(
 #else
   const real rounding = (real)1e-30;
 #endif
-  const real *q0 = old, *v0 = old + N, *a0 = old + 2 * N;
+  const real *q0 = old, *v0 = old + N, *a0 = old + N_STATES;
   int k;
+#if WITH_INTERNAL
+  /* Friction feels velocities: here the defect is rounding beside that of the largest coordinate. */
+  real largest = (real)0.0;
+  for (k = 0; k < N; ++k) {
+    largest = q1[k] * q1[k] > largest ? q1[k] * q1[k] : largest;
+  }
+#endif
   for (k = 0; k < N; ++k) {
     const real b0 = h * a0[k], b1 = h * a1[k], rise = v1[k] - v0[k];
     const real c1 = (real)0.5 * b0, c2 = ((real)3.0 * rise - (real)2.0 * b0 - b1) / (real)3.0;
     const real c3 = (real)0.25 * (b0 + b1 - (real)2.0 * rise);
+#if WITH_INTERNAL
+    const real defect = q1[k] - q0[k] - h * (v0[k] + c1 + c2 + c3), size = (real)2.0 * largest;
+#else
     const real defect = q1[k] - q0[k] - h * (v0[k] + c1 + c2 + c3), size = q1[k] * q1[k] + q0[k] * q0[k];
+#endif
     const real d = defect * defect > rounding * size ? defect : (real)0.0;
     if (s >= (real)1.0) {
       out[k] = q1[k];
@@ -32,6 +43,14 @@ static inline void motion_interpolate(
       out[N + k] = v0[k] + s * (b0 + s * ((real)3.0 * c2 + s * (real)4.0 * c3)) + slope * d / h;
     }
   }
+#if WITH_INTERNAL
+  /* Internal states and their rates stand behind velocities and accelerations: cubic Hermite. */
+  for (k = N; k < N_SLOPES; ++k) {
+    const real b0 = h * a0[k], b1 = h * a1[k], rise = v1[k] - v0[k];
+    const real cubic = v0[k] + s * (b0 + s * ((real)3.0 * rise - (real)2.0 * b0 - b1 + s * (b0 + b1 - (real)2.0 * rise)));
+    out[N + k] = s >= (real)1.0 ? v1[k] : cubic;
+  }
+#endif
 }
 
 #endif

@@ -10,6 +10,12 @@ enum {
 #if WITH_SWITCH_EVENTS
   SCENE_EVENT_SWITCH = 8, /* the slope of a member's law changes */
 #endif
+#if WITH_GROUND_EVENTS
+  SCENE_EVENT_GROUND = 16, /* a node touches the ground or leaves it */
+#endif
+#if WITH_STICK_EVENTS
+  SCENE_EVENT_STICK = 32, /* a contact with the ground sticks or slips */
+#endif
   SCENE_EVENT_CONDITION = 4
 };
 

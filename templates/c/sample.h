@@ -16,6 +16,13 @@ static inline double motion_next_sample(const motion_samples *to)
   return *to->n_filled < to->count ? to->time[*to->n_filled] : INFINITY;
 }
 
+#if WITH_INTERNAL
+/* Derivative (v, a, z') of the state (q, v, z). */
+static inline void motion_rate(const real *state, const motion_arguments *with, real *rate)
+{
+  motion_state_derivative(state, state + N, with, rate);
+}
+#else
 /* Derivative (v, a) of the state (q, v). */
 static inline void motion_rate(const real *state, const motion_arguments *with, real *rate)
 {
@@ -25,6 +32,7 @@ static inline void motion_rate(const real *state, const motion_arguments *with, 
   }
   motion_slope(state, state + N, with, rate + N);
 }
+#endif
 
 /* Fill the samples up to t1, on a step from `old` (q, v, a) at t0 to `state` with acceleration `a`; spare: n. */
 static inline void motion_sample(
@@ -36,7 +44,7 @@ static inline void motion_sample(
   for (; motion_next_sample(to) <= t1; ++*to->n_filled) {
     const double time = motion_next_sample(to);
     const real s = t1 <= time ? (real)1.0 : (real)((time - t0) / h);
-    real *sample = to->state + *to->n_filled * 2 * N;
+    real *sample = to->state + *to->n_filled * N_STATES;
     motion_interpolate(s, (real)h, old, state, state + N, a, sample);
 #if WITH_CONSTRAINTS
 #if WITH_PROFILE

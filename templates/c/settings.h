@@ -14,7 +14,13 @@
 #define WITH_PROFILE 1            /* arguments can change with time */
 #define WITH_EVENTS (!WITH_FLOAT) /* steps are cut at events */
 #define WITH_SWITCH_EVENTS 0      /* members whose law switches its slope are watched */
+#define WITH_GROUND_EVENTS 0      /* contacts with the ground are watched */
+#define WITH_STICK_EVENTS 0       /* and where these stick */
 #define WITH_SMOOTH_EVENTS 1      /* forces do not jump at them */
+#define WITH_EVENT_FORECAST 1     /* steps become shorter where the rates of margins contradict an expected event */
+#ifndef WITH_INTERNAL
+#define WITH_INTERNAL 0 /* 1: the state has more than coordinates and velocities */
+#endif
 #define WITH_ENERGY (!WITH_FLOAT) /* steps can keep the energy */
 #define WITH_DIAGONAL_MASS 1
 #define WITH_RIGID_MOTION (CONFIG_N % 3 == 0) /* all nodes are free */

@@ -28,19 +28,19 @@ static inline double method_try(
 {
   double worst = 0.0;
   int k;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     trial[k] = state[k] + (h * rates[k] + lost[k]);
   }
 #if WITH_PROFILE
   profile_set_stage((double)h, with->profile);
 #endif
-  motion_rate(trial, with, rates + 2 * N);
-  for (k = 0; k < 2 * N; ++k) {
-    change[k] = h * ((real)0.5 * rates[k] + (real)0.5 * rates[2 * N + k]) + lost[k];
+  motion_rate(trial, with, rates + N_STATES);
+  for (k = 0; k < N_STATES; ++k) {
+    change[k] = h * ((real)0.5 * rates[k] + (real)0.5 * rates[N_STATES + k]) + lost[k];
     trial[k] = state[k] + change[k];
-    worst = fmax(worst, fabs((double)(h * (rates[2 * N + k] - rates[k]))) / (atol + rtol * fabs((double)trial[k])));
+    worst = fmax(worst, fabs((double)(h * (rates[N_STATES + k] - rates[k]))) / (atol + rtol * fabs((double)trial[k])));
   }
-  return all_finite(trial, 2 * N) ? worst : INFINITY;
+  return all_finite(trial, N_STATES) ? worst : INFINITY;
 }
 
 /* Make ready for dense output in the step from `old` to `trial`; fills dense. */
@@ -51,11 +51,11 @@ static inline void method_prepare(
   int k;
   (void)with;
   (void)spare;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     const real rise = trial[k] - old[k];
     dense[k] = rise;
-    dense[2 * N + k] = h * rates[k] - rise;
-    dense[4 * N + k] = (real)2.0 * rise - h * (rates[4 * N + k] + rates[k]);
+    dense[N_STATES + k] = h * rates[k] - rise;
+    dense[2 * N_STATES + k] = (real)2.0 * rise - h * (rates[2 * N_STATES + k] + rates[k]);
   }
 }
 

@@ -43,7 +43,7 @@ def build_manifest(
     """Return the manifest of the library that these functions make."""
     specs = tuple(_function_spec(model, function) for function in functions)
     used = {name for function in functions for name in function.arguments}
-    used |= {"coordinate", "velocity", "input"}
+    used |= {"coordinate", "velocity", "internal", "input"}
     frame = model.frame
     driven = find_driven(model, specs, request) if request.integrators else ()
     integrators = tuple(_integrator_spec(model, name, specs, request, driven) for name in request.integrators)
@@ -75,6 +75,8 @@ def build_manifest(
         solvers=tuple(solver_spec(model, name, specs) for name in request.solvers),
         interfaces=request.interfaces,
         driven=driven,
+        internal_name=frame.internal_name,
+        contact_name=frame.contact_name,
         parts=list_parts(request, integrators, driven, int(np.count_nonzero(model.subject.tension_only))),
     )
 

@@ -58,6 +58,8 @@ def label_entries(manifest: Manifest, spec: FunctionSpec) -> Mapping[str, Any]:
         "coordinate": len(manifest.coordinate_name),
         "input": len(manifest.input_name),
         "bar_pair": len(manifest.bar_pair),
+        "internal": len(manifest.internal_name),
+        "contact": len(manifest.contact_name),
     }
     shape = QUANTITIES[spec.quantity].shape
     if spec.pattern is not None:
@@ -169,9 +171,13 @@ def _context(
         "members": len(manifest.member_name),
         "axes": len(manifest.axes),
         "coordinates": n_coordinates,
-        "states": 2 * n_coordinates,
+        "states": 2 * n_coordinates + len(manifest.internal_name),
         "inputs": len(manifest.input_name),
     }
+    if manifest.internal_name:
+        sizes["internal"] = len(manifest.internal_name)
+    if manifest.contact_name:
+        sizes["contacts"] = len(manifest.contact_name)
     if manifest.bar_pair:
         sizes["bar_pairs"] = len(manifest.bar_pair)
     apart = _count_constants(manifest) > MOST_CONSTANTS
@@ -245,6 +251,8 @@ def _indices(manifest: Manifest) -> dict[str, list[str]]:
         "coordinate": list(manifest.coordinate_name),
         "input": list(manifest.input_name),
         "bar_pair": list(manifest.bar_pair_name),
+        "internal": list(manifest.internal_name),
+        "contact": list(manifest.contact_name),
     }
 
 

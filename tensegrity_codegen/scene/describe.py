@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.scene.describe_control import describe_control
+from tensegrity_codegen.scene.describe_ground import describe_ground
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.request import ModelRequest
@@ -43,6 +44,7 @@ def describe_structure(structure: Structure, request: ModelRequest | None = None
     if structure.interference is not None:
         name = structure.member_name
         document["interference"] = {"pairs": [[name[i], name[j]] for i, j in structure.interference]}
+    document["ground"] = describe_ground(structure, lambda i: structure.node_name[i])
     loaded = np.flatnonzero(np.any(structure.node_load != 0, axis=1))
     document["loads"] = [
         {"node": structure.node_name[i], "force": structure.node_load[i].tolist()} for i in loaded

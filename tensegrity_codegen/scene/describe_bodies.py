@@ -7,6 +7,7 @@ import numpy as np
 
 from tensegrity_codegen.scene.describe import describe_request, describe_structure, describe_values
 from tensegrity_codegen.scene.describe_control import describe_control
+from tensegrity_codegen.scene.describe_ground import describe_ground
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import Bar, Body, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.tables.request import ModelRequest
@@ -42,6 +43,7 @@ def describe_bodies(system: BodySystem, request: ModelRequest | None = None) -> 
     if system.interference is not None:
         pairs = [[system.bodies[k].name for k in pair] for pair in system.interference]
         document["interference"] = {"pairs": pairs}
+    document["ground"] = describe_ground(system, lambda node: _point(system, node))
     document["loads"] = _loads(system)
     motors = {item.name for item in system.actuators}
     document["inputs"] = [_input(system, item) for item in system.inputs if item.name not in motors]

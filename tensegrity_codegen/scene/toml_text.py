@@ -17,7 +17,7 @@ _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 _SECTIONS = (
     *("model", "parameters", "classes", "shape", "nodes", "members", "bodies", "tendons", "groups"),
-    *("joint_friction", "interference", "loads", "inputs", "actuators", "sensors", "limits"),
+    *("joint_friction", "interference", "ground", "loads", "inputs", "actuators", "sensors", "limits"),
 )
 _TABLES = ("classes", "bodies")  # one [section.name] table each
 _LISTS = ("joint_friction", "loads", "inputs", "actuators", "sensors")  # one [[section]] table each

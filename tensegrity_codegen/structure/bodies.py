@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_laws import WithMemberLaws
 from tensegrity_codegen.system.arrays import FloatArray
@@ -163,6 +164,7 @@ class BodySystem(WithMemberLaws, Summarised):
     sensors: tuple[Sensor, ...] = ()
     limits: Limits = field(default_factory=Limits)  # of tendons; clearance of bars
     interference: tuple[tuple[int, int], ...] | None = None  # pairs of bars to watch, see bar_pairs
+    ground: Ground | None = None  # the plane that nodes can touch
 
     axes = (0, 1, 2)
     inner_radius = None  # tendons are no tubes

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_laws import WithMemberLaws
 from tensegrity_codegen.system.arrays import FloatArray
@@ -92,6 +93,8 @@ class Structure(WithMemberLaws, Summarised):
         Limits of members, of distances between bars, and of the stiffness.
     interference : tuple of pairs of int, or None
         Pairs of bars whose distance is computed; None: all with a radius.
+    ground : Ground or None
+        The plane that nodes can touch.
 
     Notes
     -----
@@ -133,6 +136,7 @@ class Structure(WithMemberLaws, Summarised):
     sensors: tuple[Sensor, ...] = ()
     limits: Limits = field(default_factory=Limits)
     interference: tuple[tuple[int, int], ...] | None = None  # pairs of bars to watch, see bar_pairs
+    ground: Ground | None = None
 
     def headline(self) -> str:
         """Return the name of the scene."""
@@ -185,6 +189,19 @@ class Structure(WithMemberLaws, Summarised):
     def n_coordinates(self) -> int:
         """Number of free node coordinates."""
         return len(self.coordinate_node_axis)
+
+    @property
+    def internal_name(self) -> tuple[str, ...]:
+        """Names of the internal states: where contacts with friction stick, along each tangent."""
+        if self.ground is None or not self.ground.friction:
+            return ()
+        tangents = range(1, len(self.axes))
+        return tuple(f"{self.node_name[node]}_stick{k}" for node in self.ground.node for k in tangents)
+
+    @property
+    def contact_name(self) -> tuple[str, ...]:
+        """Names of the nodes that can touch the ground."""
+        return () if self.ground is None else tuple(self.node_name[node] for node in self.ground.node)
 
     @property
     def is_rigid(self) -> NDArray[np.bool_]:

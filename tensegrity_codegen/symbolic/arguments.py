@@ -38,6 +38,8 @@ class SymbolicArguments:
         n_coordinates = len(self.free)
         self._symbol("coordinate", n_coordinates)
         self._symbol("velocity", n_coordinates)
+        if structure.internal_name:
+            self._symbol("internal", len(structure.internal_name))
         self._symbol("input", len(structure.inputs))
         self.rest_length = self._members("rest_length", structure.rest_length)
         self.spring_constant = self._members("spring_constant", structure.spring_constant)
@@ -152,6 +154,8 @@ def nominal_value(
         return structure.node_position[places[:, 0], places[:, 1]], ()
     if name == "velocity":
         return structure.node_velocity[places[:, 0], places[:, 1]], ()
+    if name == "internal":
+        return np.zeros(len(structure.internal_name)), structure.internal_name
     if name == "input":
         return np.zeros(len(structure.inputs)), tuple(item.name for item in structure.inputs)
     if name == "gravity":

@@ -36,7 +36,8 @@ class Frame:
     coordinate_node_axis: node and axis of each coordinate, empty where coordinates are no node coordinates.
     find_bar_pair: returns the names of the two bars of each pair whose distance can be asked for; a call,
     since n bars make n (n - 1) / 2 pairs that few models need. rigid_bar: the members that keep constant
-    lengths, in the order of their multipliers.
+    lengths, in the order of their multipliers. internal_name: of internal states; contact_name: of nodes that
+    can touch the ground.
     """
 
     axes: tuple[int, ...]
@@ -50,6 +51,8 @@ class Frame:
     input_name: tuple[str, ...]
     find_bar_pair: Callable[[], tuple[tuple[str, str], ...]] = tuple
     rigid_bar: tuple[str, ...] = ()
+    internal_name: tuple[str, ...] = ()
+    contact_name: tuple[str, ...] = ()
 
 
 def frame_structure(structure: Structure) -> Frame:
@@ -67,6 +70,8 @@ def frame_structure(structure: Structure) -> Frame:
         coordinate_node_axis=places,
         input_name=tuple(item.name for item in structure.inputs),
         find_bar_pair=lambda: tuple((name[i], name[j]) for i, j in structure.bar_pairs),
+        internal_name=structure.internal_name,
+        contact_name=structure.contact_name,
     )
 
 

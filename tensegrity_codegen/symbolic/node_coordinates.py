@@ -14,6 +14,8 @@ from tensegrity_codegen.symbolic.interference import BarPairs, pair_members
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
+from tensegrity_codegen.symbolic.node_forces import build_node_forces
+from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce
 from tensegrity_codegen.symbolic.node_quantities import build_node_quantities
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
 
@@ -55,8 +57,43 @@ class NodeCoordinates:
 
     @cached_property
     def net_force(self) -> list[Vector]:
-        """Weight, load and member forces on every node [N]."""
-        return self.members.add_to(self.external_force, self.members.densities)
+        """Weight, load, member forces and those of the ground on every node [N]."""
+        total = self.members.add_to(self.external_force, self.members.densities)
+        for node, force in (item for part in self.node_forces for item in part.forces().items()):
+            total[node] = [t + f for t, f in zip(total[node], force, strict=True)]
+        return total
+
+    # Forces on nodes besides members, and what these remember
+
+    @cached_property
+    def node_forces(self) -> list[NodeForce]:
+        """Forces on nodes besides members, weights and loads."""
+        return build_node_forces(self.structure, self.arguments)
+
+    def force_quantities(self) -> dict[str, Callable[[], ca.SX]]:
+        """Return the builders of what forces on nodes offer, none where there are no such forces."""
+        if not self.node_forces:
+            return {}
+        found: dict[str, Callable[[], ca.SX]] = {"energy_rate": self.energy_rate}
+        for part in self.node_forces:
+            found |= part.builders()
+        if self.structure.internal_name:
+            found["internal_rate"] = self.internal_rate
+        return found
+
+    def internal_rate(self) -> ca.SX:
+        """Return the rates z' of the internal states, (n_internal, 1)."""
+        return ca.vertcat(ca.SX(0, 1), *[rate for part in self.node_forces for rate in part.internal_rate()])
+
+    def energy_rate(self) -> Scalar:
+        """Return what damping takes, -sum (t - t_static) l', and what forces on nodes add [W]."""
+        power = ca.SX(0.0)
+        for e in self.members.damped:
+            law = self.members.laws[e]
+            power = power - (law.tension() - law.static_tension()) * law.rate
+        for part in self.node_forces:
+            power = power + part.power()
+        return power
 
     def node_values(self) -> dict[str, Callable[[], Sequence[Any]]]:
         """Return what quantities of nodes may use -> function that returns it of all nodes."""
@@ -130,11 +167,14 @@ class NodeCoordinates:
     # Energies
 
     def potential_energy(self) -> Scalar:
-        """Return the strain energy minus the work of weights and loads [J]."""
+        """Return the energy of springs and ground minus the work of weights and loads [J]."""
         work = ca.SX(0.0)
         for force, position in zip(self.external_force, self.arguments.position, strict=True):
             work = work + dot(force, position)
-        return self.members.elastic_energy() - work
+        energy = self.members.elastic_energy() - work
+        for part in self.node_forces:
+            energy = energy + part.stored_energy()
+        return energy
 
     def kinetic_energy(self) -> Scalar:
         """Return q'^T H q' / 2 [J]."""

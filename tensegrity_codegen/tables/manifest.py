@@ -47,10 +47,13 @@ STATUS_TEXT = {
 CENTRE = re.compile(r"centre\d*_[xyz]")  # names of coordinates of centres of mass
 
 # Kinds of events of integrators, by their bit in `watch` and `stop`.
-EVENT_KINDS = {"cable": 1, "switch": 8, "contact": 2, "condition": 4}
+EVENT_KINDS = {"cable": 1, "switch": 8, "contact": 2, "ground": 16, "stick": 32, "condition": 4}
 
-# Those at which the stiffness of a member jumps: runs watch them by themselves.
-JUMP_KINDS = ("cable", "switch")
+# Those at which a force or its slope jumps: runs watch them by themselves.
+JUMP_KINDS = ("cable", "switch", "ground", "stick")
+
+# Fields of a manifest that stand in its file only where they hold something.
+ONLY_IF_ANY = ("internal_name", "contact_name")
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,6 +217,8 @@ class Manifest:
     ] = ()  # arguments that can change with time in integrators, in the order of their places
     target: str = ""  # machine that the library was compiled for, "" where it is the one that compiled it
     declarations: str = ""  # types and functions of the header, as C
+    internal_name: tuple[str, ...] = ()  # internal states, which follow the velocities in a state
+    contact_name: tuple[str, ...] = ()  # nodes that can touch the ground
 
     @cached_property
     def stated_position(self) -> NDArray[np.float64]:
@@ -307,7 +312,8 @@ def _read_only(array: NDArray[Any]) -> NDArray[Any]:
 def _format(value: Any, depth: int) -> str:
     """Return JSON text in which tables, and lists of tables, have one line a field."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        value = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
+        items = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
+        value = {name: item for name, item in items.items() if name not in ONLY_IF_ANY or item}
     lead = "\n" + " " * depth
     if isinstance(value, dict) and value:
         rows = (f"{json.dumps(key)}: {_format(item, depth + 1)}" for key, item in value.items())

@@ -56,6 +56,18 @@ SPOILED = {
         "",
         ("node_positions", "node_position"),
     ),
+    "negative friction": (
+        "[nodes]",
+        "[ground]\noffset = -2\nstiffness = 1e4\nfriction = -0.5\n[nodes]",
+        "InvalidValueError",
+        ("ground.friction", "-0.5"),
+    ),
+    "anchors in the ground": (
+        "[nodes]",
+        "[ground]\noffset = 0.5\nstiffness = 1e4\n[nodes]",
+        "StructureError",
+        ("ground.offset", "a (0.5 m deep)"),
+    ),
     "not TOML": ("[classes.string]", "[classes.string", "SceneSyntaxError", ("line 3",)),
 }
 

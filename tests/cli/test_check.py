@@ -1,9 +1,11 @@
+import re
 from pathlib import Path
 
 import pytest
 
+from tensegrity_codegen.structure.ground_support import MOST_CONTACTS
 from tests.cli.conftest import Run, write_example
-from tests.cli.scenes import GOOD, write
+from tests.cli.scenes import GOOD, HANGING, write
 
 
 def test_it_says_what_a_scene_holds(run: Run, prism: Path) -> None:
@@ -51,6 +53,57 @@ def test_a_scene_without_prestress_is_told_how_to_find_one(run: Run, prism: Path
     assert ended.out.startswith("prism: 1 probable mistake; 6 nodes")
     assert "none of the 9 cables starts in tension" in ended.err
     assert "--prestress FORCE" in ended.err
+
+
+GROUND = (
+    HANGING
+    + """
+[ground]
+offset = -1.5
+stiffness = 1e4
+friction = 0.5
+"""
+)
+
+
+def test_a_ground_is_described(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", GROUND)
+    text, data = run.good("check", path).out, run("check", path, "--json").data["ground"]
+    assert (
+        "ground: 1 contact, penetration at rest 0.000981 m (weight 9.81 N), contact frequency 15.92 Hz, "
+        "stick offset at rest up to 0.000491 m\n"
+    ) in text
+    assert data["contacts"] == ["b"]
+    assert data["penetration"] == data["largest_penetration"] == pytest.approx(9.81e-4)
+    assert data["frequency"] == pytest.approx(15.9154943)
+    assert data["stick_offset"] == pytest.approx(0.5 * 9.81e-4)
+    assert run("check", write(folder / "free.toml", HANGING), "--json").data["ground"] is None
+
+
+def test_several_contacts_share_the_weight(run: Run, prism: Path) -> None:
+    moving = re.sub(r"quantities = \[.*?\]\n", "", prism.read_text(), flags=re.DOTALL)
+    text = moving + "\n[ground]\npenetration = 1e-4\n"
+    out = run.good("check", write(prism.with_name("standing.toml"), text)).out
+    shown = "0.0001 m (weight 1.703 N in equal parts; 0.0003 m where one contact carries all)"
+    assert f"ground: 3 contacts, penetration at rest {shown}, contact frequency" in out
+    assert "stick offset" not in out  # without friction
+
+
+def test_more_contacts_than_a_library_can_have_are_refused(run: Run, folder: Path) -> None:
+    count = MOST_CONTACTS + 1
+    nodes = "\n".join(f"n{k} = {{ position = [0, 0, {k}], mass = 1 }}" for k in range(count))
+    bar = "kind = 'bar', axial_stiffness = 1e5"
+    members = "\n".join(f"m{k} = {{ {bar}, nodes = ['n{k}', 'n{k + 1}'] }}" for k in range(count - 1))
+    text = f"name = 'tower'\n[ground]\nstiffness = 1e5\n[nodes]\n{nodes}\n[members]\n{members}\n"
+    ended = run("check", write(folder / "tower.toml", text), "--json")
+    assert ended.code == 2
+    assert f"{count} contacts, more than {MOST_CONTACTS}" in ended.data["problem"]
+
+
+def test_nodes_below_the_ground_are_warned_of(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", GROUND.replace("-1.5", "-0.9"))
+    ended = run("check", path, "--json")
+    assert "nodes start below the ground: b (0.1 m)" in ended.data["warnings"][0]
 
 
 CONTROL = """

@@ -193,3 +193,11 @@ def test_the_first_events_are_listed_with_their_members(run: Run, folder: Path) 
     text = HANGING.replace("mass = 1.0", "mass = 1.0, velocity = [0, 0, 3]")
     ended = run.good("simulate", write(folder / "small.toml", text), "--t-end", 0.3, "--method", "rk54")
     assert re.search(r"^events: 0\.0\d+ s s1 slack", ended.out, re.MULTILINE)
+
+
+def test_samples_that_do_not_show_single_contacts_are_warned_of(run: Run, folder: Path) -> None:
+    """1 kg on 1e4 N/m vibrates at 15.92 Hz, half a period is 0.0314 s."""
+    path = write(folder / "small.toml", HANGING + "\n[ground]\noffset = -3\nstiffness = 1e4\n")
+    words = ["simulate", path, "--t-end", 0.32, "--json", "--samples"]
+    assert "samples are 0.032 s apart" in run.good(*words, 11).err
+    assert "single contacts" not in run.good(*words, 12).err

@@ -69,6 +69,20 @@ LIMITS = tables(
 )
 
 
+VECTORS = st.lists(NUMBERS, min_size=1, max_size=4)
+GROUNDS = tables(
+    {
+        **dict.fromkeys(("normal", "velocity"), VECTORS),
+        **dict.fromkeys(("slope_deg", "offset", "stiffness", "penetration", "exponent"), NUMBERS),
+        **dict.fromkeys(("dissipation", "friction", "static_friction"), NUMBERS),
+        **dict.fromkeys(("stick_stiffness", "stick_damping"), NUMBERS),
+        "contacts": LISTS,
+        "radius": NUMBERS | st.just("bar"),
+        "restitution": st.fixed_dictionaries({"value": NUMBERS | st.floats(0, 1), "speed": NUMBERS}),
+    }
+)
+
+
 def read(document: dict[str, Any]) -> Any:
     return assemble_scene(parse_scene(document, "s.toml"), "s.toml")
 
@@ -77,6 +91,20 @@ def check_error(error: TensegrityError, section: str) -> None:
     assert error.exit_code == 2
     assert error.where.startswith(f"s.toml: {section}"), error.where
     assert error.problem
+
+
+@draws(50)
+@given(st.sampled_from([NODES, RIGID, EVERYTHING]), GROUNDS | VALUES)
+def test_hostile_grounds(base: dict[str, Any], ground: Any) -> None:
+    try:
+        subject, request = read({**copy.deepcopy(base), "ground": ground})
+    except TensegrityError as error:
+        check_error(error, "ground")
+        return
+    find_scene_warnings(subject)
+    written = describe_structure(subject, request) if isinstance(subject, Structure) else None
+    again, _ = read(tomllib.loads(format_scene(written or describe_bodies(subject, request))))
+    assert again.ground == subject.ground
 
 
 @draws(20)

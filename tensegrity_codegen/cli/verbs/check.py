@@ -54,6 +54,7 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             "inputs": [item.name for item in structure.inputs],
             **_describe_control(structure),
             **_describe_start(structure),
+            "ground": _describe_ground(structure),
             "warnings": warnings,
         }
         counts = {"node": structure.n_nodes, "bar": n_bars, "cable": n_cables}
@@ -66,6 +67,7 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             *_summarise_start(data),
             f"requested: {', '.join(request.quantities)}",
             *_summarise_control(structure),
+            *_summarise_ground(data["ground"]),
         )
 
 
@@ -128,6 +130,39 @@ def _summarise_control(subject: "Structure | BodySystem") -> list[str]:
     names = {"inputs": inputs, "actuators": [item.name for item in subject.actuators]}
     names |= {"sensors": sensors, "limits": list(stated)}
     return [f"{key}: {name_list(items, most=10)}" for key, items in names.items() if items]
+
+
+def _describe_ground(subject: "Structure | BodySystem") -> dict[str, Any] | None:
+    """Return contacts, stiffness, and penetration and stick offset at rest; None without a ground."""
+    from tensegrity_codegen.structure.contact_estimates import estimate_contacts
+
+    ground = subject.ground
+    if ground is None:
+        return None
+    rest = estimate_contacts(subject, ground)
+    names = ("weight", "penetration", "largest_penetration", "frequency", "stick_offset")
+    of_ground = {name: getattr(ground, name) for name in ("normal", "stiffness", "dissipation", "friction")}
+    contacts = [subject.node_name[node] for node in ground.node]
+    return {"contacts": contacts, **of_ground, **{name: getattr(rest, name) for name in names}}
+
+
+def _summarise_ground(ground: dict[str, Any] | None) -> list[str]:
+    """Return a line on the ground, none without one."""
+    from tensegrity_codegen.system.summaries import describe_count
+
+    if ground is None:
+        return []
+    facts = [describe_count(len(ground["contacts"]), "contact")]
+    if ground["weight"] > 0:
+        weight = f"weight {ground['weight']:.4g} N"
+        if len(ground["contacts"]) > 1:
+            alone = ground["largest_penetration"]
+            weight += f" in equal parts; {alone:.3g} m where one contact carries all"
+        facts.append(f"penetration at rest {ground['penetration']:.3g} m ({weight})")
+    facts.append(f"contact frequency {ground['frequency']:.4g} Hz")
+    if ground["friction"] and ground["weight"] > 0:
+        facts.append(f"stick offset at rest up to {ground['stick_offset']:.3g} m")
+    return [f"ground: {', '.join(facts)}"]
 
 
 def _count_bars(subject: "Structure | BodySystem") -> tuple[int, int]:

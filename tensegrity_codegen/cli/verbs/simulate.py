@@ -258,8 +258,12 @@ def _run(
     """Simulate the motion and say how it went; exit code 3 where it is not good."""
     from tensegrity_codegen.runtime.simulate.simulate import simulate as run
     from tensegrity_codegen.runtime.simulate.until import Until
+    from tensegrity_codegen.scene.checks.plausible_ground import warn_of_sampled_contacts
 
     model = built.load()
+    if built.structure is not None:
+        interval = given["t_end"] / max(given["samples"] - 1, 1)
+        output.warn(*warn_of_sampled_contacts(built.structure, interval))
     with output.progress("simulating") as progress:
         trajectory = run(
             model,

@@ -16,7 +16,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest
 
 # Fields of a structure and a request that count only where they hold something.
-ONLY_IF_ANY = ("law_parameter", "inner_radius", "driven")
+ONLY_IF_ANY = ("law_parameter", "inner_radius", "driven", "ground")
 # Fields of a structure that no library depends on; actuators are among its inputs.
 NOT_IN_CODE = ("actuators", "sensors", "limits")
 PLAIN_TYPES = frozenset({bool, int, str})
@@ -83,13 +83,17 @@ def _list_sources(folder: Path) -> list[str]:
     return sorted(name for name in found if name.endswith((".py", ".j2", ".c", ".h")))
 
 
+def _is_empty(value: Any) -> bool:
+    return value is None or (hasattr(value, "__len__") and not len(value))
+
+
 def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
         return {
             name: _plain(item)
             for name, item in fields.items()
-            if name not in NOT_IN_CODE and (name not in ONLY_IF_ANY or (item is not None and len(item)))
+            if name not in NOT_IN_CODE and not (name in ONLY_IF_ANY and _is_empty(item))
         }
     if isinstance(value, np.ndarray):
         data = np.ascontiguousarray(value)

@@ -14,8 +14,15 @@ from tensegrity_codegen.tables.manifest import EVENT_KINDS, JUMP_KINDS, Function
 from tensegrity_codegen.tables.request import ModelRequest
 
 # What each kind of event needs, besides the condition, which is the caller's.
-EVENT_QUANTITIES = {"cable": "cable_margin", "switch": "switch_margin", "contact": "bar_distance"}
-MOST_WATCHED = 400  # cables and switches whose events are watched without being asked for
+EVENT_QUANTITIES = {
+    "cable": "cable_margin",
+    "switch": "switch_margin",
+    "contact": "bar_distance",
+    "ground": "contact_margin",
+    "stick": "stick_margin",
+}
+CONTINUOUS = ("ground", "stick")  # kinds at which forces that depend on velocities do not jump
+MOST_WATCHED = 400  # cables, switches and contacts whose events are watched without being asked for
 MOST_IN_SUCCESSION = 150  # events, each within a thousandth of a step of the one before
 
 
@@ -44,17 +51,25 @@ def watched_events(
     switching = tuple(int(e) for e in np.flatnonzero(model.subject.has_switch))
     cables = slack if "cable" in kinds else ()
     switches = switching if "switch" in kinds else ()
-    memory = event_memory(kinds, functions, len(model.frame.coordinate_name))
+    memory = event_memory(kinds, functions, state_sizes(model))
     unwatched = len({*slack, *switching} - {*cables, *switches})
     return WatchedEvents(kinds, quantities, (*cables, *switches), unwatched, memory)
 
 
-def event_memory(kinds: Sequence[str], functions: Iterable[FunctionSpec], n_coordinates: int) -> int:
-    """Return how many doubles the search for events of these kinds works with, event_memory in C."""
+def state_sizes(model: EmittedModel) -> dict[str, int]:
+    """Return the sizes of a state in C, by their names there."""
+    n, internal = len(model.frame.coordinate_name), len(model.frame.internal_name)
+    return {"N": n, "N_STATES": 2 * n + internal, "N_SLOPES": n + internal, "N_OLD": 3 * n + 2 * internal}
+
+
+def event_memory(kinds: Sequence[str], functions: Iterable[FunctionSpec], sizes: Mapping[str, int]) -> int:
+    """Return how many doubles the search for events of these kinds works with, event_memory in C.
+
+    sizes: of a state, see state_sizes.
+    """
     quantities = [EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES]
     margins = 1 + sum(item.shape[0] for item in functions if item.quantity in quantities)
-    sizes = {"N": n_coordinates, "N_MARGINS": margins}
-    return count_bytes("event_memory", "events.h", sizes) // 8 if kinds else 0
+    return count_bytes("event_memory", "events.h", {**sizes, "N_MARGINS": margins}) // 8 if kinds else 0
 
 
 def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
@@ -64,6 +79,8 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
     members does: each event ends a step, and thousands of cables leave no time in between.
     """
     counts = {"cable": int(subject.tension_only.sum()), "switch": int(subject.has_switch.sum())}
+    if ground := getattr(subject, "ground", None):
+        counts |= {"ground": ground.n_contacts, "stick": ground.n_contacts if subject.internal_name else 0}
     if not 0 < sum(counts.values()) <= MOST_WATCHED or request.precision != "double":
         return ()
     return (*(kind for kind, count in counts.items() if count), "condition")
@@ -132,10 +149,11 @@ def events_context(
         "kinds": kinds,
         "cables": list(spec.cables),
         "n_margins": first + 1,
+        "n_kinks": sum(kind["count"] for kind in kinds if kind["word"] in CONTINUOUS),
         "n_measured": max(
             (reach.get(kind["quantity"], n_coordinates) for kind in kinds), default=n_coordinates
         ),
         "size": repr(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))),
-        "is_smooth": all("velocity" not in kind["arguments"] for kind in kinds),
+        "is_smooth": all(kind["word"] in CONTINUOUS or "velocity" not in kind["arguments"] for kind in kinds),
         "most_in_succession": MOST_IN_SUCCESSION,
     }

@@ -159,7 +159,8 @@ def implicit_context(
     spec: IntegratorSpec, manifest: Manifest, functions: Mapping[str, FunctionSpec]
 ) -> dict[str, Any]:
     """Return what the templates of the integrator read, besides what every integrator has."""
-    margins = event_memory(spec.events, functions.values(), len(manifest.coordinate_name))
+    n = len(manifest.coordinate_name)
+    margins = event_memory(spec.events, functions.values(), {"N": n, "N_STATES": 2 * n})
     tables = implicit_tables(spec.tensions, spec.damped, manifest, functions, margins)
     return {
         **tables,

@@ -12,7 +12,7 @@ from tensegrity_codegen.codegen.integrators.energy_keeping import (
     keeper_context,
     keeper_memory,
 )
-from tensegrity_codegen.codegen.integrators.events import events_context, watched_events
+from tensegrity_codegen.codegen.integrators.events import events_context, state_sizes, watched_events
 from tensegrity_codegen.codegen.integrators.implicit import implicit_context, implicit_spec
 from tensegrity_codegen.codegen.integrators.profiles import PULL, count_driven, driven_context, pull_size
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
@@ -66,14 +66,15 @@ def integrator_spec(
     kept = KEPT_QUANTITIES[:2] if keep and row.keeps_energy else ()
     pulled = OF_NODES if PULL in driven else ()
     _check_called(model, row, functions)
-    names = ("acceleration", *PROJECTION, *row.quantities, *watched.quantities, *kept, *pulled)
+    moving = moved_quantities(model)
+    names = (*moving, *PROJECTION, *row.quantities, *watched.quantities, *kept, *pulled)
     called = [f for f in functions if f.quantity in names]
-    used = {a for f in called for a in f.arguments} - {"coordinate", "velocity"}
+    used = {a for f in called for a in f.arguments} - {"coordinate", "velocity", "internal"}
     passed = tuple(a for a in model.arguments if a in used)
     energy = keeper_memory(model, {f.quantity: f for f in functions}) if kept else 0
     size = count_driven(model, driven) if row.follows_events else 0
     sizes = {
-        "N": len(model.frame.coordinate_name),
+        **state_sizes(model),
         "WITH_EVENTS": 8 * watched.memory,
         "event_memory": 8 * watched.memory,
         "METHOD_KEEPS_ENERGY": energy,
@@ -92,6 +93,11 @@ def integrator_spec(
         unwatched=watched.unwatched,
         keeps=keep if kept else (),
     )
+
+
+def moved_quantities(model: EmittedModel) -> tuple[str, ...]:
+    """Return the quantities that move a state: one that has internal states takes all its rates at once."""
+    return ("acceleration", "state_derivative") if model.frame.internal_name else ("acceleration",)
 
 
 def _check_called(model: EmittedModel, row: Integrator, functions: Iterable[FunctionSpec]) -> None:
@@ -123,7 +129,8 @@ def _count_work(row: Integrator, sizes: Mapping[str, int]) -> int:
     }
     if row.kind == "adaptive" and row.tableau is None:
         sizes["method_memory"] = count_bytes(f"{row.name}_memory", f"{row.name}.h", sizes)
-    is_stepped = row.kind == "adaptive" or bool(sizes["WITH_EVENTS"] or sizes["WITH_PROFILE"])
+    has_internal = sizes["N_STATES"] > 2 * sizes["N"]
+    is_stepped = row.kind == "adaptive" or bool(sizes["WITH_EVENTS"] or sizes["WITH_PROFILE"] or has_internal)
     structs = [(f"{row.name}_work", f"{row.name}.h")] if row.kind == "fixed" else []
     structs += [("method_work", "explicit.h")] if is_stepped else []
     return max(count_bytes(struct, file, sizes) for struct, file in structs) // 8
@@ -143,8 +150,9 @@ def integrator_context(
     adaptive = [spec for spec in manifest.integrators if rows[spec.name].kind == "adaptive"]
     driven = driven_context(manifest, arguments)
     watching = [spec for spec in manifest.integrators if spec.events]
+    has_run = bool(driven or manifest.internal_name)
     counted = (
-        [spec for spec in manifest.integrators if rows[spec.name].follows_events] if driven else watching
+        [spec for spec in manifest.integrators if rows[spec.name].follows_events] if has_run else watching
     )
     tried = [
         spec
@@ -173,6 +181,10 @@ def integrator_context(
         "has_step_control": any(row.has_step_control for row in rows.values()),
         "first_trial": tried[0].name if tried else "",
         "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *counted)), ""),
+        "n_internal": len(manifest.internal_name),
+        "state_text": f"2 * {len(manifest.coordinate_name)}"
+        + (f" + {len(manifest.internal_name)}" if manifest.internal_name else ""),
+        "has_run": bool(watching) or has_run,
         "driven": driven,
         "pull": _pull_context(manifest, functions) if PULL in manifest.driven else None,
         "keeper": keeper_context(manifest, functions) if any(spec.keeps for spec in adaptive) else None,
@@ -192,7 +204,7 @@ def _pull_context(manifest: Manifest, functions: Mapping[str, FunctionSpec]) -> 
 
 def _motion_call(names: Iterable[str]) -> str:
     """Return the arguments of a kernel: coordinate and velocity, and the others as fields of `with`."""
-    own = ("coordinate", "velocity")
+    own = ("coordinate", "velocity", "internal")
     return "".join(f"{name}, " if name in own else f"with->{name}, " for name in names)
 
 
@@ -218,7 +230,14 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
     return {
         "WITH_PROFILE": bool(context["driven"]),
         "WITH_EVENTS": bool(events),
-        "WITH_SWITCH_EVENTS": any(kind["word"] == "switch" for kind in events.get("kinds", ())),
+        "WITH_INTERNAL": bool(context["n_internal"]),
+        "WITH_EVENT_FORECAST": any(
+            [events.get("is_smooth"), *(kind["word"] == "ground" for kind in events.get("kinds", ()))]
+        ),
+        **{
+            f"WITH_{word.upper()}_EVENTS": any(kind["word"] == word for kind in events.get("kinds", ()))
+            for word in ("switch", "ground", "stick")
+        },
         "WITH_SMOOTH_EVENTS": bool(events.get("is_smooth")),
         "WITH_CONSTRAINTS": bool(explicit.get("keeps_constraints")),
         "WITH_VELOCITY": bool(explicit.get("uses_velocity")),
@@ -263,6 +282,7 @@ def _context(
         "arguments": [arguments[name] for name in spec.arguments],
         "argument_name": spec.arguments,
         "kernel_arguments": kernel,
+        "derivative_arguments": functions["state_derivative"].arguments if manifest.internal_name else (),
         "uses_velocity": "velocity" in kernel,
         "keeps_constraints": keeps_constraints,
         "projection": [functions[name] for name in PROJECTION if name in functions],

@@ -10,7 +10,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 # A node's number, a spring constant, a damping constant and a point: no argument of any function.
 PULL = "pull"
-CONSTANT = ("coordinate", "velocity", "anchor_position")  # the anchors of a motion stand still
+CONSTANT = ("coordinate", "velocity", "internal", "anchor_position")  # the anchors of a motion stand still
 
 
 def find_driven(

@@ -16,6 +16,10 @@ INCLUDE = re.compile(r'^#include "[^"]*"\n', re.MULTILINE)
 CONDITION = re.compile(r"#if (!?)((?:WITH|METHOD)_\w+)")
 NUMBER = re.compile(r"\(real\)(\d[\d.]*(?:e[+-]?\d+)?)")
 
+# Sizes of a state and of what is kept of one, where it consists of coordinates and velocities alone.
+WITHOUT_INTERNAL = {"N_STATES": "2 * N", "N_SLOPES": "N", "N_OLD": "3 * N"}
+STATE_SIZE = re.compile(rf"\b({'|'.join(WITHOUT_INTERNAL)})\b")
+
 
 def plain_c_folder(templates: Path) -> Path:
     """Return the folder of the plain C files within the folder of the templates."""
@@ -32,6 +36,8 @@ def paste(
     """
     words = {"scene": context["name"], **names}
     text = _read(context["plain_c"] / file)
+    if not context.get("n_internal"):
+        text = STATE_SIZE.sub(lambda found: WITHOUT_INTERNAL[found[0]], text)
     return paste_text(text, words, {**context["settings"], **settings}, context["real"], context["suffix"])
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from tensegrity_codegen.codegen.wheels import bundled
 from tensegrity_codegen.codegen.wheels.module_text import format_module
+from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.system.errors import FormulationError, InvalidNameError
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
@@ -81,6 +82,8 @@ def build_wheel(manifest: Manifest, library: Path) -> tuple[str, bytes]:
     FormulationError, InvalidNameError
         Python cannot load a library of this kind, or there is no package of this name.
     """
+    if manifest.contact_name:
+        raise refuse_ground(manifest.name, "a package of the library alone")
     check_wheel(find_target(manifest.target or None), manifest.name)
     package, name = name_package(manifest.name), name_distribution(manifest.name)
     version, tag = _version(manifest), _tag(manifest)

@@ -54,10 +54,8 @@ class _Run(CRun):
         """Return the samples reached so far, and how the run ended."""
         events, counts = self.events, self.events.counts
         status, message = self.ending()
-        times, states = events.samples(self.motion.sample_time, float(self.time[0]))
         return RawTrajectory(
-            time=times,
-            state=states,
+            **self.reached(float(self.time[0])),
             status=status,
             message=message or f"{counts.n_accepted} steps, {counts.n_rejected} rejected{events.told}",
             method=self.options.method,

@@ -57,6 +57,13 @@ class CRun(ABC):
             return "ok", ""
         return judge_end(self.word, float(self.time[0]), self.motion.t_end)
 
+    def reached(self, time: float) -> dict[str, Any]:
+        """Return times, states and internal states of the samples reached; `time` [s]: where the run is."""
+        times, states = self.events.samples(self.motion.sample_time, time)
+        n = self.bound.n_moved
+        internal = states[:, n:] if states.shape[1] > n else None
+        return {"time": times, "state": states[:, :n], "internal": internal}
+
     def finish(self) -> RawTrajectory:
         """Go on to the end; return the result. Raises what a condition raises."""
         for count in count_steps():

@@ -16,7 +16,7 @@ from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec, Manifest
 
 
 class BoundIntegrator:
-    """One integration of x = (q, q'): state, samples, arguments and work memory as the C loop reads them.
+    """One integration of x = (q, q', z): state, samples, arguments and work memory as the C loop reads them.
 
     Raises FormulationError if the model has no such integrator, InvalidValueError for a state or an
     argument of another size.
@@ -27,16 +27,17 @@ class BoundIntegrator:
         require_double(model.manifest, "an integration from Python")
         spec = find_integrator(model.manifest, name)
         has_step_control = INTEGRATORS[spec.name].has_step_control
-        n_states = 2 * len(model.manifest.coordinate_name)
+        self.n_moved = 2 * len(model.manifest.coordinate_name)  # states besides the internal ones
+        state = np.concatenate([to_sized(state, (self.n_moved,), "state"), read_internal(motion)])
         self.name, self.spec, self.ffi = name, spec, model.library.ffi
         self.call = model.library.symbol(f"{spec.symbol}_run" if has_step_control else spec.symbol)
         schedule = motion.schedule
         self.knots: KnotsInC | None = None  # where arguments follow a profile
         if follows_in_c(schedule, model.manifest):
             self.knots = KnotsInC(self.ffi, model.manifest, schedule)
-        self.state = to_sized(state, (n_states,), "state").copy()
+        self.state = state
         self.sample_time = np.array(sample_time, dtype=np.float64)
-        self.samples = np.empty((len(sample_time), n_states))
+        self.samples = np.empty((len(sample_time), len(state)))
         self.samples[0] = state
         self.passed = {
             name: to_sized(motion.arguments.get(name, nominal), nominal.shape, name)
@@ -66,6 +67,12 @@ class BoundIntegrator:
         if word != "ok" and word not in expected:
             raise_for_status(status, f"integrate_{self.name}", {"state": self.state, **self.passed})
         return word
+
+
+def read_internal(motion: Motion) -> FloatArray:
+    """Return the internal states that a motion starts from, (n_internal,); zeros unless its arguments say."""
+    count = len(motion.model.manifest.internal_name)
+    return to_sized(motion.arguments.get("internal", np.zeros(count)), (count,), "internal").copy()
 
 
 def find_integrator(manifest: Manifest, name: str) -> IntegratorSpec:

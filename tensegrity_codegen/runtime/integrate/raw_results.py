@@ -23,7 +23,8 @@ class RawTrajectory:
     """What an integrator returns: samples (n_t, n_states) that it reached, and how it ended.
 
     tension (n_t, len(tension_member)) [N]: of members whose tension is an unknown of its own; evidence: what
-    the method counted; why: why this method, where it was chosen.
+    the method counted; why: why this method, where it was chosen; internal (n_t, n_internal): internal
+    states, None without any.
     """
 
     time: FloatArray
@@ -40,6 +41,7 @@ class RawTrajectory:
     tension_member: tuple[int, ...] = ()
     evidence: Mapping[str, float] = field(default_factory=dict)
     why: str = ""
+    internal: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class RawBatch:
 
     time (n_t,) [s]; state (n_batch, n_t, n_states); n_reached: samples of each run; status, message: a word
     and what it means, one a run; n_steps, n_rejected, n_evaluations (n_batch,); step [s]: of a fixed-step
-    method; error_estimate (n_batch,), if there is one.
+    method; error_estimate (n_batch,), if there is one; internal (n_batch, n_t, n_internal), if there are any.
     """
 
     time: FloatArray
@@ -62,6 +64,7 @@ class RawBatch:
     n_evaluations: CountArray
     step: float | None = None
     error_estimate: FloatArray | None = None
+    internal: FloatArray | None = None
 
     def motion(self, k: int) -> RawTrajectory:
         """Return one motion, its samples those that it reached."""

@@ -58,11 +58,9 @@ class _Run(CRun):
         """Return the samples reached so far, and how the run ended."""
         reached = float(self.time[0]) if self.is_watching else self.done * self.step
         status, trouble = judge_end(self.word, reached, reached)
-        times, states = self.events.samples(self.motion.sample_time, reached)
         counts = self.events.counts
         return RawTrajectory(
-            time=times,
-            state=states,
+            **self.reached(reached),
             status=status,
             message=f"{trouble}: take a smaller step"
             if trouble

@@ -17,6 +17,7 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, judge_end
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
+from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, NonFiniteError
 
@@ -94,6 +95,9 @@ def integrate_scipy(motion: Motion, options: RunOptions) -> RawTrajectory:
     A contact of bars that is watched ends it; steps are at most a hundredth of the time then. Status
     "unstable" where SciPy does not come to the end, "not_converged" after max_steps steps.
     """
+    manifest = motion.model.manifest
+    if manifest.contact_name:
+        raise refuse_ground(manifest.name, f"method {options.method!r}")
     method, times = find_method(options.method).scipy, motion.sample_time
     state, count, steps = motion.state, 0, _Steps(motion, options.max_steps)
     contact = _Contact(motion) if motion.watch and "contact" in motion.watch.stop else None

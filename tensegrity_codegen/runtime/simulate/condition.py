@@ -25,6 +25,7 @@ from tensegrity_codegen.runtime.simulate.condition_text import (
     name_part,
     parse_condition,
 )
+from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, NonFiniteError
 from tensegrity_codegen.tables.quantities import QUANTITIES
 
@@ -104,6 +105,10 @@ def build_expression(text: str, model: CompiledModel) -> Expression:
                 where=WHERE,
                 given=name,
                 hint="build the model with this quantity; sparse matrices cannot be part of a condition",
+            )
+        if "internal" in model.function(name).spec.arguments:
+            raise refuse_ground(
+                model.manifest.name, f"{name} in a condition", "use a quantity without friction"
             )
     whole = build_part(parse_condition(text), model.manifest)
     if whole.shape:

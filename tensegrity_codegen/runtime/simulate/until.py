@@ -136,7 +136,7 @@ class Until:
 def read_until(until: "Until | str | Condition | None") -> Until:
     """Return what ends a motion: "contact", a condition, or an `Until`; raises InvalidValueError."""
     if not isinstance(until, Until):
-        return Until(contact=True) if until == "contact" else Until(until)
+        return Until(contact=True) if isinstance(until, str) and until == "contact" else Until(until)
     check_switch(until.contact, "until.contact")
     check_switch(until.stops, "until.stops")
     return until

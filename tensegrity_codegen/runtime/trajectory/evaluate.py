@@ -45,6 +45,7 @@ def evaluate_trajectory(
         n_rejected=np.array([-1]),
         n_evaluations=np.array([raw.n_evaluations]),
         step=raw.step,
+        internal=None if raw.internal is None else raw.internal[None],
     )
     samples = _Samples(model, batch, {name: (value, False) for name, value in arguments.items()}, schedule)
     found = samples.evaluate(raw)[0]
@@ -65,6 +66,8 @@ def evaluate_trajectory(
         input=inputs,
         input_name=model.manifest.input_name,
         node_load=apply_loads(model, *given),
+        internal=None if raw.internal is None else raw.internal[: len(found.time)],
+        internal_name=model.manifest.internal_name,
     )
 
 
@@ -164,7 +167,13 @@ class _Samples:
         """Return the arguments of a function at one sample of motion k."""
         n, state = self.coordinate.shape[2], self.raw.state[k, row]
         changed = self.schedule(float(self.raw.time[row])) if self.schedule else {}
-        return {**select_motion(self.arguments, k), "coordinate": state[:n], "velocity": state[n:], **changed}
+        given = {
+            **select_motion(self.arguments, k),
+            "coordinate": state[:n],
+            "velocity": state[n:],
+            **changed,
+        }
+        return given if self.raw.internal is None else {**given, "internal": self.raw.internal[k, row]}
 
     def _mask(self, values: FloatArray) -> FloatArray:
         """Return values (n_batch, n_t, ...) with NAN where there is no sample."""

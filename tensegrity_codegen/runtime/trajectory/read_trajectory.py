@@ -14,7 +14,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_names
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, StructureError
 
-DRIVEN = ("input", "node_load")  # what only files of motions with inputs or changeable loads hold
+DRIVEN = ("input", "node_load", "internal")  # what only files of motions with some of these hold
 
 
 def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
@@ -61,6 +61,8 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
         input_name=input_name,
         input=driven.get("input"),
         node_load=driven.get("node_load"),
+        internal=driven.get("internal"),
+        internal_name=structure.internal_name if "internal" in driven else (),
         **fields,
     )
 
@@ -72,7 +74,7 @@ def _check_shapes(
     n_t = fields["time"].size
     nodes, members = (n_t, structure.n_nodes, 3), (n_t, structure.n_members)
     shapes = {"node_position": nodes, "node_velocity": nodes, "member_tension": members}
-    shapes |= {"input": (n_t, n_inputs), "node_load": nodes}
+    shapes |= {"input": (n_t, n_inputs), "node_load": nodes, "internal": (n_t, len(structure.internal_name))}
     for name, array in fields.items():
         shape = shapes.get(name, (n_t,))
         if n_t == 0 or array.shape != shape or array.dtype.kind != "f" or not np.isfinite(array).all():

@@ -79,6 +79,10 @@ class Trajectory(Sampled):
         Their names.
     node_load : ndarray or None, shape (n_t, n_nodes, 3) [N]
         Loads on nodes, without inputs, where they can change at run time; None: those of the scene.
+    internal : ndarray or None, shape (n_t, n_internal) [m]
+        Internal states, such as the deflections of contacts with friction; None without any.
+    internal_name : tuple of str
+        Their names.
     structure : Structure, BodySystem or None
         What moves, for pictures and units; None in motions of a library that was loaded alone.
 
@@ -101,6 +105,8 @@ class Trajectory(Sampled):
     input: FloatArray | None = None
     input_name: tuple[str, ...] = ()
     node_load: FloatArray | None = None
+    internal: FloatArray | None = None
+    internal_name: tuple[str, ...] = ()
 
     def headline(self) -> str:
         """Return status and reason."""
@@ -139,6 +145,9 @@ class Trajectory(Sampled):
         """Return what a result file holds, name -> array; event_*: a row for each name of each event."""
         inputs = {} if self.input is None else {"input": self.input, "input_name": np.array(self.input_name)}
         loads = {} if self.node_load is None else {"node_load": self.node_load}
+        internal = {}
+        if self.internal is not None:
+            internal = {"internal": self.internal, "internal_name": np.array(self.internal_name)}
         rows = [(event.time, event.kind, name) for event in self.events for name in event.names]
         return {
             **super().arrays(),
@@ -148,4 +157,5 @@ class Trajectory(Sampled):
             **self.log.arrays(),
             **inputs,
             **loads,
+            **internal,
         }

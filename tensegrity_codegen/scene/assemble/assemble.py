@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from tensegrity_codegen.scene.assemble.actuators import build_actuators, build_sensors
+from tensegrity_codegen.scene.assemble.ground import build_ground
 from tensegrity_codegen.scene.assemble.interference import find_bar_pairs
 from tensegrity_codegen.scene.assemble.limits import build_limits
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
@@ -71,6 +72,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     structure = structure.with_changes(
         interference=_watch_bars(scene, structure, where),
         limits=build_limits(scene.limits, structure, scene.classes, where),
+        ground=build_ground(scene.ground, structure, None, where),
     )
     check_structure(structure, where)
     request = _build_request(scene, structure, targets)

@@ -15,6 +15,7 @@ from tensegrity_codegen.scene.assemble.body_loads import (
     build_friction,
     three_numbers,
 )
+from tensegrity_codegen.scene.assemble.ground import build_ground
 from tensegrity_codegen.scene.assemble.interference import find_bar_pairs
 from tensegrity_codegen.scene.assemble.limits import build_limits
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
@@ -110,7 +111,10 @@ def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, Mod
         sensors=build_sensors(scene.sensors, targets, find.point),
         interference=_watch_bars(scene, system, where),
     )
-    system = system.with_changes(limits=build_limits(scene.limits, system, scene.classes, where))
+    system = system.with_changes(
+        limits=build_limits(scene.limits, system, scene.classes, where),
+        ground=build_ground(scene.ground, system, built.node, where),
+    )
     return system, _request(scene, system, targets)
 
 

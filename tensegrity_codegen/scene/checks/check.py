@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.checks.check_control import check_control, check_indices
+from tensegrity_codegen.scene.checks.check_ground import check_ground
 from tensegrity_codegen.scene.checks.check_laws import check_laws
 from tensegrity_codegen.scene.checks.geometry import check_connectivity, check_freedom
 from tensegrity_codegen.scene.names import check_name, check_names, check_scene_name, key_path
@@ -66,6 +67,7 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
     for number, item in enumerate(structure.inputs):
         _check_input(structure, number, item, where)
     check_control(structure, where)
+    check_ground(structure, where)
 
 
 def _check_kinds(structure: Structure, where: str) -> None:

@@ -6,7 +6,7 @@ import scipy
 from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 
 EARTH = 9.81  # [m/s2]
@@ -62,11 +62,12 @@ def warn_of_falling_pieces(structure: Structure) -> list[str]:
     found = []
     for axis in structure.axes:
         pull, held = float(structure.gravity[axis]), structure.node_anchored[:, axis]
+        rests = _find_resting(structure, pull)
         load, size = np.zeros(count), np.zeros(count)
         np.add.at(load, piece, structure.node_load[:, axis])
         np.add.at(size, piece, np.abs(structure.node_load[:, axis]))
         pushed = np.full(count, pull != 0) | (np.abs(load) > BALANCE_TOLERANCE * size)
-        pushed[piece[held]] = False
+        pushed[piece[held | rests]] = False
         loose = np.flatnonzero(pushed)
         if not loose.size:
             continue
@@ -87,6 +88,14 @@ def warn_of_falling_pieces(structure: Structure) -> list[str]:
             f"{'gravity' if pull else 'the loads'}"
         )
     return found
+
+
+def _find_resting(structure: Structure, pull: float) -> BoolArray:
+    """Return which nodes the ground keeps from falling, friction from sliding without a pull, (n_nodes,)."""
+    rests, ground = np.zeros(structure.n_nodes, dtype=np.bool_), structure.ground
+    if ground is not None and structure.gravity @ ground.normal < 0 and (pull or ground.friction):
+        rests[ground.node] = True
+    return rests
 
 
 def warn_of_unstressed_bars(structure: Structure) -> list[str]:

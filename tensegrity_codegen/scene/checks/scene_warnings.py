@@ -13,6 +13,7 @@ from tensegrity_codegen.scene.checks.plausible_forces import (
     warn_of_unstressed_bars,
     warn_of_upward_gravity,
 )
+from tensegrity_codegen.scene.checks.plausible_ground import warn_of_ground
 from tensegrity_codegen.scene.checks.plausible_sizes import warn_of_sizes
 from tensegrity_codegen.scene.checks.plausible_start import (
     LARGE_STRAIN,
@@ -174,6 +175,7 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
         *warn_of_crossing(structure),
         *warn_of_ranges(structure),
         *warn_of_limits(structure),
+        *warn_of_ground(structure),
         *warn_of_members(structure),
     ]
     return tuple(sentence for sentence in found if sentence)
@@ -201,6 +203,7 @@ def find_body_warnings(system: BodySystem) -> tuple[str, ...]:
         *warn_of_crossing(system),
         *warn_of_ranges(system),
         *warn_of_limits(system),
+        *warn_of_ground(system),
         *warn_of_members(system),
     ]
     return tuple(sentence for sentence in found if sentence)

@@ -30,6 +30,7 @@ from tensegrity_codegen.scene.schema.control_schema import (
     MemberSensor,
     NodeSensor,
 )
+from tensegrity_codegen.scene.schema.ground_schema import GroundTable
 from tensegrity_codegen.scene.schema.model_schema import ModelOptions, Parameters
 from tensegrity_codegen.scene.schema.part_schema import (
     ForceInput,
@@ -106,6 +107,9 @@ class Scene(Summarised, SceneParts):
     )
     interference: Interference = Field(
         default_factory=Interference, description="Which bars may touch; default all that have a radius."
+    )
+    ground: GroundTable | None = Field(
+        None, description="A plane that nodes touch, with friction; default none."
     )
     loads: Annotated[
         tuple[

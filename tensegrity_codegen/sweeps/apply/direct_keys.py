@@ -171,6 +171,8 @@ class _KeyReader:
 
     def find_entries(self, steps: Sequence[str | int]) -> list[Entry]:
         """Return the entries that take the value of a number of the scene, none if there are none."""
+        if self.scene.ground is not None and (steps[0] == "gravity" or steps[-1] in ("mass", "node_mass")):
+            return []  # the stiffness and damping of the ground can follow from weights
         match steps:
             case ("gravity", int(place)):
                 axis = self._axis(place, len(self.scene.gravity or ()))

@@ -66,6 +66,7 @@ class _NodePosition(NodeCoordinates):
             "cable_margin": members.cable_margin,
             "switch_margin": members.switch_margin,
             **build_bar_quantities(self.bar_pairs, self.arguments.symbols["coordinate"]),
+            **self.force_quantities(),
         }
 
     def with_net_force(self, force: list[Vector]) -> "_NodePosition":
@@ -80,7 +81,7 @@ class _NodePosition(NodeCoordinates):
         return self.free_acceleration()
 
     def state_derivative(self) -> ca.SX:
-        return ca.vertcat(self.arguments.symbols["velocity"], self.acceleration())
+        return ca.vertcat(self.arguments.symbols["velocity"], self.acceleration(), self.internal_rate())
 
     # Stiffness and Jacobians, member block by member block
 

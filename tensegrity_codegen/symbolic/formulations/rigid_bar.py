@@ -137,6 +137,7 @@ class _RigidBar(NodeCoordinates):
             **self.mixed_form(),
             **self.statics(),
             **build_bar_quantities(self.bar_pairs, self.q),
+            **self.force_quantities(),
         }
 
     def mixed_form(self) -> dict[str, Any]:
@@ -192,7 +193,7 @@ class _RigidBar(NodeCoordinates):
         return self.free_acceleration() - self.constraints.move(self.motion.jacobian, self.multipliers)
 
     def state_derivative(self) -> ca.SX:
-        return ca.vertcat(self.v, self.acceleration())
+        return ca.vertcat(self.v, self.acceleration(), self.internal_rate())
 
     def state_jacobian(self) -> ca.SX:
         return ca.jacobian(self.state_derivative(), ca.vertcat(self.q, self.v))
@@ -296,11 +297,3 @@ class _RigidBar(NodeCoordinates):
             force[i] = [f - p for f, p in zip(force[i], pull, strict=True)]
             force[j] = [f + p for f, p in zip(force[j], pull, strict=True)]
         return force
-
-    def energy_rate(self) -> Scalar:
-        """Return minus the power of damping, -sum (t - t_static) l' [W]."""
-        power = ca.SX(0.0)
-        for e in self.members.damped:
-            law = self.members.laws[e]
-            power = power - (law.tension() - law.static_tension()) * law.rate
-        return power

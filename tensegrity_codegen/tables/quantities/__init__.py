@@ -2,10 +2,11 @@
 
 Registered once; header comments, docstrings, help texts and shape checks all read it from here.
 Shapes name dimensions: `n_nodes`, `n_members`, `n_axes`, `n_coordinates` (free node coordinates),
-`n_states` = 2 n_coordinates, `n_inputs`, `n_parameters` (all run-time parameters, stacked in argument
-order), `n_bar_pairs`, `n_bar_points` = 2 n_bar_pairs, `n_law_values` = 3 + n_axes,
-`n_tension_only` (members that pull only), `n_switches` (members whose law switches its slope); `k` is the
-number of nodes or members that the scene keeps changeable.
+`n_internal` (internal states), `n_states` = 2 n_coordinates + n_internal, `n_inputs`, `n_parameters` (all
+run-time parameters, stacked in argument order), `n_bar_pairs`, `n_bar_points` = 2 n_bar_pairs,
+`n_law_values` = 3 + n_axes, `n_tension_only` (members that pull only), `n_switches` (members whose law
+switches its slope), `n_contacts` (nodes that can touch the ground); `k` is the number of nodes or members
+that the scene keeps changeable.
 """
 
 from collections.abc import Mapping
@@ -15,6 +16,7 @@ from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.quantities.arguments import ARGUMENT_ROWS
 from tensegrity_codegen.tables.quantities.bodies import BODIES
 from tensegrity_codegen.tables.quantities.distances import DISTANCES
+from tensegrity_codegen.tables.quantities.ground import GROUND
 from tensegrity_codegen.tables.quantities.interference import INTERFERENCE
 from tensegrity_codegen.tables.quantities.members import MEMBERS
 from tensegrity_codegen.tables.quantities.nodes import NODES
@@ -28,9 +30,9 @@ def _table(*rows: Quantity) -> Mapping[str, Quantity]:
 
 ARGUMENTS = _table(*ARGUMENT_ROWS)
 
-PARAMETERS = tuple(name for name in ARGUMENTS if name not in ("coordinate", "velocity", "input"))
+PARAMETERS = tuple(name for name in ARGUMENTS if name not in ("coordinate", "velocity", "internal", "input"))
 
-QUANTITIES = _table(*MEMBERS, *NODES, *STRUCTURES, *BODIES, *INTERFERENCE, *DISTANCES)
+QUANTITIES = _table(*MEMBERS, *NODES, *STRUCTURES, *BODIES, *INTERFERENCE, *DISTANCES, *GROUND)
 
 
 def find_quantity(name: str) -> Quantity:

@@ -28,6 +28,9 @@ def test_sizes_are_those_of_the_compiler(n: int, tmp_path: Path) -> None:
     axes = 1 if n % 3 else 3
     sizes = {
         "N": n,
+        "N_STATES": 2 * n,
+        "N_SLOPES": n,
+        "N_OLD": 3 * n,
         "AXES": axes,
         "N_MARGINS": 2,
         "N_MASSES": n,
@@ -59,4 +62,4 @@ def test_sizes_are_those_of_the_compiler(n: int, tmp_path: Path) -> None:
 
 def test_a_constant_without_a_size_is_an_error() -> None:
     with pytest.raises(KeyError, match="N_MARGINS"):
-        count_bytes("event_memory", "events.h", {"N": 3})
+        count_bytes("event_memory", "events.h", {"N_STATES": 6})

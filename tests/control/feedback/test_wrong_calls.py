@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import (
+    ActuatorLimits,
+    ControllerCode,
+    Disturbance,
+    Draws,
     EquilibriumPath,
     Gust,
     RandomGust,
@@ -26,9 +30,9 @@ from tensegrity_codegen import (
     time_motion,
 )
 from tensegrity_codegen.cli.scene_files import list_examples
-from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.system.errors import TensegrityError
+from tensegrity_codegen.system.moved_arguments import MovedArgumentError
 from tests.codegen.quickly import without_optimisation
 
 WRONG: list[Any] = [
@@ -55,18 +59,30 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
     tensions = design_distribution(model, motion, least_tension=1.0)
     tuning = choose_weights(model, motion, sample=0.02)
     both: dict[str, Any] = {"model": model, "motion": motion}
-    limits = {"t_end": 0.1, "sample": 0.02, "rate": 1.0, "range": (0.1, 3.0), "delay": 0.0}
     parts = {"gains": gains, "estimator": estimator}
 
+    def disturb(**disturbance: Any) -> None:
+        simulate_control(model, motion, gains, t_end=0.1, disturbance=Disturbance(**disturbance))
+
     def simulate_gust(**gust: Any) -> None:
-        simulate_control(model, motion, gains, t_end=0.1, disturbance=Disturbance(gust=Gust(**gust)))
+        disturb(gust=Gust(**gust))
+
+    def limit(**limits: Any) -> None:
+        simulate_control(model, motion, gains, t_end=0.1, limits=ActuatorLimits(**limits))
+
+    def write_code(**code: Any) -> None:
+        build_controller(model, motion, gains, out=folder / "c", code=ControllerCode(**code), overwrite=True)
 
     def study_errors(**errors: Any) -> None:
         study_control(model, motion, tuning=tuning, gains=gains, estimator=None, draws=1, t_end=0.4,
                       errors=StatedErrors(**errors))  # fmt: skip
 
-    def draw(**errors: Any) -> None:
-        simulate_control_batch(model, motion, gains, draws=[errors], t_end=0.1)
+    def draw(**draws: Any) -> None:
+        study_control(model, motion, tuning=tuning, gains=gains, estimator=None, draws=Draws(**draws),
+                      t_end=0.4)  # fmt: skip
+
+    def run_batch(**errors: Any) -> None:
+        simulate_control_batch(model, motion, gains, draws=[Disturbance(**errors)], t_end=0.1)
 
     def move(**points: Any) -> None:
         time_motion(model, EquilibriumPath(**points), duration=0.4)
@@ -88,18 +104,24 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
                                                       "weight": 1e-6, "arguments": {}}),
         "choose_weights": (choose_weights, {**both, "sample": 0.02, "tolerance": 0.01, "effort": 1e-3,
                                             "response_time": 0.1, "integral_action": ["n2.z"]}),
-        "simulate_control": (simulate_control, {**both, **parts, **limits, "distribution": tensions,
-                                                "coordinate_error": [0.01], "velocity_error": [0.0],
-                                                "axial_stiffness": None, "arguments": {}, "gust": None,
-                                                "seed": 0, "compare": True}),
-        "draws": (draw, {"coordinate_error": [0.0], "arguments": {}, "gust": None, "seed": 1}),
+        "simulate_control": (simulate_control, {**both, **parts, "t_end": 0.1, "sample": 0.02,
+                                                "distribution": tensions, "disturbance": None,
+                                                "limits": None, "compare": True}),
+        "ActuatorLimits": (limit, {"rate": 1.0, "range": (0.1, 3.0), "delay": 0.0}),
+        "Disturbance": (disturb, {"coordinate_error": [0.01], "velocity_error": [0.0], "gust": None,
+                                  "axial_stiffness": None, "arguments": {}, "seed": 0}),
+        "simulate_control_batch": (run_batch, {"coordinate_error": [0.0], "arguments": {}, "gust": None,
+                                               "seed": 1}),
+        "Draws": (draw, {"number": 1, "seed": 0, "last": 0.1}),
+        "ControllerCode": (write_code, {"name": "lift", "precision": "double", "knots": 25,
+                                        "qp_iterations": 9, "library": False}),
         "study_control": (study_control, {**both, **parts, "tuning": tuning, "distribution": None,
-                                          "errors": None, "sample": 0.02, "t_end": 0.4, "last": 0.1,
-                                          "draws": 1, "seed": 0, "arguments": {}}),
+                                          "errors": None, "sample": 0.02, "t_end": 0.4,
+                                          "draws": 1, "arguments": {}}),
         "build_controller": (build_controller, {**parts, "scene": model, "motion": motion,
-                                                "distribution": None, "out": folder / "b", "name": "lift",
-                                                "precision": "double", "knots": 25, "sample": 0.02,
-                                                "delay": 0.0, "qp_iterations": 9, "library": False,
+                                                "distribution": None, "out": folder / "b",
+                                                "sample": 0.02, "limits": None, "arguments": {},
+                                                "code": ControllerCode(library=False),
                                                 "overwrite": True, "inputs": ()}),
         "time_motion": (time_motion, {"model": model, "path": way, "duration": 0.4, "law": "quintic",
                                       "feedforward": "dynamic", "there_and_back": False, "arguments": {},
@@ -117,8 +139,9 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
 def test_an_object_of_no_kind_is_refused(calls: dict[str, Call]) -> None:
     for function, right in calls.values():
         for key in right:
-            with pytest.raises(TensegrityError):
+            with pytest.raises(TensegrityError) as caught:
                 function(**{**right, key: object()})
+            assert not isinstance(caught.value, MovedArgumentError)
 
 
 @pytest.mark.thorough

@@ -37,6 +37,19 @@ def test_every_example_comes_back_as_it_was(name: str, tmp_path: Path) -> None:
             read_files([out], up="y")  # shapes and bodies keep their axes
 
 
+def test_the_ground_comes_back_and_keeps_its_axes(tmp_path: Path) -> None:
+    nodes = {"a": {"position": [0, 0, 2], "anchored": True}, "b": {"position": [0, 0, 1], "mass": 1.0}}
+    rope = {"kind": "cable", "nodes": ["a", "b"], "spring_constant": 100.0}
+    ground = {"slope_deg": 20, "stiffness": 1e4, "contacts": ["b"]}
+    scene = {"name": "swing", "nodes": nodes, "members": {"ab": rope}, "ground": ground}
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"format": SCENE_FORMAT, **scene}), encoding="utf-8")
+    write_scene(read_files([path]).document, tmp_path / "back.toml")
+    assert read_scene(tmp_path / "back.toml") == read_scene(scene)
+    with pytest.raises(InvalidValueError, match="keeps its axes and units"):
+        read_files([path], up="y")
+
+
 def test_name_and_gravity_are_replaced(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     whole = {"format": SCENE_FORMAT, **tomllib.loads(read_example("two_nodes"))}

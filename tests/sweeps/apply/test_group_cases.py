@@ -97,6 +97,22 @@ def test_several_keys_vary_together(name: str, over: list[str], expected: Any) -
         assert set(groups[0].request.parameters) == expected
 
 
+@pytest.mark.parametrize(
+    ("over", "n_libraries"),
+    [
+        ("gravity[2]=-9.81,-1.6", 2),  # the penetration gives the stiffness by the weight
+        ("shape.node_mass=0.05,0.06", 2),
+        ("ground.friction=0.1,0.2,0.3", 3),
+        ("ground.slope_deg=0,5", 2),
+        ("loads[0].force[2]=-3,-1", 1),
+        ("classes.cable.damping=0,1", 1),
+    ],
+)
+def test_a_ground_follows_from_the_values_of_the_case(over: str, n_libraries: int) -> None:
+    document = {**scene("prism"), "ground": {"penetration": 1e-4, "friction": 0.5, "offset": -0.1}}
+    assert len(group_and_compare(document, build_cases([over]))) == n_libraries
+
+
 FORMULATIONS: list[tuple[str, dict[str, Any], list[str]]] = [
     ("prism12", {"formulation": "rigid_bar", "options": {"bars": "all"}}, ["shape.prestress=10,20"]),
     ("prism12", {"formulation": "rigid_bar", "options": {"bars": "all"}}, ["shape.height=0.3,0.31"]),

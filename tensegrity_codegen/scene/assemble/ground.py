@@ -1,0 +1,205 @@
+"""From the table [ground] of a scene to the ground of a structure or body system."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from tensegrity_codegen.scene.assemble.nodes import spread_vectors
+from tensegrity_codegen.scene.assemble.targets import normalise
+from tensegrity_codegen.scene.checks.check_ground import check_contacts, check_normal
+from tensegrity_codegen.scene.names import check_known, key_path
+from tensegrity_codegen.scene.schema.ground_schema import GroundTable
+from tensegrity_codegen.structure.contact_estimates import (
+    Subject,
+    compute_contact_mass,
+    compute_slope,
+    compute_weight,
+    find_bar_radius,
+    find_dissipation,
+    find_surface_nodes,
+)
+from tensegrity_codegen.structure.ground import Ground
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, StructureError
+
+EXPONENTS = (1.0, 1.5)
+# Part of a belt's speed along the normal that counts as rounding of the scene's numbers, and is removed.
+MAX_NORMAL_PART = 1e-6
+ROUNDING = 4 * np.finfo(float).eps
+
+
+@np.errstate(all="ignore")  # a number that is not finite is refused by Ground
+def build_ground(
+    stated: GroundTable | None, subject: Subject, node_of: Mapping[str, int] | None, where: str
+) -> Ground | None:
+    """Return the ground of a structure or body system, None where the scene states none.
+
+    node_of: index of each node by the name that the scene uses, "body.point" in scenes of bodies; None: names
+    of nodes. Raises InvalidValueError, StructureError, UnknownNameError or DuplicateNameError, with file and
+    key.
+    """
+    if stated is None:
+        return None
+    if node_of is None:
+        node_of = {name: row for row, name in enumerate(subject.node_name)}
+    table = _Table(stated, where)
+    table.check_alternatives()
+    normal = table.find_normal(subject.axes)
+    names = {row: name for name, row in node_of.items()}
+    node = table.find_contacts(subject, normal, node_of)
+    check_contacts(subject, normal, stated.offset, node, names, where)
+    weight = compute_weight(subject, normal)
+    stiffness = table.find_stiffness(weight / len(node))
+    stick_stiffness = table.find_stick_stiffness(stiffness, weight / len(node))
+    mass = float(compute_contact_mass(subject, node).mean())
+    critical = 2.0 * math.sqrt(stick_stiffness) * math.sqrt(mass)
+    impact = stated.restitution
+    dissipation = find_dissipation(impact.value, impact.speed) if impact else stated.dissipation or 0.0
+    static = stated.static_friction
+    velocity, radius = table.find_velocity(normal, subject.axes), table.find_radius(subject)[node]
+    try:
+        return Ground(
+            normal=normal,
+            offset=stated.offset,
+            velocity=velocity,
+            node=node,
+            radius=radius,
+            stiffness=stiffness,
+            exponent=stated.exponent,
+            dissipation=dissipation,
+            friction=stated.friction,
+            static_friction=None if static == stated.friction else static,
+            stick_stiffness=stick_stiffness,
+            stick_damping=critical if stated.stick_damping is None else stated.stick_damping,
+        )
+    except InvalidValueError as error:
+        error.where = f"{where}: {error.where}"
+        raise
+
+
+class _Table:
+    """The table [ground], value by value."""
+
+    def __init__(self, stated: GroundTable, where: str) -> None:
+        self.stated, self.where = stated, where
+
+    def require(self, is_met: bool, problem: str, key: str, allowed: str, hint: str = "") -> None:
+        """Raise InvalidValueError about one key unless a condition is met."""
+        if not is_met:
+            place = key_path(self.where, "ground", key)
+            given = getattr(self.stated, key)
+            raise InvalidValueError(problem, where=place, given=given, allowed=allowed, hint=hint)
+
+    def check_alternatives(self) -> None:
+        """Raise InvalidValueError for keys that exclude each other, lack each other or are out of range."""
+        stated, static = self.stated, self.stated.static_friction
+        has_stiffness, has_depth = stated.stiffness is not None, stated.penetration is not None
+        damped_twice = stated.restitution is not None and stated.dissipation is not None
+        turned_twice = stated.slope_deg is not None and stated.normal is not None
+        low = static is not None and static < stated.friction
+        need, one = self.require, "one of stiffness [N/m] and penetration [m], the depth at rest"
+        need(has_stiffness or has_depth, "the ground has no stiffness", "stiffness", one)
+        need(not (has_stiffness and has_depth), "the stiffness is given twice", "penetration", one)
+        one = "one of restitution = { value, speed } and dissipation [s/m]"
+        need(not damped_twice, "the damping of impacts is given twice", "dissipation", one)
+        need(not turned_twice, "the normal is given twice", "slope_deg", "one of normal and slope_deg")
+        need(stated.exponent in EXPONENTS, "not an exponent of the contact force", "exponent", "1 or 1.5")
+        least = f"at least {stated.friction:g}, the friction"
+        need(not low, "the static friction is below the friction", "static_friction", least)
+        without = bool(static) and not stated.friction
+        need(not without, "static friction without friction", "static_friction", "with friction > 0")
+
+    def find_normal(self, axes: tuple[int, ...]) -> FloatArray:
+        """Return the unit vector out of the ground, (3,)."""
+        stated, normal = self.stated, np.zeros(3)
+        if stated.normal is None:
+            angle = math.radians(stated.slope_deg or 0.0)
+            is_flat = stated.slope_deg is None or len(axes) > 1
+            self.require(is_flat, "a scene of one axis has no slope", "slope_deg", "scenes of two or three")
+            normal[axes[0]] = math.sin(angle)
+            normal[axes[-1]] = math.cos(angle)
+            return normal
+        place = ("ground", "normal")
+        vector: FloatArray = spread_vectors([stated.normal], axes, [place], self.where)[0]
+        check_normal(vector, axes, self.where)
+        if abs(float(np.linalg.norm(vector)) - 1.0) <= ROUNDING:  # as it is written: reads back bit-equal
+            return vector
+        return np.array(normalise(vector, stated.normal, key_path(self.where, *place)))
+
+    def find_velocity(self, normal: FloatArray, axes: tuple[int, ...]) -> FloatArray:
+        """Return the velocity of a belt without what rounding leaves of it along the normal, (3,) [m/s]."""
+        given, place = self.stated.velocity, ("ground", "velocity")
+        velocity: FloatArray = spread_vectors([given], axes, [place], self.where)[0]
+        outside = [axis for axis in range(3) if axis not in axes and velocity[axis] != 0]
+        if outside:
+            letter = "xyz"[outside[0]]
+            raise StructureError(
+                f"a velocity along {letter}, an axis that the scene does not model",
+                where=key_path(self.where, *place),
+                given=list(given or ()),
+                allowed=f"0 along {letter}",
+            )
+        largest = float(np.abs(velocity).max())
+        unit = velocity / largest if largest else velocity
+        speed, part = float(np.linalg.norm(unit)), float(unit @ normal)
+        along: FloatArray = (unit - part * normal) * largest
+        shown = ", ".join(f"{along[axis]:.9g}" for axis in axes)
+        self.require(
+            abs(part) <= MAX_NORMAL_PART * speed,
+            "the belt moves along the normal of the ground",
+            "velocity",
+            "a velocity along the plane",
+            f"the part along the plane: velocity = [{shown}]",
+        )
+        return along if abs(part) > ROUNDING * speed else velocity
+
+    def find_contacts(self, subject: Subject, normal: FloatArray, node_of: Mapping[str, int]) -> IntArray:
+        """Return the nodes that can touch the ground, ascending."""
+        names = self.stated.contacts
+        if names == "all":
+            node = find_surface_nodes(subject, normal)
+            problem = "no node can move along the normal of the ground"
+            self.require(node.size > 0, problem, "contacts", "nodes that can")
+            return node
+        for number, name in enumerate(names):
+            place = ("ground", "contacts", number)
+            check_known(name, node_of, "the contact is not defined", _allowed(node_of), self.where, *place)
+            if name in names[:number]:
+                raise DuplicateNameError(
+                    "the contact is listed twice", where=key_path(self.where, *place), given=name
+                )
+        return np.array(sorted(node_of[name] for name in names), dtype=np.int64)
+
+    def find_radius(self, subject: Subject) -> FloatArray:
+        """Return the radius of the ball about each node, (n_nodes,) [m]."""
+        if self.stated.radius != "bar":
+            return np.full(subject.n_nodes, self.stated.radius, dtype=np.float64)
+        radius = find_bar_radius(subject)
+        allowed = "a radius [m], or bars with a radius"
+        self.require(bool(radius.any()), "no bar has a radius", "radius", allowed)
+        return radius
+
+    def find_stiffness(self, force: float) -> float:
+        """Return k of N = k d^p, from the penetration where a contact carries `force` [N]."""
+        if self.stated.penetration is None:
+            return float(self.stated.stiffness or 0.0)
+        self.need_weight(force, "penetration", "stiffness [N/m] in place of penetration")
+        return float(np.float64(force) / np.float64(self.stated.penetration) ** self.stated.exponent)
+
+    def find_stick_stiffness(self, stiffness: float, force: float) -> float:
+        """Return the tangential stiffness [N/m], by default the slope of the normal force at `force` [N]."""
+        if self.stated.stick_stiffness is not None:
+            return self.stated.stick_stiffness
+        if self.stated.friction and self.stated.exponent > 1:
+            self.need_weight(force, "exponent", "stick_stiffness [N/m]")
+        return compute_slope(stiffness, self.stated.exponent, force)
+
+    def need_weight(self, force: float, key: str, hint: str) -> None:
+        """Raise InvalidValueError unless a weight acts into the ground."""
+        problem = "no weight acts into the ground, so that no stiffness follows from the depth at rest"
+        self.require(force > 0, problem, key, "with gravity into the ground", f"give {hint}, or gravity")
+
+
+def _allowed(node_of: Mapping[str, int]) -> str:
+    return '"body.point"; a bar has A and B' if any("." in name for name in node_of) else "names of nodes"

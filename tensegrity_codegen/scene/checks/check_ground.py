@@ -1,0 +1,97 @@
+"""Checks of a ground together with the structure or body system that stands on it."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from tensegrity_codegen.scene.checks.check_control import check_indices
+from tensegrity_codegen.scene.names import key_path, name_list
+from tensegrity_codegen.structure.contact_estimates import (
+    ALONG,
+    Subject,
+    compute_contact_mass,
+    find_movable,
+    find_position,
+)
+from tensegrity_codegen.structure.ground import Ground
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.system.checks import check_instance
+from tensegrity_codegen.system.errors import StructureError
+
+DEPTH_TOLERANCE = 1e-9  # of the structure's size
+
+
+def check_ground(structure: Structure, where: str) -> None:
+    """Raise unless the ground of a structure is None, or sound: see check_normal and check_contacts."""
+    ground = structure.ground
+    if ground is None:
+        return
+    check_instance(ground, Ground, key_path(where, "ground"), "None, or a Ground")
+    check_indices(tuple(ground.node.tolist()), structure.n_nodes, key_path(where, "ground", "node"))
+    check_normal(ground.normal, structure.axes, where)
+    names = dict(enumerate(structure.node_name))
+    check_contacts(structure, ground.normal, ground.offset, ground.node, names, where)
+
+
+def check_normal(normal: FloatArray, axes: tuple[int, ...], where: str) -> None:
+    """Raise StructureError for a normal (3,) that leaves the axes of the scene."""
+    outside = [axis for axis in range(3) if axis not in axes and abs(normal[axis]) > ALONG]
+    if outside:
+        letter = "xyz"[outside[0]]
+        raise StructureError(
+            f"the ground has a normal along {letter}, an axis that the scene does not model",
+            where=key_path(where, "ground", "normal"),
+            given=normal.tolist(),
+            allowed=f"0 along {letter}",
+        )
+
+
+@np.errstate(all="ignore")
+def check_contacts(
+    subject: Subject,
+    normal: FloatArray,
+    offset: float,
+    node: IntArray,
+    names: Mapping[int, str],
+    where: str,
+) -> None:
+    """Raise StructureError for contacts that cannot move along the normal or have no mass, and for nodes that
+    are anchored below the ground.
+
+    normal: (3,); offset: of the plane [m]; node: (n_contacts,) indices; names: of nodes, for messages.
+    """
+    movable = find_movable(subject, normal)
+    rules = (
+        (
+            ~movable[node],
+            "anchored nodes cannot be contacts",
+            "nodes that can move along the normal of the ground",
+            "remove them from the list",
+        ),
+        (
+            compute_contact_mass(subject, node) == 0,
+            "contacts without mass",
+            "nodes with a mass [kg], or at which a bar with a mass ends",
+            "give the nodes a mass, or list the contacts without them",
+        ),
+    )
+    for is_bad, problem, allowed, hint in rules:
+        bad = [names[int(k)] for k in node[is_bad]]
+        if bad:
+            text, place = f"{problem}: {name_list(bad)}", key_path(where, "ground", "contacts")
+            raise StructureError(text, where=place, given=bad[0], allowed=allowed, hint=hint)
+    position = find_position(subject)
+    height = position @ normal - offset
+    least = -DEPTH_TOLERANCE * max(float(np.ptp(position, axis=0).max()), abs(offset))
+    buried = [
+        f"{names[int(k)]} ({-height[k]:.4g} m deep)" for k in np.flatnonzero(~movable & (height < least))
+    ]
+    if buried:
+        raise StructureError(
+            f"anchored nodes are below the ground: {name_list(buried)}",
+            where=key_path(where, "ground", "offset"),
+            given=offset,
+            allowed=f"at most {float((height[~movable] + offset).min()):.9g} m with these anchors",
+            hint="lower the ground by offset, or move the anchors up",
+        )

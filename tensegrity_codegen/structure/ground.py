@@ -1,0 +1,148 @@
+"""The ground: a plane that nodes can stand on, slide on and bounce on."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.system.errors import InvalidValueError
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """A plane that nodes (balls of a radius around them) touch, with friction.
+
+    Attributes
+    ----------
+    normal : ndarray, shape (3,)
+        Unit vector out of the ground.
+    offset : float [m]
+        ``normal . x`` of the points x of the plane.
+    velocity : ndarray, shape (3,) [m/s]
+        Velocity of a belt, along the plane.
+    node : ndarray of int, shape (n_contacts,)
+        Indices of the nodes that can touch the ground, ascending.
+    radius : ndarray, shape (n_contacts,) [m]
+        Radius of the ball about each of these.
+    stiffness : float [N/m]
+        Contact stiffness k; [N/m^1.5] with exponent 1.5.
+    exponent : float
+        Power p of the penetration, 1.0 or 1.5.
+    dissipation : float [s/m]
+        Factor a of the rate of penetration (Hunt and Crossley 1975).
+    friction : float
+        Coefficient of friction mu; 0 for no tangential force and no internal state.
+    static_friction : float or None
+        Coefficient up to which a contact sticks, at least `friction`; None: equal to `friction`.
+    stick_stiffness : float [N/m]
+        Tangential stiffness kt of a contact that sticks.
+    stick_damping : float [N s/m]
+        Tangential damping ct of a contact that sticks.
+
+    Raises
+    ------
+    InvalidValueError
+        For numbers outside of these ranges or not finite, a normal that is no unit vector, a belt that does
+        not move along the plane, and nodes that are not ascending.
+
+    Notes
+    -----
+    A ball at x with penetration ``d = offset + radius - normal . x`` feels, with its velocity v relative to
+    the belt in the plane and its internal state s, the deflection of a bristle::
+
+        N = k d^p max(0, 1 + a d')  where d > 0, else 0        along the normal
+        T = kt s + ct v,  F = T min(1, mu N / |T|)             -F in the plane
+        s' = (F - kt s) / ct
+    """
+
+    normal: FloatArray
+    offset: float
+    velocity: FloatArray
+    node: IntArray
+    radius: FloatArray
+    stiffness: float
+    exponent: float
+    dissipation: float
+    friction: float
+    static_friction: float | None
+    stick_stiffness: float
+    stick_damping: float
+
+    def __post_init__(self) -> None:
+        freeze_fields(self)
+        numbers = [item.name for item in fields(self) if getattr(self, item.name) is not None]
+        for name in numbers:
+            self._require(name, bool(np.isfinite(getattr(self, name)).all()), "finite numbers")
+        positive = ["stiffness"] + (["stick_stiffness", "stick_damping"] if self.friction else [])
+        for name in positive:
+            self._require(name, getattr(self, name) > 0, "a positive number")
+        self._require("friction", self.friction >= 0, "a number of 0 or more")
+        self._require("dissipation", self.dissipation >= 0, "a number of 0 or more")
+        self._require("exponent", self.exponent in (1.0, 1.5), "1 or 1.5")
+        if self.static_friction is not None:
+            self._require("static_friction", self.static_friction >= self.friction, "friction or more")
+        length = float(np.linalg.norm(self.normal))
+        self._require("normal", self.normal.shape == (3,) and abs(length - 1) < 1e-12, "a unit vector, (3,)")
+        along = abs(float(self.velocity @ self.normal)) <= 1e-12 * float(np.linalg.norm(self.velocity))
+        self._require("velocity", along, "a velocity along the plane")
+        ascending = self.node.size > 0 and bool((np.diff(self.node) > 0).all())
+        self._require("node", ascending, "ascending indices of one or more nodes")
+        self._require("radius", self.radius.shape == self.node.shape, "one radius a node")
+        self._require("radius", bool((self.radius >= 0).all()), "numbers of 0 or more")
+
+    def _require(self, name: str, is_met: bool, allowed: str) -> None:
+        if not is_met:
+            raise InvalidValueError(
+                "invalid ground", where=f"ground.{name}", given=repr(getattr(self, name)), allowed=allowed
+            )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Ground) and all(
+            np.array_equal(getattr(self, item.name), getattr(other, item.name)) for item in fields(self)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.normal.tobytes(), self.offset, self.node.tobytes(), self.stiffness, self.friction))
+
+    @property
+    def n_contacts(self) -> int:
+        """Number of nodes that can touch the ground."""
+        return len(self.node)
+
+    def tangents(self, axes: tuple[int, ...]) -> FloatArray:
+        """Return an orthonormal basis of the plane within the modelled axes.
+
+        Parameters
+        ----------
+        axes : tuple of int
+            Modelled axes, a subset of (0, 1, 2); the normal lies in them.
+
+        Returns
+        -------
+        ndarray, shape (len(axes) - 1, 3)
+            Unit vectors along the plane. They are the modelled axes without the one closest to the normal,
+            turned with the normal from that axis (Householder 1958), so that they depend on the normal
+            continuously.
+
+        Raises
+        ------
+        InvalidValueError
+            For a normal that has a component outside of the modelled axes.
+        """
+        outside = [axis for axis in range(3) if axis not in axes]
+        if np.abs(self.normal[outside]).max(initial=0.0) > 1e-12:
+            raise InvalidValueError(
+                "the ground's normal leaves the axes that the scene models",
+                where="ground.normal",
+                given=repr(self.normal.tolist()),
+                allowed="a vector within the axes " + ", ".join("xyz"[axis] for axis in axes),
+            )
+        main = int(np.argmax(np.abs(self.normal)))
+        # The reflection that swaps the main axis and minus the normal on its side; its other columns lie in
+        # the plane.
+        mirror = self.normal.copy()
+        mirror[main] += np.copysign(1.0, self.normal[main])
+        reflection = np.eye(3) - 2.0 * np.outer(mirror, mirror) / float(mirror @ mirror)
+        tangents: FloatArray = reflection[[axis for axis in axes if axis != main]]
+        return tangents

@@ -1,0 +1,78 @@
+"""Support of structures on the ground: all that lacks it ends in one error, before any number is computed."""
+
+from typing import Any
+
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
+
+FORMULATIONS_WITH_GROUND = ("node_position", "rigid_bar")
+INTEGRATORS_WITH_GROUND = ("rk4", "rk54", "rk853")
+MOST_CONTACTS = 100  # each has two events, and every event ends a step
+# Quantities of structures at rest, and derivatives of forces: the ground is not in them.
+WITHOUT_GROUND = (
+    *("node_residual", "cable_force", "support_reaction", "spring_tension", "member_law"),
+    *("tangent_stiffness", "material_stiffness", "geometric_stiffness", "damping_matrix"),
+    *("state_jacobian", "input_jacobian", "parameter_jacobian", "rest_length_jacobian"),
+    *("residual_rest_length_jacobian", "tension_jacobian"),
+)
+ADVICE = 'simulate the motion with formulation "node_position" or "rigid_bar" and method "rk54" or "rk853"'
+
+
+def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
+    """Return the error of something that does not know the ground of the scene `name`."""
+    return FormulationError(
+        f"the ground is not supported here: {what}",
+        where=f"{name}: ground",
+        allowed="motions by explicit methods, in node positions or with rigid bars",
+        hint=hint,
+    )
+
+
+def require_no_ground(subject: Any, what: str) -> None:
+    """Raise FormulationError for a structure with a ground; what: names what does not know it."""
+    if getattr(subject, "ground", None) is not None:
+        raise refuse_ground(
+            subject.name, what, "remove the section [ground] for this, or simulate the motion"
+        )
+
+
+def check_ground(subject: Any, request: ModelRequest) -> None:
+    """Raise FormulationError for a request that a structure on the ground cannot serve.
+
+    subject: the structure or body system; nothing is refused where it has no ground.
+    """
+    ground = getattr(subject, "ground", None)
+    if ground is None:
+        return
+    name = subject.name
+    formulation, options = request.formulation, request.options
+    if formulation not in FORMULATIONS_WITH_GROUND:
+        raise refuse_ground(name, f"formulation {formulation!r}")
+    if options.get("correction", "none") != "none":
+        raise refuse_ground(name, "rigid bars with correction", 'choose correction = "none"')
+    if ground.static_friction not in (None, ground.friction):
+        raise refuse_ground(name, "static_friction above friction", "omit static_friction")
+    if ground.n_contacts > MOST_CONTACTS:
+        raise refuse_ground(
+            name,
+            f"{ground.n_contacts} contacts, more than {MOST_CONTACTS}",
+            "list the nodes that touch first under contacts",
+        )
+    if request.emitter not in ("auto", "unrolled"):
+        raise refuse_ground(name, f"emitter {request.emitter!r}", 'choose emitter = "unrolled" or "auto"')
+    for integrator in request.integrators:
+        if integrator not in INTEGRATORS_WITH_GROUND:
+            raise refuse_ground(name, f"integrator {integrator!r}")
+    for quantity in request.quantities:
+        if quantity in WITHOUT_GROUND:
+            raise refuse_ground(name, f"quantity {quantity!r}, or an analysis that needs it")
+    wanted = {
+        "solvers": request.solvers,
+        "batch functions": request.batch_width,
+        "interfaces": request.interfaces,
+        "energy that is kept": request.keep,
+        "single precision": request.precision != "double",
+    }
+    for what, is_wanted in wanted.items():
+        if is_wanted:
+            raise refuse_ground(name, what)

@@ -1,0 +1,199 @@
+"""Contact of nodes with the ground: a normal force with dissipation, and friction that really sticks.
+
+d = offset + radius - n . x,  v = velocity of the node relative to the belt, in the plane
+N = k d^p max(0, 1 + a d') where d > 0, else 0                      (Hunt and Crossley 1975)
+T = kt s + ct v,  F = T min(1, mu N / |T|),  s' = (F - kt s) / ct   on the node: N n - F
+
+The internal state s is the deflection of a bristle, a spring and a damper side by side, in series with a
+slider of Coulomb friction. The contact sticks exactly where |T| <= mu N; where it slips |F| = mu N, and out
+of contact s decays. Forces are continuous, so that events are kinks of them. With v = (T - kt s) / ct
+
+F . v - kt s . s' = ct s' . s' + |F| (|T| - |F|) / ct >= 0          is lost by friction
+(k d^p - N) d' = -a k d^p d'^2 <= 0                                 is lost at impacts, where 1 + a d' > 0
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from tensegrity_codegen.structure.ground import Ground
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+from tensegrity_codegen.symbolic.geometry import dot
+from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce
+from tensegrity_codegen.system.arrays import FloatArray
+
+Scalar = Any
+Vector = list[Scalar]
+
+
+def build_ground_contact(structure: Structure, arguments: SymbolicArguments) -> "GroundContact | None":
+    """Return the contacts of a structure with its ground, None where it has no ground."""
+    return None if structure.ground is None else GroundContact(structure, structure.ground, arguments)
+
+
+class GroundContact(NodeForce):
+    """All contacts of a structure with the ground."""
+
+    def __init__(self, structure: Structure, ground: Ground, arguments: SymbolicArguments) -> None:
+        self.ground = ground
+        axes = list(structure.axes)
+        normal, basis = ground.normal[axes], ground.tangents(structure.axes)[:, axes]
+        count = len(basis) if ground.friction else 0
+        self.contacts: list[_Contact] = []
+        for k, (node, radius) in enumerate(zip(ground.node.tolist(), ground.radius.tolist(), strict=True)):
+            bristle = [arguments.symbols["internal"][k * count + i] for i in range(count)]
+            at, rate = arguments.position[node], arguments.velocity[node]
+            self.contacts.append(
+                _Contact(ground, normal, basis[:count], ground.velocity[axes], at, rate, radius, bristle)
+            )
+
+    def forces(self) -> Mapping[int, Vector]:
+        """Return node -> force of the ground on it [N]."""
+        return {node: c.force for node, c in zip(self.ground.node.tolist(), self.contacts, strict=True)}
+
+    def internal_rate(self) -> list[Scalar]:
+        """Return the rates of the bristles, contact by contact [m/s]."""
+        return [rate for contact in self.contacts for rate in contact.bristle_rate]
+
+    def stored_energy(self) -> Scalar:
+        """Return the energy of compressed ground and deflected bristles [J]."""
+        return sum((contact.energy() for contact in self.contacts), ca.SX(0.0))
+
+    def power(self) -> Scalar:
+        """Return minus what impacts and friction lose, plus what a belt does [W]."""
+        return sum((contact.power() for contact in self.contacts), ca.SX(0.0))
+
+    def builders(self) -> dict[str, Callable[[], ca.SX]]:
+        """Return the builders of forces, penetrations and margins."""
+        contacts = self.contacts
+        quantities: dict[str, Callable[[], ca.SX]] = {
+            "penetration": lambda: ca.vertcat(*[c.depth for c in contacts]),
+            "contact_force": lambda: ca.horzcat(*[ca.vertcat(*c.force) for c in contacts]),
+            "contact_margin": lambda: ca.vertcat(*[c.contact_margin() for c in contacts]),
+        }
+        if self.contacts and self.contacts[0].bristle:
+            quantities["stick_margin"] = lambda: ca.vertcat(*[c.stick_margin() for c in contacts])
+        return quantities
+
+
+@dataclass
+class _Contact:
+    """One node on the ground; normal, basis, belt: over the modelled axes; bristle: its deflection s."""
+
+    ground: Ground
+    normal: FloatArray
+    basis: FloatArray
+    belt: FloatArray
+    position: Vector
+    velocity: Vector
+    radius: float
+    bristle: Vector
+
+    @cached_property
+    def depth(self) -> Scalar:
+        """Penetration d [m], negative above the ground."""
+        return (self.ground.offset + self.radius) - _along(self.normal, self.position)
+
+    @cached_property
+    def depth_rate(self) -> Scalar:
+        """Rate of penetration d' [m/s]."""
+        return -_along(self.normal, self.velocity)
+
+    @cached_property
+    def impact_factor(self) -> Scalar:
+        """1 + a d'."""
+        return 1.0 + self.ground.dissipation * self.depth_rate
+
+    @cached_property
+    def elastic_force(self) -> Scalar:
+        """The force k d^p of the compressed ground, without dissipation, in contact [N]."""
+        root = 1.0 if self.ground.exponent == 1.0 else ca.sqrt(ca.fabs(self.depth))
+        return ca.if_else(self.depth > 0, self.ground.stiffness * self.depth * root, 0)
+
+    @cached_property
+    def normal_force(self) -> Scalar:
+        """N [N]."""
+        if not self.ground.dissipation:
+            return self.elastic_force
+        return ca.if_else(self.impact_factor > 0, self.elastic_force * self.impact_factor, 0)
+
+    @cached_property
+    def slip_velocity(self) -> Vector:
+        """Velocity v relative to the belt, along the basis of the plane [m/s]."""
+        belt = self.basis @ self.belt
+        return [_along(t, self.velocity) - float(b) for t, b in zip(self.basis, belt, strict=True)]
+
+    @cached_property
+    def trial_force(self) -> Vector:
+        """T: the friction, were it not limited [N]."""
+        kt, ct = self.ground.stick_stiffness, self.ground.stick_damping
+        return [kt * s + ct * v for s, v in zip(self.bristle, self.slip_velocity, strict=True)]
+
+    @cached_property
+    def trial_size(self) -> Scalar:
+        """|T| [N]."""
+        trial = self.trial_force
+        return ca.fabs(trial[0]) if len(trial) == 1 else ca.sqrt(dot(trial, trial))
+
+    @cached_property
+    def friction_limit(self) -> Scalar:
+        """Largest friction mu N [N]."""
+        return self.ground.friction * self.normal_force
+
+    @cached_property
+    def friction(self) -> Vector:
+        """F along the basis [N]; |T| divides only where the contact slips, and is not zero."""
+        if not self.bristle:
+            return []
+        slips = self.trial_size > self.friction_limit
+        ratio = self.friction_limit / ca.if_else(slips, self.trial_size, 1)
+        factor = ca.if_else(slips, ratio, 1)
+        return [factor * t for t in self.trial_force]
+
+    @cached_property
+    def bristle_rate(self) -> Vector:
+        """s' [m/s]."""
+        kt, ct = self.ground.stick_stiffness, self.ground.stick_damping
+        return [(f - kt * s) / ct for f, s in zip(self.friction, self.bristle, strict=True)]
+
+    @cached_property
+    def force(self) -> Vector:
+        """Force on the node N n - F, over the modelled axes [N]."""
+        result = [self.normal_force * float(n) for n in self.normal]
+        for f, tangent in zip(self.friction, self.basis, strict=True):
+            result = [r - f * float(t) for r, t in zip(result, tangent, strict=True)]
+        return result
+
+    def energy(self) -> Scalar:
+        ground = self.ground
+        compressed = self.elastic_force * self.depth / (ground.exponent + 1.0)
+        return compressed + sum(ground.stick_stiffness / 2.0 * s * s for s in self.bristle)
+
+    def power(self) -> Scalar:
+        ground = self.ground
+        impact = (self.elastic_force - self.normal_force) * self.depth_rate
+        for tangent, s, rate, f in zip(
+            self.basis, self.bristle, self.bristle_rate, self.friction, strict=True
+        ):
+            impact = impact + ground.stick_stiffness * s * rate - f * _along(tangent, self.velocity)
+        return impact
+
+    def contact_margin(self) -> Scalar:
+        """Return a length that is positive where the ground presses."""
+        return ca.fmin(self.depth, self.depth * self.impact_factor)
+
+    def stick_margin(self) -> Scalar:
+        """Return (mu N - |T|) / kt [m], -1 out of contact: there nothing sticks."""
+        left = (self.friction_limit - self.trial_size) / self.ground.stick_stiffness
+        return ca.if_else(self.normal_force > 0, left, -1)
+
+
+def _along(direction: FloatArray, vector: Vector) -> Scalar:
+    """Return the component of a vector along a constant direction."""
+    terms = [float(n) * x for n, x in zip(direction, vector, strict=True) if n != 0.0]
+    return sum(terms, ca.SX(0.0)) if np.any(direction) else ca.SX(0.0)

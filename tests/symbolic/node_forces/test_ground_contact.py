@@ -1,0 +1,127 @@
+"""Forces of the ground, against the same equations in plain NumPy.
+
+N = k d^p max(0, 1 + a d') (Hunt and Crossley 1975); T = kt s + ct v, F = T min(1, mu N / |T|),
+s' = (F - kt s) / ct.
+"""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.structure.structure import Structure
+from tests.ground_cases import make_block
+from tests.models import simulator
+
+Array = NDArray[np.float64]
+QUANTITIES = (
+    "contact_force",
+    "penetration",
+    "contact_margin",
+    "stick_margin",
+    "internal_rate",
+    "energy_rate",
+)
+
+
+def build(**ground: Any) -> tuple[Structure, CompiledModel]:
+    structure = make_block([0.0, 0.0, 0.0], **ground)
+    return structure, simulator(structure, more=QUANTITIES)
+
+
+def find_forces(structure: Structure, place: Array, velocity: Array, bristle: Array) -> dict[str, Array]:
+    ground = structure.ground
+    assert ground is not None
+    n, basis = ground.normal, ground.tangents(structure.axes)
+    depth, rate = ground.offset + ground.radius[0] - n @ place, -n @ velocity
+    elastic = ground.stiffness * depth**ground.exponent if depth > 0 else 0.0
+    normal = elastic * max(0.0, 1.0 + ground.dissipation * rate)
+    slip = basis @ (velocity - ground.velocity)
+    trial = ground.stick_stiffness * bristle + ground.stick_damping * slip
+    size, limit = np.linalg.norm(trial), ground.friction * normal
+    friction = trial if size <= limit else trial * (limit / size)
+    pull = ground.stick_stiffness * bristle
+    bristle_rate = (friction - pull) / ground.stick_damping
+    stored = ground.stick_stiffness * bristle @ bristle_rate
+    return {
+        "contact_force": (normal * n - friction @ basis)[None],
+        "penetration": np.array([depth]),
+        "stick_margin": np.array([(limit - size) / ground.stick_stiffness if normal > 0 else -1.0]),
+        "internal_rate": bristle_rate,
+        "energy_rate": (elastic - normal) * rate + stored - friction @ (basis @ velocity),
+        "friction": friction,
+    }
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_forces_are_those_of_the_equations(exponent: float) -> None:
+    rng = np.random.default_rng(4)
+    normal = rng.normal(size=3)
+    normal /= np.linalg.norm(normal)
+    belt = np.cross(normal, rng.normal(size=3))
+    structure, model = build(
+        normal=normal, offset=0.3, radius=np.array([0.02]), velocity=belt, exponent=exponent
+    )
+    kinds = set()
+    for _ in range(300):
+        place = normal * (0.32 + rng.normal() * 1e-3) + np.cross(normal, rng.normal(size=3))
+        velocity = belt + rng.normal(size=3) * 10.0 ** rng.uniform(-4, 1)
+        bristle = rng.normal(size=2) * 10.0 ** rng.uniform(-6, -3)
+        expected = find_forces(structure, place, velocity, bristle)
+        state = {"coordinate": place, "velocity": velocity, "internal": bristle}
+        for name in ("contact_force", "penetration", "stick_margin", "internal_rate"):
+            np.testing.assert_allclose(
+                model.compute(name, **state), expected[name], rtol=1e-9, atol=1e-9, err_msg=name
+            )
+        power = float(model.compute("energy_rate", **state))
+        scale = np.abs(expected["contact_force"]).max() * np.abs(velocity).max() + 1e-9
+        assert power == pytest.approx(float(expected["energy_rate"]), abs=1e-9 * scale + 1e-7)
+        margin = float(model.compute("contact_margin", **state)[0])
+        is_pressed = bool(np.any(expected["contact_force"]))
+        assert (margin > 0) == is_pressed
+        kinds.add((is_pressed, bool(expected["stick_margin"][0] > 0)))
+    assert kinds == {(False, False), (True, False), (True, True)}
+
+
+def test_friction_never_exceeds_its_limit_and_never_adds_energy() -> None:
+    rng = np.random.default_rng(5)
+    structure, model = build()
+    assert structure.ground is not None
+    for _ in range(500):
+        state = {
+            "coordinate": np.array([0.0, 0.0, -(10.0 ** rng.uniform(-9, -2))]),
+            "velocity": rng.normal(size=3) * 10.0 ** rng.uniform(-9, 1),
+            "internal": rng.normal(size=2) * 10.0 ** rng.uniform(-12, -3),
+        }
+        x, y, z = model.compute("contact_force", **state)[0]
+        assert np.hypot(x, y) <= 0.5 * z * (1 + 1e-12)
+        assert float(model.compute("energy_rate", **state)) <= 0.0
+
+
+@pytest.mark.parametrize("depth", [-0.1, 0.0, 1e-3])
+def test_a_vertical_touch_without_friction_divides_by_nothing(depth: float) -> None:
+    """|T| = 0, N = 0 or not: the stick branch comes first."""
+    _, model = build()
+    state = {"coordinate": [0.0, 0.0, -depth], "velocity": [0.0, 0.0, -1.0], "internal": [0.0, 0.0]}
+    found = {name: model.compute(name, **state) for name in QUANTITIES}
+    assert all(np.isfinite(value).all() for value in found.values())
+    np.testing.assert_array_equal(found["contact_force"][0, :2], [0.0, 0.0])
+    np.testing.assert_array_equal(found["internal_rate"], [0.0, 0.0])
+    assert (found["stick_margin"][0] > 0) == (depth > 0)
+
+
+def test_the_ground_does_not_pull_a_node_that_leaves_fast() -> None:
+    _, model = build(dissipation=0.5)
+    state = {"coordinate": [0.0, 0.0, -1e-3], "velocity": [0.3, 0.0, 2.5], "internal": [0.0, 0.0]}
+    np.testing.assert_array_equal(model.compute("contact_force", **state), np.zeros((1, 3)))
+    assert model.compute("contact_margin", **state)[0] < 0
+
+
+def test_not_a_number_is_a_named_error() -> None:
+    from tensegrity_codegen.system.errors import NonFiniteError
+
+    _, model = build()
+    with pytest.raises(NonFiniteError, match="internal"):
+        model.compute("contact_force", coordinate=np.zeros(3), velocity=np.zeros(3), internal=[np.nan, 0.0])
