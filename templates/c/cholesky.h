@@ -20,25 +20,30 @@ static inline double largest_entry(const double *values)
   return largest;
 }
 
-/* Lower Cholesky factors of a symmetric matrix in compressed columns plus shift * diag(weight), row by row. Returns
- * whether it is positive definite; *smallest is the smallest pivot reached. */
-static inline int cholesky_factor(
-    const double *matrix, const int *row, const int *column_start, double shift, const double *weight,
-    double *factor, double *smallest)
+/* A symmetric matrix in compressed columns, plus shift * diag(weight), row by row. */
+static inline void cholesky_fill(
+    const double *matrix, const int *row, const int *column_start, double shift, const double *weight, double *full)
 {
-  int i, j, k;
+  int j, k;
   for (k = 0; k < N * N; ++k) {
-    factor[k] = 0.0;
+    full[k] = 0.0;
   }
   for (j = 0; j < N; ++j) {
     for (k = column_start[j]; k < column_start[j + 1]; ++k) {
-      factor[row[k] * N + j] = matrix[k];
+      full[row[k] * N + j] = matrix[k];
     }
-    factor[j * (N + 1)] += shift * weight[j];
+    full[j * (N + 1)] += shift * weight[j];
   }
+}
+
+/* Lower Cholesky factors in place of a symmetric matrix (n, n), of which the lower half is read. Returns whether it is
+ * positive definite; *smallest is the smallest pivot reached. */
+static inline int cholesky_factor(int n, double *factor, double *smallest)
+{
+  int i, j, k;
   *smallest = INFINITY;
-  for (j = 0; j < N; ++j) {
-    double *own = factor + j * N;
+  for (j = 0; j < n; ++j) {
+    double *own = factor + j * n;
     const double diagonal = fabs(own[j]);
     double pivot = own[j];
     for (k = 0; k < j; ++k) {
@@ -50,8 +55,8 @@ static inline int cholesky_factor(
       return 0;
     }
     own[j] = sqrt(pivot);
-    for (i = j + 1; i < N; ++i) {
-      double *other = factor + i * N;
+    for (i = j + 1; i < n; ++i) {
+      double *other = factor + i * n;
       double sum = other[j];
       for (k = 0; k < j; ++k) {
         sum -= other[k] * own[k];
@@ -62,23 +67,23 @@ static inline int cholesky_factor(
   return 1;
 }
 
-/* Solves with the factors: step = (L L^T)^-1 force. */
-static inline void cholesky_solve(const double *factor, const double *force, double *step)
+/* Solves with the factors: step = (L L^T)^-1 force, both (n,); they may be the same. */
+static inline void cholesky_solve(int n, const double *factor, const double *force, double *step)
 {
   int i, k;
-  for (i = 0; i < N; ++i) {
+  for (i = 0; i < n; ++i) {
     double sum = force[i];
     for (k = 0; k < i; ++k) {
-      sum -= factor[i * N + k] * step[k];
+      sum -= factor[i * n + k] * step[k];
     }
-    step[i] = sum / factor[i * (N + 1)];
+    step[i] = sum / factor[i * (n + 1)];
   }
-  for (i = N - 1; i >= 0; --i) {
+  for (i = n - 1; i >= 0; --i) {
     double sum = step[i];
-    for (k = i + 1; k < N; ++k) {
-      sum -= factor[k * N + i] * step[k];
+    for (k = i + 1; k < n; ++k) {
+      sum -= factor[k * n + i] * step[k];
     }
-    step[i] = sum / factor[i * (N + 1)];
+    step[i] = sum / factor[i * (n + 1)];
   }
 }
 

@@ -1,16 +1,9 @@
 #ifndef FIND_EQUILIBRIUM_H
 #define FIND_EQUILIBRIUM_H
-#include "cholesky.h"
-#include "find_equilibrium_config.h"
-#include "finite.h"
+#include "equilibrium_memory.h"
+#include "member_steps.h"
 
 #if !WITH_FLOAT
-/* Memory of Newton's method. */
-typedef struct {
-  double force[N], step[N], trial[N], trial_force[N], weight[N];
-  double hessian[EQUILIBRIUM_NNZ], factor[N * N];
-} equilibrium_memory;
-
 static inline void equilibrium_clear(scene_equilibrium_report *report)
 {
   report->iterations = report->shifted = 0;
@@ -18,75 +11,83 @@ static inline void equilibrium_clear(scene_equilibrium_report *report)
   report->residual = report->smallest_pivot = report->potential_energy = NAN;
 }
 
-/* Moves coordinate along the step as far as lets the energy fall; returns 0 where no part of the step does. */
+/* Moves coordinate along the step as far as lets the energy fall, with at most so many halvings, to where the residual
+ * is below `limit`; returns 0 where no part of the step does. */
 static inline int equilibrium_advance(
-    double *coordinate, const equilibrium_arguments *arguments, scene_equilibrium_report *report, equilibrium_memory *m)
+    double *coordinate, const equilibrium_arguments *arguments, int halvings, double limit,
+    scene_equilibrium_report *report, equilibrium_memory *m)
 {
   const double before = report->potential_energy;
-  double slope = 0.0, part = 2.0;
-  int k, halving;
+  double slope = 0.0, part = 1.0;
+  int k;
   for (k = 0; k < N; ++k) {
     slope -= m->force[k] * m->step[k];
   }
-  for (halving = 0; halving < 50; ++halving) {
+  for (; halvings >= 0; --halvings, part *= 0.5) {
     double energy, residual, noise;
-    part *= 0.5;
     for (k = 0; k < N; ++k) {
       m->trial[k] = coordinate[k] + part * m->step[k];
     }
-    equilibrium_energy(m->trial, arguments, &energy);
-    equilibrium_force(m->trial, arguments, m->trial_force);
-    if (!all_finite(&energy, 1) || !all_finite(m->trial_force, N)) {
+    if (!equilibrium_try(arguments, &energy, m)) {
       continue;
     }
     residual = largest_entry(m->trial_force);
     /* Where the fall is less than the rounding of the energy, the residual has to fall. */
     noise = 1e-14 * (fabs(before) + fabs(energy));
-    if (energy - before <= 1e-4 * part * slope ||
-        (-part * slope <= 100.0 * noise && energy - before <= noise && residual < report->residual)) {
-      for (k = 0; k < N; ++k) {
-        coordinate[k] = m->trial[k];
-        m->force[k] = m->trial_force[k];
-      }
-      report->potential_energy = energy;
-      report->residual = residual;
+    if (residual < limit && (energy - before <= 1e-4 * part * slope ||
+        (-part * slope <= 100.0 * noise && energy - before <= noise && residual < report->residual))) {
+      equilibrium_accept(coordinate, energy, report, m);
       return 1;
     }
   }
   return 0;
 }
 
-/* Factors of the Hessian, shifted until it is positive definite; returns whether there are any. */
-static inline int equilibrium_factor_shifted(equilibrium_memory *m)
+#if WITH_MEMBERS
+/* One step: of Newton's method where that halves the residual, else one that damps members. */
+static inline int equilibrium_take_step(
+    double *coordinate, const equilibrium_arguments *arguments, int is_definite, scene_equilibrium_report *report,
+    equilibrium_memory *m)
+{
+  if (is_definite) {
+    cholesky_solve(N, m->factor, m->force, m->step);
+    if (equilibrium_advance(coordinate, arguments, 0, 0.5 * report->residual, report, m)) {
+      return 1;
+    }
+  }
+  return member_take_step(coordinate, arguments, report, m);
+}
+#else
+/* One step of Newton's method, with the Hessian shifted until it is positive definite. */
+static inline int equilibrium_take_step(
+    double *coordinate, const equilibrium_arguments *arguments, int is_definite, scene_equilibrium_report *report,
+    equilibrium_memory *m)
 {
   const int *row = equilibrium_row(), *start = equilibrium_column_start();
-  double shift = 1e-3, pivot;
-  int is_definite = 0;
-  while (!is_definite && shift < 1e9) {
-    is_definite = cholesky_factor(m->hessian, row, start, shift, m->weight, m->factor, &pivot);
-    shift *= 4.0;
+  double shift, pivot;
+  report->shifted += !is_definite;
+  for (shift = 1e-3; !is_definite && shift < 1e9; shift *= 4.0) {
+    cholesky_fill(m->hessian, row, start, shift, m->weight, m->factor);
+    is_definite = cholesky_factor(N, m->factor, &pivot);
   }
-  return is_definite;
+  cholesky_solve(N, m->factor, m->force, m->step);
+  return is_definite && equilibrium_advance(coordinate, arguments, 50, INFINITY, report, m);
 }
+#endif
 
-/* One step of Newton's method with the factors; *last is the length of the step before. */
-static inline int equilibrium_take_step(
-    double *coordinate, const equilibrium_arguments *arguments, double tolerance, double *last,
-    scene_equilibrium_report *report, equilibrium_memory *m)
+/* Notes by how much a step was shorter than the one before, of length *last. */
+static inline void equilibrium_note_step(double *last, scene_equilibrium_report *report, const equilibrium_memory *m)
 {
   double size = 0.0;
   int k;
-  cholesky_solve(m->factor, m->force, m->step);
   for (k = 0; k < N; ++k) {
     size += m->weight[k] * m->step[k] * m->step[k];
   }
   size = sqrt(size);
-  /* Near the tolerance steps are rounding and need not contract. */
-  if (*last > 0.0 && report->residual > 1e3 * tolerance && size > report->contraction * *last) {
+  if (*last > 0.0 && size > report->contraction * *last) {
     report->contraction = size / *last;
   }
   *last = size;
-  return equilibrium_advance(coordinate, arguments, report, m);
 }
 
 /* Newton's method from coordinate, which is advanced in place. */
@@ -95,8 +96,11 @@ static inline int equilibrium_newton(
     scene_equilibrium_report *report, equilibrium_memory *m)
 {
   const int *row = equilibrium_row(), *start = equilibrium_column_start();
-  double last = 0.0;
+  double last = 0.0, residual;
   equilibrium_clear(report);
+#if WITH_MEMBERS
+  m->is_started = 0;
+#endif
   equilibrium_energy(coordinate, arguments, &report->potential_energy);
   equilibrium_force(coordinate, arguments, m->force);
   report->residual = largest_entry(m->force);
@@ -110,8 +114,8 @@ static inline int equilibrium_newton(
       return SCENE_NON_FINITE_RESULT;
     }
     cholesky_weight(m->hessian, row, start, m->weight);
-    is_definite =
-        cholesky_factor(m->hessian, row, start, 0.0, m->weight, m->factor, &report->smallest_pivot);
+    cholesky_fill(m->hessian, row, start, 0.0, m->weight, m->factor);
+    is_definite = cholesky_factor(N, m->factor, &report->smallest_pivot);
     if (report->residual <= tolerance) {
       if (!is_definite) {
         return SCENE_UNSTABLE;
@@ -121,14 +125,13 @@ static inline int equilibrium_newton(
     if (report->iterations >= most_iterations) {
       return SCENE_NOT_CONVERGED;
     }
-    if (!is_definite) {
-      ++report->shifted;
-      if (!equilibrium_factor_shifted(m)) {
-        return SCENE_NOT_CONVERGED;
-      }
-    }
-    if (!equilibrium_take_step(coordinate, arguments, tolerance, &last, report, m)) {
+    residual = report->residual;
+    if (!equilibrium_take_step(coordinate, arguments, is_definite, report, m)) {
       return SCENE_NOT_CONVERGED;
+    }
+    /* Near the tolerance steps are rounding and need not contract. */
+    if (residual > 1e3 * tolerance) {
+      equilibrium_note_step(&last, report, m);
     }
     ++report->iterations;
   }

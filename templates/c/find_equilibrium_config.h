@@ -9,6 +9,7 @@ enum {
   SCENE_UNSTABLE = 9,
   SCENE_BRANCH_LOST = 10,
   EQUILIBRIUM_NNZ = N * N, /* entries of the Hessian */
+  EQUILIBRIUM_MEMBERS = N,
   EQUILIBRIUM_VARIED = N   /* entries of the argument that a path varies */
 };
 
@@ -44,6 +45,25 @@ static inline const int *equilibrium_column_start(void)
   return start;
 }
 
+/* Coordinates of the ends of each member, three of either end, N where an end is fixed. */
+static inline const short *equilibrium_ends(void)
+{
+  static short ends[6 * N];
+  int k;
+  for (k = 0; k < 6 * N; ++k) {
+    ends[k] = (short)(k % 6 == 0 ? k / 6 : k % 6 == 3 && k > 6 ? k / 6 - 1 : N);
+  }
+  return ends;
+}
+
+/* What fixed ends add to the vector from the second end of a member to the first. */
+static inline void equilibrium_fixed_part(const equilibrium_arguments *arguments, int member, double *vector)
+{
+  (void)arguments;
+  (void)member;
+  vector[0] = vector[1] = vector[2] = 0.0;
+}
+
 static inline double sample_stretch(const double *coordinate, int k)
 {
   return coordinate[k] - (k > 0 ? coordinate[k - 1] : 0.0) - 1.0;
@@ -65,6 +85,16 @@ static inline void equilibrium_force(const double *coordinate, const equilibrium
   for (k = 0; k < N; ++k) {
     force[k] = arguments->varied[k] - sample_stretch(coordinate, k)
         + (k + 1 < N ? sample_stretch(coordinate, k + 1) : 0.0);
+  }
+}
+
+static inline void equilibrium_tension(
+    const double *coordinate, const equilibrium_arguments *arguments, double *tension)
+{
+  int k;
+  (void)arguments;
+  for (k = 0; k < N; ++k) {
+    tension[k] = sample_stretch(coordinate, k);
   }
 }
 

@@ -221,7 +221,7 @@ def _context(
         "batch": batch_context(manifest.batch_width, lanes, precision),
         "preamble": list(bodies.preamble),
         **integrators,
-        "solvers": [solver_context(spec, manifest.functions, arguments) for spec in manifest.solvers],
+        "solvers": [solver_context(spec, manifest, arguments) for spec in manifest.solvers],
     }
 
 

@@ -3,18 +3,22 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from tensegrity_codegen.codegen.emitter import EmittedModel
+from tensegrity_codegen.codegen.print.printer import print_numbers
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.formulations import find_formulation
-from tensegrity_codegen.tables.manifest import SOLVER_STATUS, FunctionSpec, SolverSpec
+from tensegrity_codegen.tables.manifest import SOLVER_STATUS, FunctionSpec, Manifest, SolverSpec
 
 SOLVERS = ("equilibrium",)
 
 # The solver keeps the Hessian dense: its work memory grows as the square, its time as the cube.
 MOST_SOLVED_COORDINATES = 60
 
-ENERGY, STIFFNESS = "potential_energy", "tangent_stiffness"
+ENERGY, STIFFNESS, TENSION = "potential_energy", "tangent_stiffness", "member_tension"
+AT_REST = ("velocity", "damping")  # arguments of tensions that do not matter at rest
 FORCES = ("node_residual", "coordinate_force")  # what formulations call -dU/dq
 
 
@@ -39,12 +43,15 @@ def solver_spec(model: EmittedModel, name: str, functions: tuple[FunctionSpec, .
     pattern = needed["stiffness"].pattern
     nonzeros = len(pattern.row) if pattern is not None else count * count
     loads = model.arguments["node_load"] if "node_load" in passed else None
+    size = 5 * count + 3 + nonzeros + count * count + (count + loads.nominal.size if loads else 0)
+    if _find_tension(functions, passed, model.frame.coordinate_node_axis) is not None:
+        size += count * count + 14 * len(model.frame.member_name) + 2 * count + 4
     return SolverSpec(
         name=name,
         symbol=f"{model.name}_find_{name}",
         arguments=passed,
         varied="node_load" if loads else "",
-        work_size=5 * count + nonzeros + count * count + (count + loads.nominal.size if loads else 0),
+        work_size=size,
     )
 
 
@@ -89,11 +96,49 @@ def _needed(functions: tuple[FunctionSpec, ...]) -> dict[str, FunctionSpec]:
     return {"energy": by_name[ENERGY], "force": by_name[force], "stiffness": by_name[STIFFNESS]}
 
 
+def _find_tension(
+    functions: tuple[FunctionSpec, ...], passed: tuple[str, ...], places: tuple[tuple[int, int], ...]
+) -> FunctionSpec | None:
+    """Return the function for tensions of members between nodes, None where steps cannot damp members."""
+    found = next((item for item in functions if item.quantity == TENSION), None)
+    known = {"coordinate", *AT_REST, *passed}
+    return found if found is not None and places and known.issuperset(found.arguments) else None
+
+
+def _member_context(manifest: Manifest, still: int) -> dict[str, Any]:
+    """Return the members as tables: coordinates of their ends, entries of arguments, and fixed places.
+
+    still: size of the arguments that are zero.
+    """
+    n_coordinates, shape = len(manifest.coordinate_name), (len(manifest.node_name), 3)
+    number, anchor, fixed = np.full(shape, n_coordinates), np.full(shape, -1), manifest.stated_position.copy()
+    moved = next((item for item in manifest.arguments if item.name == "anchor_position"), None)
+    if moved is not None:
+        rows = [manifest.node_name.index(name) for name in moved.over]
+        anchor[np.ix_(rows, manifest.axes)] = np.arange(len(moved.nominal)).reshape(moved.shape)
+    nodes, axes = manifest.coordinate_place.T
+    number[nodes, axes], anchor[nodes, axes] = np.arange(n_coordinates), -1
+    fixed[(anchor >= 0) | (number < n_coordinates)] = 0.0
+    ends = np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)
+    return {
+        "ends": number[ends].ravel().tolist(),
+        "anchors": anchor[ends].ravel().tolist() if moved is not None else None,
+        "fixed": print_numbers(fixed[ends[:, 0]] - fixed[ends[:, 1]]),
+        "at_rest": still,
+    }
+
+
 def solver_context(
-    spec: SolverSpec, functions: tuple[FunctionSpec, ...], arguments: Mapping[str, dict[str, Any]]
+    spec: SolverSpec, manifest: Manifest, arguments: Mapping[str, dict[str, Any]]
 ) -> dict[str, Any]:
     """Return what the templates of a solver read."""
-    needed = _needed(functions)
+    needed = _needed(manifest.functions)
+    tension = _find_tension(manifest.functions, spec.arguments, manifest.coordinate_node_axis)
+    members = None
+    if tension is not None:
+        needed["tension"] = tension
+        still = (arguments[name]["size"] for name in tension.arguments if name in AT_REST)
+        members = _member_context(manifest, max(still, default=0))
     pattern = needed["stiffness"].pattern
     return {
         "name": spec.name,
@@ -102,6 +147,7 @@ def solver_context(
         "statuses": SOLVER_STATUS,
         "arguments": [arguments[name] for name in spec.arguments],
         "varied": arguments[spec.varied] if spec.varied else None,
+        "members": members,
         "nonzeros": len(pattern.row) if pattern is not None else 0,
         "quantity": {role: item.quantity for role, item in needed.items()},
         "kernel_arguments": {role: list(item.arguments) for role, item in needed.items()},

@@ -3,12 +3,14 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -25,7 +27,8 @@ from tensegrity_codegen.system.errors import (
     UnstableError,
 )
 from tensegrity_codegen.tables.request import ModelRequest
-from tests.models import load
+from tests.cases import thorough
+from tests.models import EXAMPLES, load
 from tests.runtime.build import cable, make_structure, prism, spring
 
 SOLVER = ("equilibrium",)
@@ -276,3 +279,23 @@ def test_what_the_solver_cannot_serve_is_refused() -> None:
     with pytest.raises(FormulationError, match="too large") as caught:
         build_library(large, replace(ModelRequest(EQUILIBRIUM_QUANTITIES), solvers=SOLVER))
     assert caught.value.given == "66 coordinates"
+
+
+@pytest.mark.parametrize("ratio", [1e3, 1e7, *thorough(1e2, 1e5)])
+def test_iterations_do_not_grow_with_the_stiffness_of_bars(ratio: float, tmp_path: Path) -> None:
+    """The shipped tower on held feet, from its stated shape and from far away (decision 0068)."""
+    text = (EXAMPLES / "tower.toml").read_text(encoding="utf-8")
+    text = text.replace("axial_stiffness = 5e5", f"axial_stiffness = {500 * ratio}")
+    path = tmp_path / "tower.toml"
+    path.write_text(text.replace('anchor_bottom = "z"', "anchor_bottom = true"), encoding="utf-8")
+    model = compile_scene(path, for_="equilibrium", solvers=SOLVER)
+    solver, place = EquilibriumSolver(model), model.nominal("coordinate").ravel()
+    expected = find_equilibrium(model)
+    size, rng = np.ptp(place), np.random.default_rng(0)
+    for displacement, most in ((0.0, 6), (0.02, 15), (0.2, 40)):
+        start = place + displacement * size * rng.standard_normal(len(place))
+        found = solver.find(start, tolerance=1e-6)
+        assert found.status == "ok"
+        assert found.iterations[0] <= most
+        if displacement < 0.1:  # from far away there are several equilibria
+            np.testing.assert_allclose(found.coordinate[0], expected.coordinate.ravel(), atol=1e-6 * size)
