@@ -68,7 +68,7 @@ demo: $(BASE) ## simulate the prism in C made for it; writes a picture, a film a
 	@echo "motion   $(CURDIR)/$(OUTPUT)/prism.npz"
 	@echo "library  $(CURDIR)/$(OUTPUT)/prism (C source, header, manifest, example and shared library)"
 
-test: $(STAMP) ## the tests, in about seven minutes of two idle cores
+test: $(STAMP) ## the tests, in about five minutes of two idle cores
 	@echo "lint, types and import contracts are apart: make check"
 	$(PYTEST) -m "not thorough and not peers"
 
