@@ -254,7 +254,7 @@ def test_texts_stay_texts(load):
     [
         ("nodes: [", SceneSyntaxError, "not valid YAML"),
         ("", SceneSyntaxError, "empty"),
-        ("[" * 5000 + "]" * 5000, SceneSyntaxError, "nested too deeply"),
+        ("[" * 5000 + "]" * 5000, SceneSyntaxError, "nest"),  # PyYAML 6.0.4 has a limit of its own
         ("a: &a [*a]", SceneSyntaxError, "not valid YAML"),
         ("nodes: {a: [0, 0, 0], a: [1, 0, 0]}", DuplicateNameError, "'a'"),
         ("? [1]\n: 2", DuplicateNameError, "not a text"),
