@@ -28,7 +28,7 @@ enum {
   WIDTH = 8,                /* lanes of a batch */
   LINE = 64 / sizeof(real), /* numbers in a line of the cache */
   N_ARGUMENTS = 1,          /* what accelerations take beside coordinate and velocity */
-  FIRST_CONTACT = 0,        /* first margin of a contact with the ground */
+  FIRST_CONTACT = 0,        /* first margin of a contact */
   N_CONTACTS = 1,
   N_KINKS = 1, /* margins of contacts from there on, at which forces do not jump */
   N_MARGINS = 2,            /* events that are watched, the condition last */

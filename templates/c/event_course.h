@@ -9,8 +9,8 @@ static const double MAX_NOISE_TIME = 1e-8; /* of a step: longer extrapolations c
 static const double MAX_NOISE_TIME = 1e-6;
 #endif
 
-#if WITH_GROUND_EVENTS
-/* Whether margin k is of a contact with the ground, at which forces do not jump. */
+#if WITH_CONTACT_EVENTS
+/* Whether margin k is of a contact, at which forces do not jump. */
 static inline int event_is_kink(int k) { return k >= FIRST_CONTACT && k < FIRST_CONTACT + N_KINKS; }
 
 #endif
@@ -213,7 +213,7 @@ static inline double event_delay(double longest, const event_memory *m)
   double delay = 0.0;
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
-#if WITH_GROUND_EVENTS
+#if WITH_CONTACT_EVENTS
     if (event_is_kink(k)) {
       continue;
     }

@@ -170,7 +170,7 @@ static inline int method_pass(double root, double near, double left, const metho
 /* The extrapolation over an event must cost no accuracy, nor end a run late. */
 static inline double method_event_base(const method_motion *m)
 {
-#if WITH_GROUND_EVENTS
+#if WITH_CONTACT_EVENTS
   /* Contacts are kinks, where forces do not jump. */
   if (!m->run->stop && event_is_kink(m->work->events.found_margin)) {
     return 1e-8 * m->run->pace + 1e-15 * fabs(*m->time);
@@ -190,9 +190,9 @@ static inline int method_after_crossing(const scene_run *run, int *is_over)
   return run->succession > MOST_IN_SUCCESSION ? SCENE_TOO_MANY_EVENTS : SCENE_OK;
 }
 
-#if WITH_GROUND_EVENTS
-/* Length of a step that ends soon after a node touches the ground, at most `planned`; that time is extrapolated. What a
- * longer one finds below the ground is no motion, and a whole contact could lie within it. */
+#if WITH_CONTACT_EVENTS
+/* Length of a step that ends soon after a contact begins, at most `planned`; that time is extrapolated. What a longer
+ * one finds below the ground, or with bars in bars, is no motion, and a whole contact could lie within it. */
 static inline double method_limit_fall(double planned, const method_motion *m)
 {
   method_work *w = m->work;
@@ -252,7 +252,7 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
     return SCENE_OK;
   }
   run->loudness = 1.0;
-#if WITH_GROUND_EVENTS
+#if WITH_CONTACT_EVENTS
 #if METHOD_HAS_ERROR
   /* A contact vibrates faster than the structure in the air. */
   if (w->events.found_margin >= FIRST_CONTACT && w->events.found_margin < FIRST_CONTACT + N_CONTACTS &&
@@ -518,7 +518,7 @@ static inline int method_trial(double time_end, const method_motion *m, int *is_
     return method_meet_crossing(left, m, is_over);
   }
   h = event_limit_step(h, m->run, &is_short, &is_cut);
-#if WITH_GROUND_EVENTS
+#if WITH_CONTACT_EVENTS
   if (m->run->watch && !is_cut) {
     const double planned = fmin(h, left);
     h = method_limit_fall(planned, m);

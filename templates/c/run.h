@@ -10,6 +10,9 @@ enum {
 #if WITH_SWITCH_EVENTS
   SCENE_EVENT_SWITCH = 8, /* the slope of a member's law changes */
 #endif
+#if WITH_COLLISION_EVENTS
+  SCENE_EVENT_COLLISION = 64, /* two bars begin to press each other or part */
+#endif
 #if WITH_GROUND_EVENTS
   SCENE_EVENT_GROUND = 16, /* a node touches the ground or leaves it */
 #endif

@@ -14,8 +14,10 @@
 #define WITH_PROFILE 1            /* arguments can change with time */
 #define WITH_EVENTS (!WITH_FLOAT) /* steps are cut at events */
 #define WITH_SWITCH_EVENTS 0      /* members whose law switches its slope are watched */
+#define WITH_COLLISION_EVENTS 0   /* bars that press each other are watched */
 #define WITH_GROUND_EVENTS 0      /* contacts with the ground are watched */
 #define WITH_STICK_EVENTS 0       /* and where these stick */
+#define WITH_CONTACT_EVENTS 0     /* some of these three are */
 #define WITH_SMOOTH_EVENTS 1      /* forces do not jump at them */
 #define WITH_EVENT_FORECAST 1     /* steps become shorter where the rates of margins contradict an expected event */
 #ifndef WITH_INTERNAL

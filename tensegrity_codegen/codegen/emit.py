@@ -29,6 +29,7 @@ from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import UNROLLED
 from tensegrity_codegen.scene.names import check_names, check_scene_name
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.collision import check_collision
 from tensegrity_codegen.structure.ground_support import check_ground
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
@@ -135,10 +136,12 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
         check_names(names, what, structure.name)
     check_names([item.name for item in structure.inputs], "inputs", structure.name)
     check_ground(structure, request)
+    check_collision(structure, request)
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")
-    if request.emitter == AUTO and getattr(structure, "ground", None) is not None:
-        choice = EmitterChoice(UNROLLED.name, "the only emitter for structures on the ground")
+    with_forces = getattr(structure, "ground", None) or getattr(structure, "collision", None)
+    if request.emitter == AUTO and with_forces:
+        choice = EmitterChoice(UNROLLED.name, "the only emitter for contacts with forces")
     elif request.emitter == AUTO:
         choice = choose_emitter(find_facts(structure, request))
     emitter = EMITTERS[choice.name]
@@ -244,7 +247,8 @@ def _find_called(
     events, watched = find_events(request, lambda name: emitter.is_offered(model, name), model.subject)
     check_keep(request, model.name)
     kept = KEPT_QUANTITIES if request.keep else ()
-    of_forces = ("state_derivative", "energy_rate") if model.frame.contact_name else ()
+    has_forces = model.frame.contact_name or getattr(model.subject, "collision", None)
+    of_forces = ("state_derivative", "energy_rate") if has_forces else ()
     called = (*PROJECTION, *kept, *of_forces, *called_quantities(request.integrators))
     offered = [name for name in called if emitter.is_offered(model, name)]
     return (*stiffness, *offered, *watched), events

@@ -30,6 +30,7 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.ground_support import require_no_ground
 from tensegrity_codegen.system.checks import (
     check_instance,
@@ -191,6 +192,7 @@ def _write(
 ) -> Exported:
     """Write the unit of a scene to `path`; see export_fmu."""
     require_no_ground(source.structure, "a functional mock-up unit")
+    require_no_collision(source.structure, "a functional mock-up unit")
     _check_options(fmi, kind, t_end, rtol)
     machines = check_targets(targets)
     structure, request = source.structure, _narrow(source)

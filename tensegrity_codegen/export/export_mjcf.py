@@ -8,6 +8,7 @@ import numpy as np
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
 from tensegrity_codegen.export.mjcf_model import WORLD_SITE, ModelParts, build_parts
 from tensegrity_codegen.export.rigid_parts import add, number, numbers, write_elements
+from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.ground_support import require_no_ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
@@ -25,6 +26,7 @@ def build_mjcf(
     InvalidValueError and UnknownNameError for other steps and integrators.
     """
     require_no_ground(structure, "MJCF")
+    require_no_collision(structure, "MJCF")
     check_choice(integrator, INTEGRATORS, "integrator", "integrator")
     if not 0 < step < np.inf:
         raise InvalidValueError("the step is out of range", where="step", given=step, allowed="above 0 s")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
+from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.ground_support import require_no_ground
 from tensegrity_codegen.structure.kinematics import compute_node_position, euler_rotation
 from tensegrity_codegen.structure.structure import Structure
@@ -91,6 +92,7 @@ def find_parts(subject: Structure | BodySystem) -> tuple[list[RigidPart], dict[s
         return _find_bodies(subject)
     structure = subject
     require_no_ground(structure, "URDF")
+    require_no_collision(structure, "URDF")
     _check(structure)
     ends = structure.connectivity[structure.is_rigid]
     parts = [_build_rod(structure, int(member)) for member in np.flatnonzero(structure.is_rigid)]

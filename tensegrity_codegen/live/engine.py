@@ -12,6 +12,7 @@ from tensegrity_codegen.live.channels import pack
 from tensegrity_codegen.live.live_scene import LiveScene
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodySystem, RigidBody
+from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.ground_support import require_no_ground
 from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
@@ -187,6 +188,7 @@ def add_engine(
         The scene with the module and its description.
     """
     require_no_ground(subject, "a page in which the model runs")
+    require_no_collision(subject, "a page in which the model runs")
     structure = outline_bodies(subject)
     methods = {item.name: item for item in manifest.integrators}
     method = choose_method(structure, methods) if method == "auto" else method

@@ -1,6 +1,7 @@
 """From a structure back to a scene document: every node and member in full, nothing implied."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -41,9 +42,10 @@ def describe_structure(structure: Structure, request: ModelRequest | None = None
         for name, members in structure.groups.items()
         if members
     }
+    document["interference"] = asdict(structure.collision) if structure.collision else {}
     if structure.interference is not None:
         name = structure.member_name
-        document["interference"] = {"pairs": [[name[i], name[j]] for i, j in structure.interference]}
+        document["interference"]["pairs"] = [[name[i], name[j]] for i, j in structure.interference]
     document["ground"] = describe_ground(structure, lambda i: structure.node_name[i])
     loaded = np.flatnonzero(np.any(structure.node_load != 0, axis=1))
     document["loads"] = [

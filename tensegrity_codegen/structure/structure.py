@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
+from tensegrity_codegen.structure.collision import Collision
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.limits import Limits
@@ -95,6 +96,8 @@ class Structure(WithMemberLaws, Summarised):
         Pairs of bars whose distance is computed; None: all with a radius.
     ground : Ground or None
         The plane that nodes can touch.
+    collision : Collision or None
+        The force between bars that touch; None: contacts of bars are detected only.
 
     Notes
     -----
@@ -137,6 +140,7 @@ class Structure(WithMemberLaws, Summarised):
     limits: Limits = field(default_factory=Limits)
     interference: tuple[tuple[int, int], ...] | None = None  # pairs of bars to watch, see bar_pairs
     ground: Ground | None = None
+    collision: Collision | None = None  # force between bars that touch
 
     def headline(self) -> str:
         """Return the name of the scene."""

@@ -150,9 +150,13 @@ class BarPairs:
             else points + ca.repmat(ca.vertcat(*self.origin), 1, points.shape[1])
         )
 
+    def gradient(self) -> ca.SX:
+        """Return d distance / d (a, b, c, d), the ends of both bars, (4 n_axes, n_bar_pairs)."""
+        return self._results[4]
+
     def jacobian(self, coordinate: ca.SX) -> ca.SX:
         """Return d distance / d coordinate by n . dP, sparse (n_bar_pairs, n_coordinates)."""
-        gradient = self._results[4]
+        gradient = self.gradient()
         size, width = self.n_axes, 2 * self.n_axes
         rows: list[int] = []
         columns: list[int] = []

@@ -47,10 +47,18 @@ STATUS_TEXT = {
 CENTRE = re.compile(r"centre\d*_[xyz]")  # names of coordinates of centres of mass
 
 # Kinds of events of integrators, by their bit in `watch` and `stop`.
-EVENT_KINDS = {"cable": 1, "switch": 8, "contact": 2, "ground": 16, "stick": 32, "condition": 4}
+EVENT_KINDS = {
+    "cable": 1,
+    "switch": 8,
+    "contact": 2,
+    "collision": 64,
+    "ground": 16,
+    "stick": 32,
+    "condition": 4,
+}
 
 # Those at which a force or its slope jumps: runs watch them by themselves.
-JUMP_KINDS = ("cable", "switch", "ground", "stick")
+JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick")
 
 # Fields of a manifest that stand in its file only where they hold something.
 ONLY_IF_ANY = ("internal_name", "contact_name")
@@ -244,6 +252,11 @@ class Manifest:
     def bar_pair_name(self) -> tuple[str, ...]:
         """Names of the pairs of bars, in the order of the quantities over them."""
         return name_bar_pairs(self.bar_pair)
+
+    @property
+    def has_contacts(self) -> bool:
+        """Whether nodes touch the ground or bars press each other, with forces."""
+        return bool(self.contact_name) or any(item.quantity == "collision_margin" for item in self.functions)
 
     def argument(self, name: str) -> ArgumentSpec:
         """Return the argument of that name."""

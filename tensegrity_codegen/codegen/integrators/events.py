@@ -18,10 +18,14 @@ EVENT_QUANTITIES = {
     "cable": "cable_margin",
     "switch": "switch_margin",
     "contact": "bar_distance",
+    "collision": "collision_margin",
     "ground": "contact_margin",
     "stick": "stick_margin",
 }
-CONTINUOUS = ("ground", "stick")  # kinds at which forces that depend on velocities do not jump
+# Kinds at which forces that depend on velocities do not jump; next to each other among EVENT_KINDS, those at
+# which contacts begin first.
+BEGINNINGS = ("collision", "ground")
+CONTINUOUS = (*BEGINNINGS, "stick")
 MOST_WATCHED = 400  # cables, switches and contacts whose events are watched without being asked for
 MOST_IN_SUCCESSION = 150  # events, each within a thousandth of a step of the one before
 
@@ -79,6 +83,8 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
     members does: each event ends a step, and thousands of cables leave no time in between.
     """
     counts = {"cable": int(subject.tension_only.sum()), "switch": int(subject.has_switch.sum())}
+    if getattr(subject, "collision", None):
+        counts["collision"] = subject.n_bar_pairs
     if ground := getattr(subject, "ground", None):
         counts |= {"ground": ground.n_contacts, "stick": ground.n_contacts if subject.internal_name else 0}
     if not 0 < sum(counts.values()) <= MOST_WATCHED or request.precision != "double":
@@ -142,6 +148,7 @@ def events_context(
                 }
             )
             first += function.shape[0]
+    contacts = [kind for kind in kinds if kind["word"] in BEGINNINGS]
     position = np.array(manifest.node_position).reshape(-1, 3)
     ends = position[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
     n_coordinates = len(manifest.coordinate_name)
@@ -149,6 +156,8 @@ def events_context(
         "kinds": kinds,
         "cables": list(spec.cables),
         "n_margins": first + 1,
+        "first_contact": contacts[0]["first"] if contacts else 0,
+        "n_contacts": sum(kind["count"] for kind in contacts),
         "n_kinks": sum(kind["count"] for kind in kinds if kind["word"] in CONTINUOUS),
         "n_measured": max(
             (reach.get(kind["quantity"], n_coordinates) for kind in kinds), default=n_coordinates

@@ -231,13 +231,12 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
         "WITH_PROFILE": bool(context["driven"]),
         "WITH_EVENTS": bool(events),
         "WITH_INTERNAL": bool(context["n_internal"]),
-        "WITH_EVENT_FORECAST": any(
-            [events.get("is_smooth"), *(kind["word"] == "ground" for kind in events.get("kinds", ()))]
-        ),
+        "WITH_EVENT_FORECAST": any([events.get("is_smooth"), events.get("n_contacts")]),
         **{
             f"WITH_{word.upper()}_EVENTS": any(kind["word"] == word for kind in events.get("kinds", ()))
-            for word in ("switch", "ground", "stick")
+            for word in ("switch", "collision", "ground", "stick")
         },
+        "WITH_CONTACT_EVENTS": bool(events.get("n_contacts")),
         "WITH_SMOOTH_EVENTS": bool(events.get("is_smooth")),
         "WITH_CONSTRAINTS": bool(explicit.get("keeps_constraints")),
         "WITH_VELOCITY": bool(explicit.get("uses_velocity")),

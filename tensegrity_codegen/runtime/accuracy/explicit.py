@@ -57,7 +57,7 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
         lost = _LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
         checks = Checks(
             least_atol=INTEGRATORS[options.method].noise_share * noise,
-            min_counted=MIN_COUNTED_WITH_KINKS if manifest.contact_name else 0.0,
+            min_counted=MIN_COUNTED_WITH_KINKS if manifest.has_contacts else 0.0,
             rounding=rounding,
             lost=partial(lost.estimate, tolerance=tolerance),
         )

@@ -41,8 +41,9 @@ class Watch:
 class EventLog:
     """Events in the order of time; rows (n,) of time [s], kind, name of member or pair, direction.
 
-    direction: 1 where a cable goes taut, a member grows longer than where its law switches, bars part, a node
-    touches the ground, its contact sticks or the condition becomes positive, -1 for the reverse.
+    direction: 1 where a cable goes taut, a member grows longer than where its law switches, bars part
+    (contact) or begin to press each other (collision), a node touches the ground, its contact sticks or the
+    condition becomes positive, -1 for the reverse.
     count: how many there were, of which the first MAX_LOGGED are kept.
     """
 
@@ -60,6 +61,7 @@ class EventLog:
             "cable": manifest.member_name,
             "switch": manifest.member_name,
             "contact": manifest.bar_pair_name,
+            "collision": manifest.bar_pair_name,
             "ground": manifest.contact_name,
             "stick": manifest.contact_name,
             "condition": ("condition",),

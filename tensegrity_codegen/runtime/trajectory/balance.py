@@ -74,15 +74,15 @@ def find_energy_flow(
     """Return whether each motion keeps its energy (...), and whether something drives it (...).
 
     power: energy_rate (..., n_t) [W] at the samples, called only where it depends on something. A model
-    without `energy_rate` keeps its energy if its accelerations depend on no velocity. Of contacts with the
-    ground samples tell nothing: they lose energy in short impacts, and a moving belt brings some in.
+    without `energy_rate` keeps its energy if its accelerations depend on no velocity. Of contacts
+    samples tell nothing: they lose energy in short impacts, and a moving belt brings some in.
     """
     needed = {spec.quantity: spec.arguments for spec in manifest.functions}
     if "energy_rate" not in needed:
         return np.array("velocity" not in needed["acceleration"]), np.array(False)
     if not needed["energy_rate"]:
         return np.array(True), np.array(False)
-    if manifest.contact_name:
+    if manifest.has_contacts:
         return np.array(False), np.array(True)
     found = power()
     return ~np.any(found, axis=-1), np.max(found, axis=-1) > 0.0

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from tensegrity_codegen.scene.assemble.actuators import build_actuators, build_sensors
 from tensegrity_codegen.scene.assemble.ground import build_ground
-from tensegrity_codegen.scene.assemble.interference import find_bar_pairs
+from tensegrity_codegen.scene.assemble.interference import build_collision, find_bar_pairs
 from tensegrity_codegen.scene.assemble.limits import build_limits
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
 from tensegrity_codegen.scene.assemble.nodes import build_node_arrays, spread_vectors
@@ -73,6 +73,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
         interference=_watch_bars(scene, structure, where),
         limits=build_limits(scene.limits, structure, scene.classes, where),
         ground=build_ground(scene.ground, structure, None, where),
+        collision=build_collision(scene.interference, where),
     )
     check_structure(structure, where)
     request = _build_request(scene, structure, targets)

@@ -54,6 +54,14 @@ def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, Mod
     file and key.
     """
     _check_kind(scene, where)
+    if scene.interference.stiffness is not None:
+        raise InvalidValueError(
+            "bars of a scene of bodies have no force where they touch",
+            where=key_path(where, "interference", "stiffness"),
+            given=scene.interference.stiffness,
+            allowed="scenes of nodes and members",
+            hint="remove the key: contacts are then detected",
+        )
     built = build_bodies_of_scene(scene.bodies, where)
     if not built.coordinate.size:
         raise StructureError(

@@ -4,6 +4,8 @@ from collections.abc import Collection, Mapping
 
 from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.schema.part_schema import Interference
+from tensegrity_codegen.structure.collision import EXPONENTS, Collision
+from tensegrity_codegen.structure.contact_estimates import find_dissipation
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
 
@@ -43,6 +45,42 @@ def find_bar_pairs(
             )
         found[frozenset(pair)] = pair
     return tuple(found.values())
+
+
+def build_collision(stated: Interference, where: str) -> Collision | None:
+    """Return the force between bars that touch, None where the scene states no stiffness.
+
+    Raises InvalidValueError for damping that is given twice, an unknown exponent, and keys without stiffness.
+    """
+    impact = stated.restitution
+    given = {key: getattr(stated, key) for key in ("restitution", "dissipation")}
+    idle = [key for key, value in given.items() if value is not None]
+    rules = (
+        (stated.exponent in EXPONENTS, "not an exponent of the contact force", "exponent", "1 or 1.5"),
+        (
+            len(idle) < 2,
+            "the damping of impacts is given twice",
+            "dissipation",
+            "one of restitution and dissipation",
+        ),
+        (
+            stated.stiffness is not None or not (idle or stated.exponent != 1.0),
+            "bars without a stiffness have no force that this could change",
+            idle[0] if idle else "exponent",
+            "with stiffness [N/m]",
+        ),
+    )
+    for is_met, problem, key, allowed in rules:
+        if not is_met:
+            value = getattr(stated, key)
+            shown = value.model_dump() if key == "restitution" else value
+            raise InvalidValueError(
+                problem, where=key_path(where, "interference", key), given=shown, allowed=allowed
+            )
+    if stated.stiffness is None:
+        return None
+    dissipation = find_dissipation(impact.value, impact.speed) if impact else stated.dissipation or 0.0
+    return Collision(stated.stiffness, stated.exponent, dissipation)
 
 
 def _check_bar(name: str, bars: Mapping[str, int], radius: Mapping[str, float], place: str) -> None:

@@ -27,6 +27,7 @@ ContactRadius: TypeAlias = Annotated[
     Annotated[Literal["bar"], Tag("@bar")] | Annotated[NotNegative, Tag("@number")],
     Discriminator(tag_by_type(str, "@bar", "@number")),
 ]
+Exponent: TypeAlias = Annotated[float, Field(allow_inf_nan=False, json_schema_extra={"enum": [1, 1.5]})]
 
 
 class Restitution(Table):
@@ -66,7 +67,7 @@ class GroundTable(Table):
     penetration: Positive | None = Field(
         None, description="Penetration at which the contacts carry equal parts of the weight [m]; gives k."
     )
-    exponent: Annotated[float, Field(allow_inf_nan=False, json_schema_extra={"enum": [1, 1.5]})] = Field(
+    exponent: Exponent = Field(
         1.0, description="Exponent p of the penetration d in the normal force k d^p (1 + a d'): 1 or 1.5."
     )
     restitution: Restitution | None = Field(

@@ -9,10 +9,12 @@ from pydantic import (
     Tag,
 )
 
+from tensegrity_codegen.scene.schema.ground_schema import Exponent, Restitution
 from tensegrity_codegen.scene.schema.schema_types import (
     Anchored,
     MemberValues,
     Name,
+    NotNegative,
     Positive,
     Reference,
     References,
@@ -93,3 +95,13 @@ class Interference(Table):
         ],
         Discriminator(tag_by_type(str, "@all", "@names")),
     ] = Field("all", description='Pairs of bars whose distance is computed: "all", or a list of [bar, bar].')
+    stiffness: Positive | None = Field(
+        None,
+        description="Stiffness k of bars that touch [N/m], [N/m^1.5] with exponent 1.5; without it contacts "
+        "are detected and have no force.",
+    )
+    exponent: Exponent = Field(1.0, description="Exponent p of the overlap d in the force k d^p (1 + a d').")
+    restitution: Restitution | None = Field(
+        None, description="Restitution at one speed, { value, speed }, which gives a. Or `dissipation`."
+    )
+    dissipation: NotNegative | None = Field(None, description="Dissipation a of impacts [s/m]; default 0.")

@@ -9,10 +9,14 @@ from collections.abc import Callable
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+from tensegrity_codegen.symbolic.node_forces.bar_collision import build_bar_collision
 from tensegrity_codegen.symbolic.node_forces.ground_contact import build_ground_contact
 from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce
 
-NODE_FORCES: tuple[Callable[[Structure, SymbolicArguments], NodeForce | None], ...] = (build_ground_contact,)
+NODE_FORCES: tuple[Callable[[Structure, SymbolicArguments], NodeForce | None], ...] = (
+    build_ground_contact,
+    build_bar_collision,
+)
 
 
 def build_node_forces(structure: Structure, arguments: SymbolicArguments) -> list[NodeForce]:

@@ -9,7 +9,6 @@ slider of Coulomb friction. The contact sticks exactly where |T| <= mu N; where 
 of contact s decays. Forces are continuous, so that events are kinks of them. With v = (T - kt s) / ct
 
 F . v - kt s . s' = ct s' . s' + |F| (|T| - |F|) / ct >= 0          is lost by friction
-(k d^p - N) d' = -a k d^p d'^2 <= 0                                 is lost at impacts, where 1 + a d' > 0
 """
 
 from collections.abc import Callable, Mapping
@@ -25,6 +24,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.geometry import dot
 from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce
+from tensegrity_codegen.symbolic.node_forces.normal_force import NormalForce
 from tensegrity_codegen.system.arrays import FloatArray
 
 Scalar = Any
@@ -105,22 +105,9 @@ class _Contact:
         return -_along(self.normal, self.velocity)
 
     @cached_property
-    def impact_factor(self) -> Scalar:
-        """1 + a d'."""
-        return 1.0 + self.ground.dissipation * self.depth_rate
-
-    @cached_property
-    def elastic_force(self) -> Scalar:
-        """The force k d^p of the compressed ground, without dissipation, in contact [N]."""
-        root = 1.0 if self.ground.exponent == 1.0 else ca.sqrt(ca.fabs(self.depth))
-        return ca.if_else(self.depth > 0, self.ground.stiffness * self.depth * root, 0)
-
-    @cached_property
-    def normal_force(self) -> Scalar:
-        """N [N]."""
-        if not self.ground.dissipation:
-            return self.elastic_force
-        return ca.if_else(self.impact_factor > 0, self.elastic_force * self.impact_factor, 0)
+    def normal_force(self) -> NormalForce:
+        """N [N], with its energy, power and margin."""
+        return NormalForce(self.ground, self.depth, self.depth_rate)
 
     @cached_property
     def slip_velocity(self) -> Vector:
@@ -143,7 +130,7 @@ class _Contact:
     @cached_property
     def friction_limit(self) -> Scalar:
         """Largest friction mu N [N]."""
-        return self.ground.friction * self.normal_force
+        return self.ground.friction * self.normal_force.force
 
     @cached_property
     def friction(self) -> Vector:
@@ -164,33 +151,31 @@ class _Contact:
     @cached_property
     def force(self) -> Vector:
         """Force on the node N n - F, over the modelled axes [N]."""
-        result = [self.normal_force * float(n) for n in self.normal]
+        result = [self.normal_force.force * float(n) for n in self.normal]
         for f, tangent in zip(self.friction, self.basis, strict=True):
             result = [r - f * float(t) for r, t in zip(result, tangent, strict=True)]
         return result
 
     def energy(self) -> Scalar:
-        ground = self.ground
-        compressed = self.elastic_force * self.depth / (ground.exponent + 1.0)
-        return compressed + sum(ground.stick_stiffness / 2.0 * s * s for s in self.bristle)
+        bristle = sum(self.ground.stick_stiffness / 2.0 * s * s for s in self.bristle)
+        return self.normal_force.energy() + bristle
 
     def power(self) -> Scalar:
-        ground = self.ground
-        impact = (self.elastic_force - self.normal_force) * self.depth_rate
+        ground, power = self.ground, self.normal_force.power()
         for tangent, s, rate, f in zip(
             self.basis, self.bristle, self.bristle_rate, self.friction, strict=True
         ):
-            impact = impact + ground.stick_stiffness * s * rate - f * _along(tangent, self.velocity)
-        return impact
+            power = power + ground.stick_stiffness * s * rate - f * _along(tangent, self.velocity)
+        return power
 
     def contact_margin(self) -> Scalar:
         """Return a length that is positive where the ground presses."""
-        return ca.fmin(self.depth, self.depth * self.impact_factor)
+        return self.normal_force.margin()
 
     def stick_margin(self) -> Scalar:
         """Return (mu N - |T|) / kt [m], -1 out of contact: there nothing sticks."""
         left = (self.friction_limit - self.trial_size) / self.ground.stick_stiffness
-        return ca.if_else(self.normal_force > 0, left, -1)
+        return ca.if_else(self.normal_force.force > 0, left, -1)
 
 
 def _along(direction: FloatArray, vector: Vector) -> Scalar:

@@ -44,4 +44,21 @@ INTERFERENCE = (
         "LIN 3.2",
         sparse=True,
     ),
+    Quantity(
+        "collision_force",
+        "N",
+        "N",
+        ("n_bar_pairs",),
+        "Force between the bars of each pair that touch, along their distance.",
+        "Hunt and Crossley 1975",
+    ),
+    Quantity(
+        "collision_margin",
+        "g_d",
+        "m",
+        ("n_bar_pairs",),
+        "Margins of collisions, min(d, d (1 + a d')) with the overlap d of two bars: they press each other "
+        "while one is positive.",
+        "Hunt and Crossley 1975",
+    ),
 )

@@ -8,7 +8,12 @@ from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    SceneError,
+    UnknownNameError,
+)
 
 
 def scene(**more: Any) -> dict[str, Any]:
@@ -49,6 +54,35 @@ def test_chosen_pairs_keep_their_order_and_survive_description() -> None:
     assert named(structure) == [["b2", "b0"], ["b1", "b4"]]
     again = assemble(parse_scene(describe_structure(structure)))[0]
     assert named(again) == named(structure)
+
+
+def test_the_force_between_bars_is_written_back() -> None:
+    stated = {"stiffness": 2e4, "exponent": 1.5, "restitution": {"value": 0.6, "speed": 3.132}}
+    structure = assemble(parse_scene(scene(interference=stated)))[0]
+    assert structure.collision is not None
+    assert (structure.collision.stiffness, structure.collision.exponent) == (2e4, 1.5)
+    assert structure.collision.dissipation == pytest.approx(0.31125, rel=1e-4)  # e(sqrt(2 g 0.5 m)) = 0.6
+    again = assemble(parse_scene(describe_structure(structure)))[0]
+    assert again.collision == structure.collision
+    assert assemble(parse_scene(scene()))[0].collision is None
+
+
+@pytest.mark.parametrize(
+    ("stated", "key"),
+    [
+        ({"stiffness": 0.0}, "stiffness"),
+        ({"stiffness": 1e4, "exponent": 2.0}, "exponent"),
+        ({"stiffness": 1e4, "dissipation": -1.0}, "dissipation"),
+        ({"stiffness": 1e4, "dissipation": 1.0, "restitution": {"value": 0.5, "speed": 1.0}}, "dissipation"),
+        ({"stiffness": 1e4, "restitution": {"value": 1.0, "speed": 1.0}}, "restitution.value"),
+        ({"dissipation": 1.0}, "dissipation"),
+        ({"exponent": 1.5}, "exponent"),
+    ],
+)
+def test_impossible_forces_between_bars_are_named(stated: Any, key: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        assemble(parse_scene(scene(interference=stated)))
+    assert f"interference.{key}" in str(caught.value)
 
 
 def test_no_pairs_at_all() -> None:

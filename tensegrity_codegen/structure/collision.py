@@ -1,0 +1,90 @@
+"""The force between bars that touch."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.tables.request import ModelRequest
+
+EXPONENTS = (1.0, 1.5)
+FORMULATIONS = ("node_position", "rigid_bar")
+INTEGRATORS = ("rk4", "rk54", "rk853")
+# Quantities of structures at rest and derivatives of forces: forces between bars are not in them.
+WITHOUT_COLLISION = (
+    *("node_residual", "cable_force", "support_reaction", "spring_tension", "member_law"),
+    *("tangent_stiffness", "material_stiffness", "geometric_stiffness", "damping_matrix"),
+    *("state_jacobian", "input_jacobian", "parameter_jacobian", "rest_length_jacobian"),
+    *("residual_rest_length_jacobian", "tension_jacobian"),
+)
+
+
+@dataclass(frozen=True)
+class Collision:
+    """Force N = k d^p max(0, 1 + a d') between two bars that overlap by d > 0, along their distance.
+
+    Attributes
+    ----------
+    stiffness : float [N/m]
+        k, above 0; [N/m^1.5] with exponent 1.5.
+    exponent : float
+        Power p of the overlap, 1.0 or 1.5.
+    dissipation : float [s/m]
+        Factor a of the rate of overlap, 0 or more (Hunt and Crossley 1975).
+
+    Raises
+    ------
+    InvalidValueError
+        For numbers outside of these ranges, or not finite.
+    """
+
+    stiffness: float
+    exponent: float = 1.0
+    dissipation: float = 0.0
+
+    def __post_init__(self) -> None:
+        infinity = float("inf")
+        rules = (
+            ("stiffness", 0.0 < self.stiffness < infinity, "a number above 0 [N/m]"),
+            ("exponent", self.exponent in EXPONENTS, "1 or 1.5"),
+            ("dissipation", 0.0 <= self.dissipation < infinity, "a number of 0 or more [s/m]"),
+        )
+        for key, is_met, allowed in rules:
+            if not is_met:
+                raise InvalidValueError(
+                    "invalid force between bars",
+                    where=f"interference.{key}",
+                    given=repr(getattr(self, key)),
+                    allowed=allowed,
+                )
+
+
+def require_no_collision(subject: Any, what: str) -> None:
+    """Raise FormulationError for a structure with forces between bars; what: what does not know them."""
+    if getattr(subject, "collision", None) is not None:
+        raise FormulationError(
+            f"forces between bars are not supported here: {what}",
+            where=f"{subject.name}: interference.stiffness",
+            allowed="motions by explicit methods, in node positions or with rigid bars",
+            hint="remove interference.stiffness for this: contacts are then only detected",
+        )
+
+
+def check_collision(subject: Any, request: ModelRequest) -> None:
+    """Raise FormulationError for a request that a structure whose bars press each other cannot serve."""
+    if getattr(subject, "collision", None) is None:
+        return
+    foreign = {
+        f"formulation {request.formulation!r}": request.formulation not in FORMULATIONS,
+        "rigid bars with correction": request.options.get("correction", "none") != "none",
+        f"emitter {request.emitter!r}": request.emitter not in ("auto", "unrolled"),
+        "solvers": bool(request.solvers),
+        "batch functions": bool(request.batch_width),
+        "interfaces": bool(request.interfaces),
+        "energy that is kept": bool(request.keep),
+        "single precision": request.precision != "double",
+    }
+    foreign |= {f"integrator {name!r}": name not in INTEGRATORS for name in request.integrators}
+    foreign |= {f"quantity {name!r}": name in WITHOUT_COLLISION for name in request.quantities}
+    for what, is_foreign in foreign.items():
+        if is_foreign:
+            require_no_collision(subject, what)
