@@ -8,7 +8,8 @@
  *   (1 / (h gamma) - J) u_i = f(t + c_i h, x + sum_j a_ij u_j) + sum_j C_ij u_j / h + h d_i df/dt,
  * and the step ends at the state of stage 7 plus u_7: its error estimate. With q' = v one system of n equations is left,
  *   (1 / (h gamma) - A_v - h gamma A_q) u_v = r_v + h gamma A_q r_q,   u_q = h gamma (r_q + u_v),
- * where A_q, A_v are the Jacobians of the acceleration and r the right-hand side. A pull in a live page is not in J. */
+ * where A_q, A_v are the Jacobians of the acceleration and r the right-hand side; rates of internal states stand below
+ * the accelerations. A pull in a live page is not in J. */
 #if !WITH_FLOAT
 
 enum {
@@ -57,8 +58,8 @@ static const double rodas_dense[3][8] = {
 
 /* Memory of one trial: the Jacobian, the factors of its matrix column by column, and vectors. */
 typedef struct {
-  double jacobian[N_STATE_JACOBIAN], matrix[N * N], side[N], slope[N], rate[2 * N];
-  int pivot[N];
+  double jacobian[N_STATE_JACOBIAN], matrix[N_SLOPES * N_SLOPES], side[N_SLOPES], slope[N_SLOPES], rate[N_STATES];
+  int pivot[N_SLOPES];
 } rodas_memory;
 
 /* result += scale A_q x, from the lower left part of the Jacobian. */
@@ -79,20 +80,24 @@ static inline void rodas_enter(double h, rodas_memory *w)
 {
   const double step = h * rodas_gamma;
   int j, k;
-  for (k = 0; k < N * N; ++k) {
+  for (k = 0; k < N_SLOPES * N_SLOPES; ++k) {
     w->matrix[k] = 0.0;
   }
-  for (j = 0; j < 2 * N; ++j) {
+  for (j = 0; j < N_STATES; ++j) {
     const double scale = j < N ? -step : -1.0;
     for (k = scene_state_jacobian_column_start[j]; k < scene_state_jacobian_column_start[j + 1]; ++k) {
       const int row = scene_state_jacobian_row[k] - N;
       if (row >= 0) {
+#if WITH_INTERNAL
+        w->matrix[(j < N ? j : j - N) * N_SLOPES + row] += scale * w->jacobian[k];
+#else
         w->matrix[j % N * N + row] += scale * w->jacobian[k];
+#endif
       }
     }
   }
-  for (k = 0; k < N; ++k) {
-    w->matrix[k * (N + 1)] += 1.0 / step;
+  for (k = 0; k < N_SLOPES; ++k) {
+    w->matrix[k * (N_SLOPES + 1)] += 1.0 / step;
   }
 }
 
@@ -110,11 +115,11 @@ static inline void rodas_add(
 static inline int rodas_factor(rodas_memory *w)
 {
   int j, k;
-  for (j = 0; j < N; ++j) {
-    double *own = w->matrix + j * N;
+  for (j = 0; j < N_SLOPES; ++j) {
+    double *own = w->matrix + j * N_SLOPES;
     double inverse;
     int best = j;
-    for (k = j + 1; k < N; ++k) {
+    for (k = j + 1; k < N_SLOPES; ++k) {
       best = fabs(own[k]) > fabs(own[best]) ? k : best;
     }
     w->pivot[j] = best;
@@ -122,20 +127,20 @@ static inline int rodas_factor(rodas_memory *w)
     if (!(fabs(own[best]) > 0.0) || !(fabs(own[best]) < INFINITY)) {
       return 0;
     }
-    for (k = 0; k < N; ++k) {
-      double *column = w->matrix + k * N;
+    for (k = 0; k < N_SLOPES; ++k) {
+      double *column = w->matrix + k * N_SLOPES;
       const double moved = column[j];
       column[j] = column[best];
       column[best] = moved;
     }
     own[j] = inverse;
-    for (k = j + 1; k < N; ++k) {
+    for (k = j + 1; k < N_SLOPES; ++k) {
       own[k] *= inverse;
     }
-    for (k = j + 1; k < N; ++k) {
-      double *column = w->matrix + k * N;
+    for (k = j + 1; k < N_SLOPES; ++k) {
+      double *column = w->matrix + k * N_SLOPES;
       if (column[j] != 0.0) {
-        rodas_add(j + 1, N, -column[j], own, column);
+        rodas_add(j + 1, N_SLOPES, -column[j], own, column);
       }
     }
   }
@@ -146,17 +151,17 @@ static inline int rodas_factor(rodas_memory *w)
 static inline void rodas_solve(const rodas_memory *w, double *x)
 {
   int j;
-  for (j = 0; j < N; ++j) {
+  for (j = 0; j < N_SLOPES; ++j) {
     const double moved = x[j];
     x[j] = x[w->pivot[j]];
     x[w->pivot[j]] = moved;
   }
-  for (j = 0; j < N; ++j) {
-    rodas_add(j + 1, N, -x[j], w->matrix + j * N, x);
+  for (j = 0; j < N_SLOPES; ++j) {
+    rodas_add(j + 1, N_SLOPES, -x[j], w->matrix + j * N_SLOPES, x);
   }
-  for (j = N - 1; j >= 0; --j) {
-    x[j] *= w->matrix[j * (N + 1)];
-    rodas_add(0, j, -x[j], w->matrix + j * N, x);
+  for (j = N_SLOPES - 1; j >= 0; --j) {
+    x[j] *= w->matrix[j * (N_SLOPES + 1)];
+    rodas_add(0, j, -x[j], w->matrix + j * N_SLOPES, x);
   }
 }
 
@@ -169,13 +174,13 @@ static inline void rodas_find_slope(
   static const double weight[4] = {-11.0 / 6.0, 3.0, -1.5, 1.0 / 3.0};
   const double apart = h / 64.0;
   int i, k;
-  for (k = 0; k < N; ++k) {
+  for (k = 0; k < N_SLOPES; ++k) {
     w->slope[k] = with->profile == NULL ? 0.0 : weight[0] * rate[N + k] / apart;
   }
   for (i = 1; i < 4 && with->profile != NULL; ++i) {
     profile_set_stage(i * apart, with->profile);
     motion_rate(state, with, w->rate);
-    for (k = 0; k < N; ++k) {
+    for (k = 0; k < N_SLOPES; ++k) {
       w->slope[k] += weight[i] * w->rate[N + k] / apart;
     }
   }
@@ -189,7 +194,7 @@ static inline double rodas_try(
     double *TENSEGRITY_RESTRICT rates, double *TENSEGRITY_RESTRICT change, double *TENSEGRITY_RESTRICT trial,
     rodas_memory *w)
 {
-  const double *last = rates + 2 * N * RODAS_SOLVED;
+  const double *last = rates + N_STATES * RODAS_SOLVED;
   const double step = h * rodas_gamma;
   double worst = 0.0;
   int i, j, k;
@@ -205,17 +210,17 @@ static inline double rodas_try(
   rodas_find_slope(h, state, with, rates, w);
 #endif
   for (i = 0; i < RODAS_SOLVED; ++i) {
-    double *own = rates + 2 * N * (i + 1);
+    double *own = rates + N_STATES * (i + 1);
     const double *rate = i == 0 ? rates : w->rate;
     /* The state of the stage, and its derivative */
-    for (k = 0; k < 2 * N && i <= 5; ++k) {
+    for (k = 0; k < N_STATES && i <= 5; ++k) {
       change[k] = lost[k];
     }
     for (j = i > 5 ? i - 1 : 0; j < i; ++j) {
-      rodas_add(0, 2 * N, i > 5 ? 1.0 : rodas_state[i][j], rates + 2 * N * (j + 1), change);
+      rodas_add(0, N_STATES, i > 5 ? 1.0 : rodas_state[i][j], rates + N_STATES * (j + 1), change);
     }
     if (i > 0) {
-      for (k = 0; k < 2 * N; ++k) {
+      for (k = 0; k < N_STATES; ++k) {
         trial[k] = state[k] + change[k];
       }
 #if WITH_PROFILE
@@ -224,13 +229,13 @@ static inline double rodas_try(
       motion_rate(trial, with, w->rate);
     }
     /* The right-hand side: of coordinates to `own`, of velocities to `side` */
-    for (k = 0; k < 2 * N; ++k) {
+    for (k = 0; k < N_STATES; ++k) {
       own[k] = rate[k];
     }
     for (j = 0; j < i; ++j) {
-      rodas_add(0, 2 * N, rodas_coupling[i][j] / h, rates + 2 * N * (j + 1), own);
+      rodas_add(0, N_STATES, rodas_coupling[i][j] / h, rates + N_STATES * (j + 1), own);
     }
-    for (k = 0; k < N; ++k) {
+    for (k = 0; k < N_SLOPES; ++k) {
       w->side[k] = own[N + k];
 #if WITH_PROFILE
       w->side[k] += h * rodas_slope[i] * w->slope[k];
@@ -242,13 +247,18 @@ static inline double rodas_try(
       own[k] = step * (own[k] + w->side[k]);
       own[N + k] = w->side[k];
     }
+#if WITH_INTERNAL
+    for (k = N; k < N_SLOPES; ++k) {
+      own[N + k] = w->side[k];
+    }
+#endif
   }
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     change[k] += last[k];
     trial[k] = state[k] + change[k];
     worst = fmax(worst, fabs(last[k]) / (atol + rtol * fmax(fabs(state[k]), fabs(trial[k]))));
   }
-  return all_finite(trial, 2 * N) ? worst : INFINITY;
+  return all_finite(trial, N_STATES) ? worst : INFINITY;
 }
 
 /* Make ready for dense output in the step from `old` to `trial`; fills dense. */
@@ -260,18 +270,18 @@ static inline void rodas_prepare(
   (void)h;
   (void)with;
   (void)spare;
-  for (k = 0; k < 2 * N; ++k) {
+  for (k = 0; k < N_STATES; ++k) {
     double term[3] = {0.0, 0.0, 0.0};
     for (i = 0; i < RODAS_SOLVED; ++i) {
-      const double stage = rates[2 * N * (i + 1) + k];
+      const double stage = rates[N_STATES * (i + 1) + k];
       term[0] += rodas_dense[0][i] * stage;
       term[1] += rodas_dense[1][i] * stage;
       term[2] += rodas_dense[2][i] * stage;
     }
     dense[k] = trial[k] - old[k];
-    dense[2 * N + k] = term[0];
-    dense[4 * N + k] = term[1] + term[2];
-    dense[6 * N + k] = -term[2];
+    dense[N_STATES + k] = term[0];
+    dense[2 * N_STATES + k] = term[1] + term[2];
+    dense[3 * N_STATES + k] = -term[2];
   }
 }
 

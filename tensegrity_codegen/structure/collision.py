@@ -8,12 +8,11 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 EXPONENTS = (1.0, 1.5)
 FORMULATIONS = ("node_position", "rigid_bar")
-INTEGRATORS = ("rk4", "rk54", "rk853")
+INTEGRATORS = ("rk4", "rk54", "rk853", "rodas")
 # Quantities of structures at rest and derivatives of forces: forces between bars are not in them.
 WITHOUT_COLLISION = (
     *("node_residual", "cable_force", "support_reaction", "spring_tension", "member_law"),
     *("tangent_stiffness", "material_stiffness", "geometric_stiffness", "damping_matrix"),
-    *("state_jacobian", "input_jacobian", "parameter_jacobian", "rest_length_jacobian"),
     *("residual_rest_length_jacobian", "tension_jacobian"),
 )
 
@@ -64,7 +63,7 @@ def require_no_collision(subject: Any, what: str) -> None:
         raise FormulationError(
             f"forces between bars are not supported here: {what}",
             where=f"{subject.name}: interference.stiffness",
-            allowed="motions by explicit methods, in node positions or with rigid bars",
+            allowed="motions by rk4, rk54, rk853 and rodas, in node positions or with rigid bars",
             hint="remove interference.stiffness for this: contacts are then only detected",
         )
 

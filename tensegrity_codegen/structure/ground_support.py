@@ -6,16 +6,15 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 
 FORMULATIONS_WITH_GROUND = ("node_position", "rigid_bar")
-INTEGRATORS_WITH_GROUND = ("rk4", "rk54", "rk853")
+INTEGRATORS_WITH_GROUND = ("rk4", "rk54", "rk853", "rodas")
 MOST_CONTACTS = 100  # each has two events, and every event ends a step
 # Quantities of structures at rest, and derivatives of forces: the ground is not in them.
 WITHOUT_GROUND = (
     *("node_residual", "cable_force", "support_reaction", "spring_tension", "member_law"),
     *("tangent_stiffness", "material_stiffness", "geometric_stiffness", "damping_matrix"),
-    *("state_jacobian", "input_jacobian", "parameter_jacobian", "rest_length_jacobian"),
     *("residual_rest_length_jacobian", "tension_jacobian"),
 )
-ADVICE = 'simulate the motion with formulation "node_position" or "rigid_bar" and method "rk54" or "rk853"'
+ADVICE = 'simulate with formulation "node_position" or "rigid_bar" and method "rk54", "rk853" or "rodas"'
 
 
 def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
@@ -23,7 +22,7 @@ def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
     return FormulationError(
         f"the ground is not supported here: {what}",
         where=f"{name}: ground",
-        allowed="motions by explicit methods, in node positions or with rigid bars",
+        allowed="motions by rk4, rk54, rk853 and rodas, in node positions or with rigid bars",
         hint=hint,
     )
 

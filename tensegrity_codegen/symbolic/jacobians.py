@@ -10,14 +10,14 @@ from tensegrity_codegen.system.errors import FormulationError
 Matrix = Any
 
 
-def below_zeros(matrix: Matrix) -> Matrix:
-    """Return dx'/dy from dq''/dy (n, k): (2n, k), the upper half zero, since q' does not depend on y."""
-    return ca.vertcat(ca.SX(*matrix.shape), matrix)
+def below_zeros(matrix: Matrix, n_internal: int = 0) -> Matrix:
+    """Return dx'/dy from dq''/dy (n, k): (n_states, k), zero elsewhere: q' and z' do not depend on y."""
+    return ca.vertcat(ca.SX(*matrix.shape), matrix, ca.SX(n_internal, matrix.shape[1]))
 
 
 def by_inputs(acceleration: Matrix, arguments: SymbolicArguments) -> Matrix:
     """Return dx'/du, sparse (n_states, n_inputs)."""
-    return below_zeros(ca.jacobian(acceleration, arguments.symbols["input"]))
+    return below_zeros(ca.jacobian(acceleration, arguments.symbols["input"]), _count_internal(arguments))
 
 
 def by_parameters(acceleration: Matrix, arguments: SymbolicArguments) -> Matrix:
@@ -32,4 +32,8 @@ def by_parameters(acceleration: Matrix, arguments: SymbolicArguments) -> Matrix:
             where=f"{arguments.structure.name}: model.quantities",
             hint='name some under [parameters], for example rest_length = "all"',
         )
-    return below_zeros(ca.jacobian(acceleration, stacked))
+    return below_zeros(ca.jacobian(acceleration, stacked), _count_internal(arguments))
+
+
+def _count_internal(arguments: SymbolicArguments) -> int:
+    return len(arguments.structure.internal_name)

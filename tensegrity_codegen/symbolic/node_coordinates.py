@@ -58,10 +58,7 @@ class NodeCoordinates:
     @cached_property
     def net_force(self) -> list[Vector]:
         """Weight, load, member forces and those of the ground on every node [N]."""
-        total = self.members.add_to(self.external_force, self.members.densities)
-        for node, force in (item for part in self.node_forces for item in part.forces().items()):
-            total[node] = [t + f for t, f in zip(total[node], force, strict=True)]
-        return total
+        return self._with_node_forces(self.members.add_to(self.external_force, self.members.densities))
 
     # Forces on nodes besides members, and what these remember
 
@@ -84,6 +81,24 @@ class NodeCoordinates:
     def internal_rate(self) -> ca.SX:
         """Return the rates z' of the internal states, (n_internal, 1)."""
         return ca.vertcat(ca.SX(0, 1), *[rate for part in self.node_forces for rate in part.internal_rate()])
+
+    def state(self) -> ca.SX:
+        """Return the state (q, v, z), (n_states, 1)."""
+        symbols = self.arguments.symbols
+        return ca.vertcat(
+            *[symbols[name] for name in ("coordinate", "velocity", "internal") if name in symbols]
+        )
+
+    def force_jacobian(self) -> ca.SX:
+        """Return df/dx of the forces on nodes besides members and loads, (n_coordinates, n_states)."""
+        zeros = [[ca.SX(0.0)] * len(self.structure.axes) for _ in range(self.structure.n_nodes)]
+        return ca.jacobian(self.map.free(self._with_node_forces(zeros)), self.state())
+
+    def _with_node_forces(self, total: list[Vector]) -> list[Vector]:
+        """Return the force on every node with those of the ground and of bars that touch added [N]."""
+        for node, force in (item for part in self.node_forces for item in part.forces().items()):
+            total[node] = [t + f for t, f in zip(total[node], force, strict=True)]
+        return total
 
     def energy_rate(self) -> Scalar:
         """Return what damping takes, -sum (t - t_static) l', and what forces on nodes add [W]."""

@@ -30,7 +30,6 @@ BLOCK = make_block([0.0, 0.0, 0.1])
         {"emitter": "lanes"},
         {"emitter": "table"},
         {"integrators": ("radau",)},
-        {"integrators": ("rodas",)},
         {"batch_width": 8},
         {"interfaces": ("casadi",)},
         {"solvers": ("equilibrium",)},
@@ -53,8 +52,8 @@ def test_quantities_without_the_ground_are_refused(quantity: str) -> None:
 @pytest.mark.parametrize(
     "analysis",
     [
-        *("equilibrium", "equilibria", "sensitivity", "linearize", "load_path"),
-        *("analyse", "plan", "time_motion", "control", "simulate_batch"),
+        *("equilibrium", "equilibria", "sensitivity", "load_path"),
+        *("analyse", "plan", "time_motion", "simulate_batch"),
     ],
 )
 def test_other_analyses_are_refused(analysis: str) -> None:

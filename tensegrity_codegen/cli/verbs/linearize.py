@@ -149,9 +149,9 @@ def _find_motion(linear: "LinearModel") -> list[str]:
     """Return warnings where the state is no equilibrium: eigenvalues then describe no vibration about it."""
     import numpy as np
 
-    half = len(linear.state) // 2
-    speed = float(abs(linear.state[half:]).max(initial=0.0))
-    fall = float(abs(linear.residual_rate[half:]).max(initial=0.0))
+    half = sum(name.endswith("'") for name in linear.state_name)
+    speed = float(abs(linear.state[half : 2 * half]).max(initial=0.0))
+    fall = float(abs(linear.residual_rate[half : 2 * half]).max(initial=0.0))
     found = []
     if speed > 0:
         found.append(

@@ -17,8 +17,14 @@ CONDITION = re.compile(r"#if (!?)((?:WITH|METHOD)_\w+)")
 NUMBER = re.compile(r"\(real\)(\d[\d.]*(?:e[+-]?\d+)?)")
 
 # Sizes of a state and of what is kept of one, where it consists of coordinates and velocities alone.
-WITHOUT_INTERNAL = {"N_STATES": "2 * N", "N_SLOPES": "N", "N_OLD": "3 * N"}
-STATE_SIZE = re.compile(rf"\b({'|'.join(WITHOUT_INTERNAL)})\b")
+WITHOUT_INTERNAL = {
+    "2 * N_STATES": "4 * N",
+    "3 * N_STATES": "6 * N",
+    "N_STATES": "2 * N",
+    "N_SLOPES": "N",
+    "N_OLD": "3 * N",
+}
+STATE_SIZE = re.compile(rf"\b({'|'.join(map(re.escape, WITHOUT_INTERNAL))})\b")
 
 
 def plain_c_folder(templates: Path) -> Path:

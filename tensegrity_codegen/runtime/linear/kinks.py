@@ -46,7 +46,7 @@ def find_kinks(
         If the model lacks a quantity.
     """
     require_quantities(model, KINK_QUANTITIES, "the search for slack cables needs")
-    coordinate = state[: len(state) // 2]
+    coordinate = state[: len(model.manifest.coordinate_name)]
     given = {**(arguments or {}), "coordinate": coordinate}
     length = np.asarray(model.compute("member_length", **given))
     extension = np.asarray(model.compute("member_extension", **given))

@@ -45,24 +45,32 @@ class _Variations:
     """T = [Z 0; W Z] (n_states, n_variations) with Z^T Z = 1, Z^T W = 0: variations T p that can happen.
 
     T moves with the state. With Z' = W (the frame that turns least) and L = [Z^T 0; 0 Z^T], L T = 1, the
-    linear model of p is p' = (L A T - L T') p, L T' = [0 0; -W^T W 0].
+    linear model of p is p' = (L A T - L T') p, L T' = [0 0; -W^T W 0]. Internal states vary freely: T and L
+    have an identity for them below.
     """
 
     along: Any  # Z
     turning: Any  # W
+    n_internal: int = 0
 
     @property
     def basis(self) -> Any:
         """Return T, sparse."""
         empty = scipy.sparse.csc_array(self.along.shape)
-        return scipy.sparse.block_array([[self.along, empty], [self.turning, self.along]], format="csc")
+        moving = scipy.sparse.block_array([[self.along, empty], [self.turning, self.along]])
+        return scipy.sparse.csc_array(scipy.sparse.block_diag([moving, self._free]))
 
     def reduce(self, state_matrix: Any) -> Any:
         """Return L A T - L T', sparse (n_variations, n_variations), of A (n_states, n_states)."""
-        left = scipy.sparse.csc_array(scipy.sparse.block_diag([self.along, self.along])).T
+        left = scipy.sparse.csc_array(scipy.sparse.block_diag([self.along, self.along, self._free])).T
         empty = scipy.sparse.csc_array((self.along.shape[1],) * 2)
-        frame = scipy.sparse.block_array([[empty, empty], [self.turning.T @ self.turning, empty]])
+        turned = scipy.sparse.block_array([[empty, empty], [self.turning.T @ self.turning, empty]])
+        frame = scipy.sparse.block_diag([turned, 0.0 * self._free])
         return scipy.sparse.csc_array(left @ state_matrix @ self.basis + frame)
+
+    @property
+    def _free(self) -> Any:
+        return scipy.sparse.eye_array(self.n_internal, format="csc")
 
 
 def _find_variations(model: Model, at: Mapping[str, Any]) -> _Variations | None:
@@ -83,14 +91,15 @@ def _find_variations(model: Model, at: Mapping[str, Any]) -> _Variations | None:
 def _along_bars(model: Model, at: Mapping[str, Any]) -> _Variations:
     """Return the variations that rigid bars of constant lengths allow."""
     bars = RigidBars(model.manifest, np.zeros(len(model.manifest.rigid_bar)))
+    n_internal = len(model.manifest.internal_name)
     position = place_nodes(model, at["coordinate"], at.get("anchor_position"))
     along = bars.find_directions(bars.jacobian(position))
     if not np.any(at["velocity"]):
-        return _Variations(along, scipy.sparse.csc_array(along.shape))
+        return _Variations(along, scipy.sparse.csc_array(along.shape), n_internal)
     rate = bars.rows(bars.vectors(place_velocities(model, at["coordinate"], at["velocity"])))
     rows = bars.rows(bars.vectors(position)).toarray()
     turning = np.linalg.lstsq(rows, -(rate @ along).toarray(), rcond=None)[0]
-    return _Variations(along, scipy.sparse.csc_array(turning))
+    return _Variations(along, scipy.sparse.csc_array(turning), n_internal)
 
 
 # What a linear model needs of every model, and of one with inputs too.
@@ -100,7 +109,7 @@ INPUT_QUANTITY = "input_jacobian"
 
 @dataclass(frozen=True, repr=False)
 class LinearModel(Summarised):
-    """Linear model x' = A (x - state) + B (u - input) + residual_rate, exact to first order, x = (q, q').
+    """Linear model x' = A (x - state) + B (u - input) + residual_rate, exact to first order, x = (q, q', z).
 
     Attributes
     ----------
@@ -204,7 +213,8 @@ def linearize(
     input : array_like, shape (n_inputs,), optional
         Inputs [m or N]; by default zero.
     arguments : mapping, optional
-        Parameters and inputs by name, where they differ from the scene.
+        Parameters and inputs by name, where they differ from the scene; of contacts with friction also
+        ``internal``, shape (n_internal,), by default zero.
     frequency_count : int
         Number of eigenvalues of smallest modulus that are computed above 1,500 states; below, all are.
 
@@ -256,7 +266,8 @@ def linearize(
     at = {**given, "coordinate": q, "velocity": v}
     if inputs:
         at["input"] = u
-    state = np.concatenate([q, v])
+    internal = [_value(model, "internal", given.get("internal"))] if model.manifest.internal_name else []
+    state = np.concatenate([q, v, *internal])
     a = scipy.sparse.csc_array(model.compute("state_jacobian", **at))
     b = scipy.sparse.csc_array((len(state), 0))
     if inputs:
@@ -265,7 +276,8 @@ def linearize(
     # _Variations that cannot happen never move, and would come out as zeros to half the digits.
     allowed = _find_variations(model, {**at, "coordinate": q, "velocity": v})
     reduced = a if allowed is None else allowed.reduce(a)
-    spectrum, names = find_spectrum(reduced, frequency_count), name_states(model.manifest)
+    spectrum = find_spectrum(reduced, frequency_count, len(model.manifest.internal_name))
+    names = name_states(model.manifest)
     basis = None if allowed is None else allowed.basis
     return LinearModel(a, b, rate - a @ state - b @ u, rate, state, u, names, inputs, spectrum, basis)
 

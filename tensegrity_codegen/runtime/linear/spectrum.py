@@ -1,7 +1,8 @@
-"""Eigenvalues of a state matrix [0 I; S D], sorted into oscillations, rigid motions and the rest."""
+"""Eigenvalues of a state matrix [0 I; S D], or with internal states, sorted into vibrations and the rest."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -30,12 +31,16 @@ class Spectrum:
     growing: int
 
 
-def find_spectrum(state_matrix: Any, count: int) -> Spectrum:
+def find_spectrum(state_matrix: Any, count: int, n_internal: int = 0) -> Spectrum:
     """Return the spectrum of A (n_states, n_states); of large ones the `count` smallest eigenvalues.
+
+    n_internal: how many of the states, the last ones, are neither coordinates nor velocities.
 
     Where D = 0 the eigenvalues are the roots of those of S, of half the size: rigid motions, which are
     double and defective in A, then come out as zero to full accuracy instead of to half the digits.
     """
+    if n_internal:
+        return _find_with_memory(scipy.sparse.csc_array(state_matrix), count, n_internal)
     # S and D: how accelerations depend on coordinates and on velocities.
     n_coordinates = state_matrix.shape[0] // 2
     acceleration = scipy.sparse.csr_array(state_matrix)[n_coordinates:]
@@ -55,6 +60,25 @@ def find_spectrum(state_matrix: Any, count: int) -> Spectrum:
         eigenvalue = _find_eigenvalues(stiffness, damping, is_complete, 2 * max(count, 1), largest)
         zero_bound = 8 * np.sqrt(EPSILON) * largest
     return _sort_eigenvalues(eigenvalue, float(zero_bound), is_complete)
+
+
+def _find_with_memory(matrix: Any, count: int, n_internal: int) -> Spectrum:
+    """Return the spectrum of [0 I 0; S D P; Q R G], n_internal: rows of G."""
+    n_coordinates = (matrix.shape[0] - n_internal) // 2
+    edges = (0, n_coordinates, 2 * n_coordinates, matrix.shape[0])
+    bound = [
+        [_bound_eigenvalues(matrix[a:b, c:d]) for c, d in pairwise(edges)] for a, b in pairwise(edges[1:])
+    ]
+    (stiffness, damping, pull), (_, slip, memory) = bound
+    largest = max(np.sqrt(stiffness), damping, np.sqrt(pull * slip), memory)
+    is_complete = matrix.shape[0] <= DENSE_STATES
+    if is_complete:
+        eigenvalue = np.linalg.eigvals(matrix.toarray())
+    else:
+        shift = 1e-9 * largest
+        solve = _factorise(matrix - shift * scipy.sparse.eye_array(matrix.shape[0], format="csc"))
+        eigenvalue = _find_nearest(matrix, shift, solve, 2 * max(count, 1))
+    return _sort_eigenvalues(eigenvalue, float(8 * np.sqrt(EPSILON) * largest), is_complete)
 
 
 def _find_eigenvalues(
@@ -82,6 +106,13 @@ def _find_eigenvalues(
             found = solve_half(second - beside @ first)
             return np.concatenate([found, first + shift * found])
 
+    return _find_nearest(matrix, shift, solve, count)
+
+
+def _find_nearest(
+    matrix: Any, shift: float, solve: Callable[[FloatArray], FloatArray], count: int
+) -> NDArray[Any]:
+    """Return the `count` eigenvalues nearest to a shift; solve: b -> (matrix - shift)^-1 b."""
     inverse = scipy.sparse.linalg.LinearOperator(matrix.shape, matvec=solve, dtype=float)
     start = np.random.default_rng(0).normal(size=matrix.shape[0])
     return np.asarray(

@@ -1,4 +1,4 @@
-"""Names of the states of a model: coordinates, then their rates."""
+"""Names of the states of a model: coordinates, then their rates, then internal states."""
 
 from tensegrity_codegen.tables.manifest import Manifest
 
@@ -8,4 +8,4 @@ def name_states(manifest: Manifest) -> tuple[str, ...]:
     places = manifest.coordinate_node_axis
     names = [f"{manifest.node_name[node]}.{'xyz'[axis]}" for node, axis in places]
     names = names or list(manifest.coordinate_name)
-    return (*names, *(f"{name}'" for name in names))
+    return (*names, *(f"{name}'" for name in names), *manifest.internal_name)

@@ -103,18 +103,26 @@ class _NodePosition(NodeCoordinates):
             -ca.mtimes(self.inverse_mass, stiffness),
             -ca.mtimes(self.inverse_mass, self.damping_matrix()),
         ]
-        return ca.vertcat(ca.horzcat(ca.SX(n, n), ca.SX.eye(n)), ca.horzcat(*lower))
+        upper = ca.horzcat(ca.SX(n, n), ca.SX.eye(n))
+        if not self.node_forces:
+            return ca.vertcat(upper, ca.horzcat(*lower))
+        count = len(self.structure.internal_name)
+        accelerations = ca.horzcat(*lower, ca.SX(n, count)) + ca.mtimes(
+            self.inverse_mass, self.force_jacobian()
+        )
+        memory = ca.jacobian(self.internal_rate(), self.state())
+        return ca.vertcat(ca.horzcat(upper, ca.SX(n, count)), accelerations, memory)
 
     def equilibrium_matrix(self) -> ca.SX:
         return self.map.member_columns([member.direction() for _, member in self.each_member()], self.ends)
 
     def rest_length_jacobian(self) -> ca.SX:
         pull = self.map.member_columns([member.rest_pull() for _, member in self.each_member()], self.ends)
-        return below_zeros(ca.mtimes(self.inverse_mass, pull))
+        return below_zeros(ca.mtimes(self.inverse_mass, pull), len(self.structure.internal_name))
 
     def input_jacobian(self) -> ca.SX:
         force = self.map.node_columns(self._pulls_of_inputs(), len(self.structure.inputs))
-        return below_zeros(ca.mtimes(self.inverse_mass, force))
+        return below_zeros(ca.mtimes(self.inverse_mass, force), len(self.structure.internal_name))
 
     def _pulls_of_inputs(self) -> Iterable[tuple[int, int, Vector, int]]:
         """Yield input, node, force that one unit of it adds there, and its sign: members in their order."""

@@ -196,7 +196,7 @@ class _RigidBar(NodeCoordinates):
         return ca.vertcat(self.v, self.acceleration(), self.internal_rate())
 
     def state_jacobian(self) -> ca.SX:
-        return ca.jacobian(self.state_derivative(), ca.vertcat(self.q, self.v))
+        return ca.jacobian(self.state_derivative(), self.state())
 
     # Lengths that bars are kept at: constant, or rest length + tension / mu to first order
 

@@ -171,7 +171,7 @@ def rotate(angles: tuple[float, float, float]) -> Array:
     return result
 
 
-@pytest.mark.parametrize("method", [METHODS[1], *thorough(METHODS[0])])
+@pytest.mark.parametrize("method", [METHODS[1], *thorough(METHODS[0], METHODS[2])])
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_a_turned_and_renumbered_prism_moves_in_the_same_way(method: str, tilt: float) -> None:
     order = np.array([4, 2, 0, 5, 1, 3])
@@ -232,7 +232,30 @@ def test_a_block_rests_at_0_999_of_the_friction_cone(duration: float) -> None:
     np.testing.assert_allclose(force, [[0.0, 0.0, GRAVITY]], atol=1e-11)
 
 
-@pytest.mark.parametrize(("method", "loose", "order"), [("rk54", 1e-8, 4.8), ("rk853", 1e-7, 7.5)])
+@pytest.mark.parametrize("stiffness", [1e4, 1e9])
+def test_implicit_steps_at_rest_do_not_depend_on_the_stiffness(stiffness: float) -> None:
+    """1,000 s at 0.999 of the cone in a few steps; explicit methods take sqrt(k / m) of them a second."""
+    angle = np.arctan(0.999 * 0.5)
+    normal = np.array([np.sin(angle), 0.0, np.cos(angle)])
+    block = make_block(
+        -GRAVITY * np.cos(angle) / stiffness * normal,
+        normal=normal,
+        stiffness=stiffness,
+        stick_stiffness=stiffness,
+        stick_damping=2.0 * np.sqrt(stiffness),
+    )
+    stuck = GRAVITY * np.sin(angle) / stiffness
+    at = {"internal": [stuck, 0.0]}
+    _, motion = move(block, "rodas", [0.0, 500.0, 1000.0], rtol=1e-8, atol=1e-12, arguments=at)
+    assert motion.status == "ok"
+    assert motion.n_steps < 20
+    assert np.abs(motion.velocity).max() < 1e-12
+    assert np.abs(motion.coordinate - motion.coordinate[0]).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("method", "loose", "order"), [("rk54", 1e-8, 4.8), ("rk853", 1e-7, 7.5), ("rodas", 1e-6, 4.5)]
+)
 def test_errors_fall_with_the_order_through_38_events(method: str, loose: float, order: float) -> None:
     prism = make_prism(rotate((0.0, 0.3, 0.2)))
     _, exact = move(prism, "rk853", PRISM_TIMES, rtol=1e-13, atol=1e-16)

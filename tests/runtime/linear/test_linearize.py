@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from tensegrity_codegen.runtime.linear.linearize import linearize
+from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, NonFiniteError
 from tests.cases import draws
+from tests.ground_cases import GRAVITY, make_prism, make_slope
+from tests.models import simulator
 from tests.random_structures import structures
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, make_structure, prism, spring
@@ -31,6 +33,37 @@ def test_damped_oscillator(ratio: float) -> None:
     assert not np.signbit(found.damping_ratio).any()
     assert found.state_name == ("n1.z", "n1.z'")
     assert found.spectrum.growing == 0
+
+
+def test_a_sticking_contact_is_a_spring_and_a_damper() -> None:
+    """f = sqrt(k / m) / 2 pi with zeta = ct / 2 sqrt(kt m) along the slope; two states do nothing.
+
+    A node may be anywhere along the plane, with its bristle bent accordingly.
+    """
+    angle = np.radians(20.0)
+    slope, downhill = make_slope(angle)
+    offset = GRAVITY * np.sin(angle) / 1e5
+    names = linearize_quantities("node_position", with_inputs=False)
+    model = simulator(slope, "rodas", more=names)
+    at = model.nominal("coordinate") + offset * downhill
+    found = linearize(model, coordinate=at, arguments={"internal": [offset, 0.0]})
+    assert np.abs(found.residual_rate).max() < 1e-12
+    assert found.state_name[-2:] == ("n0_stick1", "n0_stick2")
+    assert found.natural_frequency == pytest.approx(np.full(3, np.sqrt(1e5) / (2 * np.pi)), rel=1e-9)
+    normal = 0.5 * GRAVITY * np.cos(angle) / (2 * np.sqrt(1e5))  # a N / 2 sqrt(k m)
+    assert sorted(found.damping_ratio) == pytest.approx([normal, 0.5, 0.5], rel=1e-9)
+    assert (found.spectrum.zero_eigenvalues, found.spectrum.growing) == (2, 0)
+
+
+def test_a_standing_prism_of_rigid_bars_has_a_linear_model() -> None:
+    prism = make_prism()
+    prism = prism.with_changes(node_position=prism.node_position - [0.0, 0.0, 0.5001])
+    names = linearize_quantities("rigid_bar", with_inputs=False)
+    model = simulator(prism, "rodas", more=names, formulation="rigid_bar")
+    found = linearize(model)
+    assert found.A.shape == (48, 48)
+    assert found.variation.shape == (48, 42)  # three bars keep their lengths
+    assert found.spectrum.is_complete
 
 
 def test_overdamped_oscillator_does_not_oscillate() -> None:

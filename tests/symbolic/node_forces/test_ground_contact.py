@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
-from tests.ground_cases import make_block
+from tests.ground_cases import make_block, make_prism
 from tests.models import simulator
 
 Array = NDArray[np.float64]
@@ -83,6 +83,76 @@ def test_forces_are_those_of_the_equations(exponent: float) -> None:
         assert (margin > 0) == is_pressed
         kinds.add((is_pressed, bool(expected["stick_margin"][0] > 0)))
     assert kinds == {(False, False), (True, False), (True, True)}
+
+
+def find_rates(structure: Structure, state: Array) -> Array:
+    """Return (q', q'', z') of one node of 1 kg; states may be complex, for derivatives."""
+    ground = structure.ground
+    assert ground is not None
+    place, velocity, bristle = state[:3], state[3:6], state[6:]
+    n, basis = ground.normal, ground.tangents(structure.axes)
+    depth, rate = ground.offset + ground.radius[0] - n @ place, -n @ velocity
+    factor = 1.0 + ground.dissipation * rate
+    pressed = depth.real > 0 and factor.real > 0
+    normal = ground.stiffness * depth**ground.exponent * factor if pressed else 0.0
+    trial = ground.stick_stiffness * bristle + ground.stick_damping * (basis @ (velocity - ground.velocity))
+    size, limit = np.sqrt(trial @ trial), ground.friction * normal
+    friction = trial if size.real <= np.real(limit) else trial * (limit / size)
+    force = normal * n - friction @ basis + structure.gravity
+    return np.concatenate(
+        [velocity, force, (friction - ground.stick_stiffness * bristle) / ground.stick_damping]
+    )
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_the_state_jacobian_is_the_derivative_in_every_branch(exponent: float) -> None:
+    """By complex steps (Squire, Trapp 1998): open, sticking and slipping contacts."""
+    rng = np.random.default_rng(6)
+    normal = np.array([0.2, -0.3, 0.9]) / np.linalg.norm([0.2, -0.3, 0.9])
+    structure = make_block([0.0, 0.0, 0.0], normal=normal, exponent=exponent)
+    model = simulator(structure, more=("state_jacobian", "stick_margin"))
+    kinds = set()
+    for _ in range(200):
+        state = np.concatenate(
+            [
+                normal * rng.normal() * 1e-3,
+                rng.normal(size=3) * 10.0 ** rng.uniform(-4, 0),
+                rng.normal(size=2) * 10.0 ** rng.uniform(-6, -3),
+            ]
+        )
+        steps = state[None] + 1e-30j * np.eye(8)
+        expected = np.array([find_rates(structure, step).imag / 1e-30 for step in steps]).T
+        at = {"coordinate": state[:3], "velocity": state[3:6], "internal": state[6:]}
+        found = model.compute("state_jacobian", **at).toarray()
+        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12 * np.abs(expected).max())
+        margin = float(model.compute("stick_margin", **at)[0])
+        kinds.add("open" if margin == -1 else "stick" if margin > 0 else "slip")
+    assert kinds == {"open", "stick", "slip"}
+
+
+@pytest.mark.parametrize("formulation", ["node_position", "rigid_bar"])
+def test_the_state_jacobian_of_a_prism_is_the_derivative_of_its_rates(formulation: str) -> None:
+    """By central differences over 1e-7 m, m/s."""
+    rng, prism = np.random.default_rng(7), make_prism()
+    prism = prism.with_changes(node_position=prism.node_position - [0.0, 0.0, 0.502])
+    if formulation == "node_position":
+        prism = prism.with_changes(spring_constant=np.where(prism.is_rigid, 2e4, prism.spring_constant))
+    model = simulator(prism, more=("state_jacobian", "state_derivative"), formulation=formulation)
+    names, sizes = ("coordinate", "velocity", "internal"), (18, 18, 12)
+
+    def split(state: Array) -> dict[str, Array]:
+        return dict(zip(names, np.split(state, np.cumsum(sizes)[:-1]), strict=True))
+
+    state = np.concatenate([model.nominal("coordinate"), rng.normal(size=18), 1e-4 * rng.normal(size=12)])
+    found = model.compute("state_jacobian", **split(state)).toarray()
+    rates = [
+        np.asarray(model.compute("state_derivative", **split(state + sign * 1e-7 * direction)))
+        for direction in np.eye(len(state))
+        for sign in (1, -1)
+    ]
+    expected = (np.array(rates[::2]) - np.array(rates[1::2])).T / 2e-7
+    assert found.shape == (48, 48)
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
 
 def test_friction_never_exceeds_its_limit_and_never_adds_energy() -> None:

@@ -129,7 +129,14 @@ def build_sample_time(motion: Motion, sample: float) -> FloatArray:
 
 
 def check_independent(model: Described) -> None:
-    """Raise FormulationError for a model whose coordinates depend on each other."""
+    """Raise FormulationError for a model whose coordinates depend on each other, or with contacts."""
+    if model.manifest.has_contacts:
+        raise FormulationError(
+            "feedback does not know contacts with the ground or between bars",
+            where=model.manifest.name,
+            allowed="scenes without [ground] and without a stiffness in [interference]",
+            hint="design the feedback without them, and simulate with them",
+        )
     formulation = find_formulation(model.manifest.formulation)
     in_nodes = formulation.in_nodes and not formulation.has_rigid_bars
     if not (formulation.of_bodies or in_nodes):
