@@ -74,7 +74,7 @@ static inline int motion_gather(const motion_batch *m, const real *lanes, const 
   int k, first = SCENE_OK;
   for (k = call->n_batch - 1; k >= 0; --k) {
     if (m->source[k] == k) {
-      motion_lane(lanes, 2 * N, k, call->state + (ptrdiff_t)k * 2 * N);
+      motion_lane(lanes, N_STATES, k, call->state + (ptrdiff_t)k * N_STATES);
     }
     first = call->status[k] != SCENE_OK ? call->status[k] : first;
   }
@@ -91,7 +91,7 @@ static inline int motion_is_finite(const motion_batch *m, const real *state, int
       return 0;
     }
   }
-  return all_finite(state + (ptrdiff_t)k * 2 * N, 2 * N);
+  return all_finite(state + (ptrdiff_t)k * N_STATES, N_STATES);
 }
 
 /* Find out which lanes can run: those whose status is good and whose numbers are finite. The others get a source among
@@ -171,7 +171,7 @@ static inline motion_samples motion_samples_of(const batch_call *call, int k)
   motion_samples to;
   to.count = call->n_samples;
   to.time = call->sample_time;
-  to.state = call->sample_state + k * call->n_samples * 2 * N;
+  to.state = call->sample_state + k * call->n_samples * N_STATES;
   to.n_filled = call->n_sampled + k;
   return to;
 }

@@ -7,9 +7,9 @@
 
 /* Numbers of single rows: old (q, v, a), new (q, v), derivative, spare, dense output. */
 #if METHOD_HAS_DENSE
-enum { METHOD_ROW = ((8 + 2 * METHOD_DENSE) * N + LINE - 1) / LINE * LINE };
+enum { METHOD_ROW = (N_OLD + 2 * N_STATES + N + N_STATES * METHOD_DENSE + LINE - 1) / LINE * LINE };
 #else
-enum { METHOD_ROW = (8 * N + LINE - 1) / LINE * LINE };
+enum { METHOD_ROW = (N_OLD + 2 * N_STATES + N + LINE - 1) / LINE * LINE };
 #endif
 
 /* Where the lanes of one integration lie in the work memory. Kept between calls: may_grow (whether the next step may be
@@ -53,7 +53,7 @@ static inline void method_evaluate_end_lanes(
   for (k = 0; k < WIDTH; ++k) {
     if (m->runs[k] && error[k] <= 1.0) {
       ++count[3 * k + 2];
-      for (j = 0; j < 2 * N; ++j) {
+      for (j = 0; j < N_STATES; ++j) {
         const real x = rate[j * WIDTH + k];
         error[k] = x - x == (real)0.0 ? error[k] : INFINITY;
       }
@@ -68,16 +68,16 @@ static inline void method_sample_lane(
 {
   const motion_samples to = motion_samples_of(b->call, k);
   const double t0 = b->time[k];
-  real *old = m->row, *end = m->row + 3 * N, *rate = m->row + 5 * N, *spare = m->row + 7 * N;
-  motion_lane(l->state, 2 * N, k, old);
-  motion_lane(l->rates + N * WIDTH, N, k, old + 2 * N);
-  motion_lane(l->trial, 2 * N, k, end);
-  motion_lane(l->rates + 2 * N * WIDTH * METHOD_STAGES, 2 * N, k, rate);
+  real *old = m->row, *end = m->row + N_OLD, *rate = m->row + N_OLD + N_STATES, *spare = m->row + N_OLD + 2 * N_STATES;
+  motion_lane(l->state, N_STATES, k, old);
+  motion_lane(l->rates + N * WIDTH, N_SLOPES, k, old + N_STATES);
+  motion_lane(l->trial, N_STATES, k, end);
+  motion_lane(l->rates + N_STATES * WIDTH * METHOD_STAGES, N_STATES, k, rate);
 #if METHOD_HAS_DENSE
   if (motion_next_sample(&to) < t1) {
-    real *dense = m->row + 8 * N;
+    real *dense = m->row + N_OLD + 2 * N_STATES + N;
     b->count[3 * k + 2] += METHOD_DENSE_ROWS;
-    motion_lane(l->dense, 2 * N * METHOD_DENSE, k, dense);
+    motion_lane(l->dense, N_STATES * METHOD_DENSE, k, dense);
     method_sample_dense(t0, h, t1, old, dense, m->with + k, spare, &to);
   }
 #endif
@@ -118,7 +118,7 @@ static inline void method_choose_steps(
 /* Begin in the lanes that have counted nothing yet; those that fail stop. Returns how many go on. */
 static inline int method_begin_lanes(const method_batch *b, motion_batch *m, const method_lanes *l)
 {
-  real *rate = m->row + 5 * N, is_new[WIDTH];
+  real *rate = m->row + N_OLD + N_STATES, is_new[WIDTH];
   int j, k, any = 0, n_left = 0;
   for (k = 0; k < WIDTH; ++k) {
     const long long *own = b->count + 3 * m->source[k];
@@ -127,24 +127,24 @@ static inline int method_begin_lanes(const method_batch *b, motion_batch *m, con
     any = any || (is_new[k] > (real)0.0 && m->source[k] == k);
     if (is_new[k] > (real)0.0) {
       l->may_grow[k] = (real)1.0;
-      for (j = 0; j < 2 * N; ++j) {
+      for (j = 0; j < N_STATES; ++j) {
         l->lost[j * WIDTH + k] = (real)0.0;
       }
     }
   }
   if (any) {
     motion_rate_lanes(m, l->state, l->trial);
-    motion_blend(is_new, l->trial, 2 * N, l->rates);
+    motion_blend(is_new, l->trial, N_STATES, l->rates);
   }
   for (k = 0; k < WIDTH; ++k) {
     if (m->source[k] != k) {
-      for (j = 0; j < 2 * N; ++j) {
+      for (j = 0; j < N_STATES; ++j) {
         l->rates[j * WIDTH + k] = l->rates[j * WIDTH + m->source[k]];
       }
     } else if (is_new[k] > (real)0.0) {
       b->count[3 * k + 2] = 1;
-      motion_lane(l->rates, 2 * N, k, rate);
-      if (!all_finite(rate, 2 * N)) {
+      motion_lane(l->rates, N_STATES, k, rate);
+      if (!all_finite(rate, N_STATES)) {
         method_stop_lane(b, k, SCENE_NON_FINITE_RESULT, m);
       }
       is_new[k] = m->runs[k] && !(b->step[k] > 0.0) ? (real)1.0 : (real)0.0;
@@ -210,7 +210,7 @@ static inline int method_choose_next_step(
 /* One trial step in every lane. Returns how many lanes go on. */
 static inline int method_trial_lanes(const method_batch *b, motion_batch *m, const method_lanes *l)
 {
-  real span[WIDTH], take[WIDTH], *end = l->rates + 2 * N * WIDTH * METHOD_STAGES;
+  real span[WIDTH], take[WIDTH], *end = l->rates + N_STATES * WIDTH * METHOD_STAGES;
   double h[WIDTH], t1[WIDTH], error[WIDTH];
   const batch_call *call = b->call;
   int j, k, n_left = 0;
@@ -219,7 +219,7 @@ static inline int method_trial_lanes(const method_batch *b, motion_batch *m, con
 #endif
   method_plan_lanes(b, m, h, t1, span);
   method_try_lanes(m, span, b->rtol, b->atol, l->state, l->lost, l->rates, l->change, l->trial, error);
-  for (j = 0; j < 2 * N * WIDTH; ++j) {
+  for (j = 0; j < N_STATES * WIDTH; ++j) {
     l->change[j] -= l->trial[j] - l->state[j];
   }
 #if WITH_CONSTRAINTS
@@ -256,16 +256,16 @@ static inline int method_trial_lanes(const method_batch *b, motion_batch *m, con
     }
     n_left += m->runs[k];
   }
-  motion_blend(take, l->trial, 2 * N, l->state);
-  motion_blend(take, l->change, 2 * N, l->lost);
-  motion_blend(take, end, 2 * N, l->rates);
+  motion_blend(take, l->trial, N_STATES, l->state);
+  motion_blend(take, l->change, N_STATES, l->lost);
+  motion_blend(take, end, N_STATES, l->rates);
   return n_left;
 }
 
 /* On to time_end in all lanes, in at most so many trial steps. */
 static inline int method_advance_lanes(const method_batch *b, long long most_steps, motion_batch *m, real *work)
 {
-  const int size = 2 * N * WIDTH;
+  const int size = N_STATES * WIDTH;
   method_lanes l;
   long long i;
   int n_left;
@@ -282,7 +282,7 @@ static inline int method_advance_lanes(const method_batch *b, long long most_ste
 #if METHOD_HAS_DENSE
   l.dense = l.spare + size;
 #endif
-  motion_spread(m, b->call->state, 2 * N, 2 * N, l.state);
+  motion_spread(m, b->call->state, N_STATES, N_STATES, l.state);
   n_left = method_begin_lanes(b, m, &l);
   for (i = 0; i < most_steps && n_left > 0; ++i) {
     n_left = method_trial_lanes(b, m, &l);

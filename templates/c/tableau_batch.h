@@ -11,14 +11,14 @@ static inline void method_try_lanes(
     real *TENSEGRITY_RESTRICT change, real *TENSEGRITY_RESTRICT trial, double *TENSEGRITY_RESTRICT error)
 {
   int i;
-  for (i = 0; i < 2 * N * WIDTH; ++i) {
+  for (i = 0; i < N_STATES * WIDTH; ++i) {
     trial[i] = state[i] + (h[i % WIDTH] * rates[i] + lost[i]);
     error[i % WIDTH] = 0.0;
   }
-  motion_rate_lanes(m, trial, rates + 2 * N * WIDTH);
-  for (i = 0; i < 2 * N * WIDTH; ++i) {
-    const real length = h[i % WIDTH], rise = rates[2 * N * WIDTH + i] - rates[i];
-    change[i] = length * ((real)0.5 * rates[i] + (real)0.5 * rates[2 * N * WIDTH + i]) + lost[i];
+  motion_rate_lanes(m, trial, rates + N_STATES * WIDTH);
+  for (i = 0; i < N_STATES * WIDTH; ++i) {
+    const real length = h[i % WIDTH], rise = rates[N_STATES * WIDTH + i] - rates[i];
+    change[i] = length * ((real)0.5 * rates[i] + (real)0.5 * rates[N_STATES * WIDTH + i]) + lost[i];
     trial[i] = state[i] + change[i];
     error[i % WIDTH] = fmax(
         trial[i] - trial[i] == (real)0.0 ? error[i % WIDTH] : INFINITY,
@@ -35,11 +35,11 @@ static inline void method_prepare_lanes(
   int i;
   (void)m;
   (void)spare;
-  for (i = 0; i < 2 * N * WIDTH; ++i) {
+  for (i = 0; i < N_STATES * WIDTH; ++i) {
     const real rise = trial[i] - old[i], length = h[i % WIDTH];
     dense[i] = rise;
-    dense[2 * N * WIDTH + i] = length * rates[i] - rise;
-    dense[4 * N * WIDTH + i] = (real)2.0 * rise - length * (rates[4 * N * WIDTH + i] + rates[i]);
+    dense[N_STATES * WIDTH + i] = length * rates[i] - rise;
+    dense[2 * N_STATES * WIDTH + i] = (real)2.0 * rise - length * (rates[2 * N_STATES * WIDTH + i] + rates[i]);
   }
 }
 

@@ -90,8 +90,8 @@ def _integrator_spec(
 ) -> IntegratorSpec:
     spec = integrator_spec(model, name, functions, request.events or (), request.keep, driven)
     sizes = [model.arguments[argument].nominal.size for argument in spec.arguments]
-    n = len(model.frame.coordinate_name)
-    return with_batch(spec, n, sizes, request.batch_width, find_precision(request.precision))
+    n, n_internal = len(model.frame.coordinate_name), len(model.frame.internal_name)
+    return with_batch(spec, n, n_internal, sizes, request.batch_width, find_precision(request.precision))
 
 
 def _rows(values: np.ndarray) -> tuple[tuple[float, float, float], ...]:

@@ -67,7 +67,6 @@ def check_ground(subject: Any, request: ModelRequest) -> None:
             raise refuse_ground(name, f"quantity {quantity!r}, or an analysis that needs it")
     wanted = {
         "solvers": request.solvers,
-        "batch functions": request.batch_width,
         "interfaces": request.interfaces,
         "energy that is kept": request.keep,
         "single precision": request.precision != "double",

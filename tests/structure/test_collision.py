@@ -27,7 +27,6 @@ def test_impossible_numbers_are_refused(numbers: tuple[float, float, float]) -> 
         ModelRequest(("acceleration",), formulation="node_distance"),
         ModelRequest(("acceleration",), integrators=("radau",), formulation="rigid_bar"),
         ModelRequest(("acceleration",), emitter="table"),
-        ModelRequest(("acceleration",), batch_width=8, formulation="rigid_bar"),
     ],
 )
 def test_what_does_not_know_forces_between_bars_refuses_them(request_: Any) -> None:

@@ -30,7 +30,6 @@ BLOCK = make_block([0.0, 0.0, 0.1])
         {"emitter": "lanes"},
         {"emitter": "table"},
         {"integrators": ("radau",)},
-        {"batch_width": 8},
         {"interfaces": ("casadi",)},
         {"solvers": ("equilibrium",)},
         {"integrators": ("rk54",), "keep": ("energy",)},
@@ -53,7 +52,7 @@ def test_quantities_without_the_ground_are_refused(quantity: str) -> None:
     "analysis",
     [
         *("equilibrium", "equilibria", "sensitivity", "load_path"),
-        *("analyse", "plan", "time_motion", "simulate_batch"),
+        *("analyse", "plan", "time_motion"),
     ],
 )
 def test_other_analyses_are_refused(analysis: str) -> None:

@@ -18,6 +18,10 @@ NUMBER = re.compile(r"\(real\)(\d[\d.]*(?:e[+-]?\d+)?)")
 
 # Sizes of a state and of what is kept of one, where it consists of coordinates and velocities alone.
 WITHOUT_INTERNAL = {
+    "N_OLD + 2 * N_STATES + N + N_STATES * METHOD_DENSE": "(8 + 2 * METHOD_DENSE) * N",
+    "N_OLD + 2 * N_STATES + N": "8 * N",
+    "N_OLD + 2 * N_STATES": "7 * N",
+    "N_OLD + N_STATES": "5 * N",
     "2 * N_STATES": "4 * N",
     "3 * N_STATES": "6 * N",
     "N_STATES": "2 * N",

@@ -32,6 +32,8 @@ MAX_SPEED_ERROR = 5e-3  # of the largest speed: velocities that may be so wrong 
 ROUNDING_SPREAD = 3.0  # measured: up to 1.5 times the root of the number of steps
 EPS = float(np.finfo(np.float64).eps)
 MIN_COUNTED_WITH_KINKS = 0.7  # of the difference of two runs counts where steps do not end at kinks
+# Where contacts are: they cut steps, whose errors then shrink less than the tolerance, and amplify errors.
+MAX_SHRINK_WITH_CONTACTS, MIN_COUNTED_WITH_CONTACTS = 0.03, 2.0
 TOO_MANY_EVENTS = "too_many_events"  # the status of a run that events hold up
 
 
@@ -80,8 +82,8 @@ class Checks:
     going after all. lost: run -> error over the tolerance by vibrations that tighter steps keep. least_atol:
     below which the steps' absolute tolerance does not go; there the whole difference to a run with ten times
     that counts. least_rtol: the same of the relative one, for which rounding ends the rounds. min_counted:
-    the part of a difference that counts at least, for methods that pass over kinks. rounding: what it makes
-    of velocities.
+    the part of a difference that counts at least, for methods that pass over kinks. max_shrink: factor by
+    which a round tightens the steps at least. rounding: what it makes of velocities.
     """
 
     vibration: Callable[[RawTrajectory], FloatArray] | None = None
@@ -90,6 +92,7 @@ class Checks:
     least_atol: float = 0.0
     least_rtol: float = MIN_RTOL
     min_counted: float = 0.0
+    max_shrink: float = 0.1
     rounding: Rounding | None = None
 
 
@@ -174,10 +177,11 @@ class _Rounds:
     def _next_shrink(self) -> float:
         """Return the factor by which the next run is tighter."""
         if self.atol * self.factor <= self.least:  # rounding is near
-            return 0.1
+            return self.checks.max_shrink
         least = MIN_FACTOR_WITH_VIBRATION if self.vibration > 1.0 else 1e-3
-        shrink = float(np.clip(0.3 / self.error, least, 0.1)) if 0.0 < self.error < np.inf else 0.1
-        return min(0.1, max(shrink, self.checks.least_rtol / (self.rtol * self.factor)))
+        most = self.checks.max_shrink
+        shrink = float(np.clip(0.3 / self.error, least, most)) if 0.0 < self.error < np.inf else most
+        return min(most, max(shrink, self.checks.least_rtol / (self.rtol * self.factor)))
 
     def _try_finer(self, shrink: float) -> RawTrajectory:
         """Return a tighter run; halfway there where it stops early: rounding may let no step be so exact."""

@@ -13,6 +13,8 @@ from functools import cache, partial
 import numpy as np
 
 from tensegrity_codegen.runtime.accuracy.error_control import (
+    MAX_SHRINK_WITH_CONTACTS,
+    MIN_COUNTED_WITH_CONTACTS,
     MIN_COUNTED_WITH_KINKS,
     Checks,
     Rounding,
@@ -57,7 +59,8 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
         lost = _LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
         checks = Checks(
             least_atol=INTEGRATORS[options.method].noise_share * noise,
-            min_counted=MIN_COUNTED_WITH_KINKS if manifest.has_contacts else 0.0,
+            min_counted=MIN_COUNTED_WITH_CONTACTS if manifest.has_contacts else 0.0,
+            max_shrink=MAX_SHRINK_WITH_CONTACTS if manifest.has_contacts else 0.1,
             rounding=rounding,
             lost=partial(lost.estimate, tolerance=tolerance),
         )

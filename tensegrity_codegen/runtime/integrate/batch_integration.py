@@ -97,7 +97,9 @@ class _Batch:
         self.spec = _find_batch_integrator(model, self.name)
         self.is_fixed = find_method(self.name).has_fixed_step
         self.width, self.call = model.library.batch_width, model.library.symbol(f"{self.spec.symbol}_batch")
-        self.state = _check_state(motion.state, 2 * len(model.manifest.coordinate_name)).copy()
+        self.n_moved = 2 * len(model.manifest.coordinate_name)  # states besides the internal ones
+        moved = _check_state(motion.state, self.n_moved)
+        self.state = np.hstack([moved, read_internals(motion, len(moved))])
         self.end, self.tolerance = motion.t_end, (options.rtol, options.absolute)
         self.asked_time, self.sample_time = sample_time, np.array(sample_time, dtype=np.float64)
         self.n_steps_wanted, self.step = _divide(self.end, step)
@@ -210,7 +212,8 @@ class _Batch:
             n_evaluations = 4 * n_steps + 1
         return RawBatch(
             time=self.asked_time,
-            state=self.samples,
+            state=self.samples[..., : self.n_moved],
+            internal=self.samples[..., self.n_moved :] if self.samples.shape[-1] > self.n_moved else None,
             n_reached=np.where(self.status == STATUS.index("non_finite_input"), 0, self.n_sampled),
             status=tuple(word for word, _ in ends),
             message=tuple(message for _, message in ends),
@@ -220,6 +223,14 @@ class _Batch:
             n_evaluations=n_evaluations,
             step=step,
         )
+
+
+def read_internals(motion: Motion, n_batch: int) -> FloatArray:
+    """Return the internal states that the motions of a batch start from, (n_batch, n_internal)."""
+    nominal = np.zeros(len(motion.model.manifest.internal_name))
+    value = motion.arguments.get("internal", nominal)
+    array, is_batched = to_batch(value, nominal.shape, motion.model.library.precision, "internal")
+    return array if is_batched else np.tile(array.reshape(1, -1), (n_batch, 1))
 
 
 def _divide(span: float, step: float | None) -> tuple[int, float]:

@@ -273,6 +273,8 @@ def _join_motions(
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys((*STATE, *SAMPLED), ())
     shapes |= {"coordinate": (n_coordinates,), "velocity": (n_coordinates,), "member_tension": (n_members,)}
     shapes |= {"node_position": (n_nodes, 3), "node_velocity": (n_nodes, 3)}
+    if manifest.internal_name:
+        shapes["internal"] = (len(manifest.internal_name),)
     arrays: dict[str, Any] = {
         name: np.full((n_batch, n_samples, *shape), np.nan) for name, shape in shapes.items()
     }
@@ -306,4 +308,5 @@ def _join_motions(
         node_name=manifest.node_name,
         member_name=manifest.member_name,
         structure=model.structure,
+        internal_name=manifest.internal_name,
     )

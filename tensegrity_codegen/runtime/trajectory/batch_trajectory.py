@@ -47,6 +47,10 @@ class BatchTrajectory(Sampled):
         Names.
     structure : Structure, BodySystem or None
         What moves; None with a library that was loaded alone.
+    internal : ndarray or None, shape (n_batch, n_t, n_internal) [m]
+        Internal states, as of a Trajectory.
+    internal_name : tuple of str
+        Their names.
     """
 
     energy_drift: FloatArray
@@ -87,6 +91,8 @@ class BatchTrajectory(Sampled):
             node_name=self.node_name,
             member_name=self.member_name,
             structure=self.structure,
+            internal=None if self.internal is None else self.internal[k, reached],
+            internal_name=self.internal_name,
         )
 
     def headline(self) -> str:

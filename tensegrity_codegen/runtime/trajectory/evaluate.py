@@ -66,8 +66,6 @@ def evaluate_trajectory(
         input=inputs,
         input_name=model.manifest.input_name,
         node_load=apply_loads(model, *given),
-        internal=None if raw.internal is None else raw.internal[: len(found.time)],
-        internal_name=model.manifest.internal_name,
     )
 
 
@@ -137,6 +135,8 @@ class _Samples:
             node_name=manifest.node_name,
             member_name=manifest.member_name,
             structure=getattr(self.model, "structure", None),
+            internal=raw.internal,
+            internal_name=manifest.internal_name,
         )
 
     def compute(self, quantity: str) -> FloatArray:
@@ -158,7 +158,10 @@ class _Samples:
             name: np.repeat(array, self.shape[1], axis=0) if is_batched else array
             for name, (array, is_batched) in self.arguments.items()
         }
-        for name, part in (("coordinate", self.coordinate), ("velocity", self.velocity)):
+        parts = {"coordinate": self.coordinate, "velocity": self.velocity}
+        if self.raw.internal is not None:
+            parts["internal"] = self.raw.internal
+        for name, part in parts.items():
             given[name] = np.ascontiguousarray(part.reshape(-1, part.shape[2]))
         found, _ = self.model.compute_batch(quantity, threads=self.threads, on_error="status", **given)
         return self._mask(found.reshape(*self.shape, *spec.shape))

@@ -35,7 +35,8 @@ class Sampled(ByName, Summarised):
     time (n_t,) [s]; coordinate, velocity (..., n_t, n_coordinates); node_position, node_velocity
     (..., n_t, n_nodes, 3); member_tension (..., n_t, n_members) [N]; kinetic_energy, total_energy
     (..., n_t) [J]; status, message: how they went; method: by which they were integrated; node_name,
-    member_name; structure: what moves, for pictures and units, None where only a library is known.
+    member_name; structure: what moves, for pictures and units, None where only a library is known; internal
+    (..., n_t, n_internal) and internal_name: internal states, None where there are none.
     """
 
     time: FloatArray
@@ -52,6 +53,8 @@ class Sampled(ByName, Summarised):
     node_name: tuple[str, ...]
     member_name: tuple[str, ...]
     structure: Structure | BodySystem | None = None
+    internal: FloatArray | None = None
+    internal_name: tuple[str, ...] = ()
 
     def velocity_of(self, node: str) -> FloatArray:
         """Return the velocity of a node.
@@ -150,8 +153,11 @@ class Sampled(ByName, Summarised):
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return what a result file holds, name -> array."""
-        words = {name: np.array(getattr(self, name)) for name in WORDS}
-        return {"time": self.time, **{name: getattr(self, name) for name in SAMPLED}, **words}
+        found = {"time": self.time, **{name: getattr(self, name) for name in SAMPLED}}
+        found |= {name: np.array(getattr(self, name)) for name in WORDS}
+        if self.internal is not None:
+            found |= {"internal": self.internal, "internal_name": np.array(self.internal_name)}
+        return found
 
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the motion to a file, whole or not at all.

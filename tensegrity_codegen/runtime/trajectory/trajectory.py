@@ -105,8 +105,6 @@ class Trajectory(Sampled):
     input: FloatArray | None = None
     input_name: tuple[str, ...] = ()
     node_load: FloatArray | None = None
-    internal: FloatArray | None = None
-    internal_name: tuple[str, ...] = ()
 
     def headline(self) -> str:
         """Return status and reason."""
@@ -145,9 +143,6 @@ class Trajectory(Sampled):
         """Return what a result file holds, name -> array; event_*: a row for each name of each event."""
         inputs = {} if self.input is None else {"input": self.input, "input_name": np.array(self.input_name)}
         loads = {} if self.node_load is None else {"node_load": self.node_load}
-        internal = {}
-        if self.internal is not None:
-            internal = {"internal": self.internal, "internal_name": np.array(self.internal_name)}
         rows = [(event.time, event.kind, name) for event in self.events for name in event.names]
         return {
             **super().arrays(),
@@ -157,5 +152,4 @@ class Trajectory(Sampled):
             **self.log.arrays(),
             **inputs,
             **loads,
-            **internal,
         }

@@ -272,7 +272,7 @@ def test_valgrind_finds_nothing(subject: str, tmp_path: Path) -> None:
 
 def test_the_memory_fits_lanes_that_begin_anywhere() -> None:
     rates, dense, row_size = 7, 0, math.ceil(8 * 5 / 8) * 8
-    size = count_batch_work("rk54", 5, [3, 1], 8, PRECISIONS["double"])
+    size = count_batch_work("rk54", 5, 0, [3, 1], 8, PRECISIONS["double"])
     assert size == 8 + row_size + 8 * (1 + 10 * (5 + rates + dense) + 4)
 
 
