@@ -158,8 +158,9 @@ function memberMesh(model, chosen, kind, uniforms, side) {
 
 /** What members shade of the ground, where there are few of them. */
 function shadowMesh(model, shared) {
-  if (model.memberCount > SHADOWS || model.scene.is_planar) return null;
-  const uniforms = { ...shared, level: { value: groundLevel(model) }, shadow: { value: new THREE.Vector3() } };
+  const level = groundLevel(model);
+  if (model.memberCount > SHADOWS || model.scene.is_planar || level === null) return null;
+  const uniforms = { ...shared, level: { value: level }, shadow: { value: new THREE.Vector3() } };
   const geometry = copies(model, ribbon(), Array.from({ length: model.memberCount }, (_, e) => e));
   const more = { side: THREE.DoubleSide, depthWrite: false };
   return drawn(geometry, material(glsl.SHADOW_VERTEX, glsl.SHADOW_FRAGMENT, uniforms, more), -2);

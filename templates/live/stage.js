@@ -74,8 +74,9 @@ function newContext(canvas, model, isSoftware) {
 }
 
 /** Put the camera where all points are seen, along `view`, or as it looks now; also when it turns about `up`. */
-function fit(stage, nodes, view) {
+function fit(stage, structure, view) {
   const { camera, controls, model } = stage;
+  const nodes = withGround(structure, model);
   const swings = controls.enableDamping;
   controls.enableDamping = false; // a turn that still swings out ends here
   controls.update();
@@ -108,6 +109,18 @@ function fit(stage, nodes, view) {
   stage.followed = null;
   stage.isFitted = true;
   stage.dirty = true;
+}
+
+/** The points, and those of the scene's ground below them where it is near. */
+function withGround(nodes, { scene, size }) {
+  if (!scene.plane) return nodes;
+  const { normal, offset } = scene.plane;
+  const below = [];
+  for (let k = 0; k < nodes.length; k += 3) {
+    const height = nodes[k] * normal[0] + nodes[k + 1] * normal[1] + nodes[k + 2] * normal[2] - offset;
+    if (Math.abs(height) < NEAR_GROUND * size) below.push(...normal.map((value, axis) => nodes[k + axis] - height * value));
+  }
+  return [...nodes, ...below];
 }
 
 /** How far the camera must be to see a point. */
@@ -240,14 +253,45 @@ function setRatio(stage, ratio) {
   resize(stage);
 }
 
-/** Where the ground lies along the axis across it, or the plane of a planar structure. */
+const LEVEL = 1e-9; // of a normal across the upward axis: the ground is level below it
+const AROUND = 4; // sizes of ground beyond the motion
+const NEAR_GROUND = 2; // sizes from which on the picture leaves the ground out
+
+/** Where the ground lies along the axis across it, or the plane of a planar structure; null on a slope. */
 export function groundLevel({ low, high, size, scene }) {
   const across = 3 - scene.ground[0] - scene.ground[1];
+  if (scene.plane && !scene.is_planar) {
+    const isLevel = scene.plane.normal.every((value, axis) => axis === across || Math.abs(value) < LEVEL);
+    return isLevel ? scene.plane.offset / scene.plane.normal[across] : null;
+  }
   return scene.is_planar ? (low[across] + high[across]) / 2 : low[across] - scene.ground_gap * size;
 }
 
-/** A grid on the ground, or behind a planar structure, with a round step. */
-function buildGround(model) {
+/** The plane of the scene's ground: a grid, or from its side a line with strokes below it. */
+function planeLines({ low, high, size, reach, scene }) {
+  const normal = new THREE.Vector3(...scene.plane.normal);
+  const sideways = new THREE.Vector3(...(scene.is_planar ? scene.view : scene.up));
+  if (!scene.is_planar && Math.abs(normal.dot(sideways)) > 1 - LEVEL) sideways.set(0, 1, 0);
+  const first = new THREE.Vector3().crossVectors(sideways, normal).normalize();
+  const second = new THREE.Vector3().crossVectors(normal, first);
+  const middle = new THREE.Vector3(...low.map((value, axis) => (value + high[axis]) / 2));
+  middle.addScaledVector(normal, scene.plane.offset - middle.dot(normal));
+  const step = Math.max(roundUp(size / 8), reach / 100);
+  const count = Math.ceil((reach / 2 + AROUND * size) / step);
+  const at = (x, y, up = 0) => middle.clone().addScaledVector(first, x * step).addScaledVector(second, y * step)
+    .addScaledVector(normal, up * step).toArray();
+  const points = [];
+  if (scene.is_planar) {
+    points.push(...at(-count, 0), ...at(count, 0));
+    for (let k = -count; k < count; k++) points.push(...at(k, 0), ...at(k + 0.5, 0, -0.5));
+    return points;
+  }
+  for (let k = -count; k <= count; k++) points.push(...at(k, -count), ...at(k, count), ...at(-count, k), ...at(count, k));
+  return points;
+}
+
+/** A grid below the structure, or behind a planar one, with a round step. */
+function gridLines(model) {
   const { low, high, size, scene } = model;
   const step = roundUp(size / 8);
   const [first, second] = scene.ground;
@@ -268,6 +312,12 @@ function buildGround(model) {
   };
   line(first, second);
   line(second, first);
+  return points;
+}
+
+/** The lines of the ground that the scene states, else of a grid. */
+function buildGround(model) {
+  const points = model.scene.plane ? planeLines(model) : gridLines(model);
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points), 3));
   const mesh = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ toneMapped: false, depthWrite: false }));

@@ -34,7 +34,8 @@ function buildModel(engine, bytes) {
     top += 8 * Math.max(count, 1);
   };
   const n = engine.sizes.coordinate;
-  reserve("state", 2 * n);
+  const states = 2 * n + (engine.sizes.internal ?? 0); // coordinates, velocities, internal states
+  reserve("state", states);
   for (const [name, size] of Object.entries(engine.sizes)) reserve(name, size);
   for (const [name, { size }] of Object.entries(engine.functions)) reserve(`out_${name}`, size);
   for (const name of ["time", "step", "n_sampled", "sample_time"]) reserve(name, 1);
@@ -46,7 +47,7 @@ function buildModel(engine, bytes) {
   reserve("profile_time", 3);
   reserve("profile_coefficient", 4 * pulled);
   reserve("vibration", 3);
-  reserve("sample_state", 2 * n);
+  reserve("sample_state", states);
   reserve("sample_tension", Math.max(...engine.methods.map((method) => method.tensions.length)));
   reserve("work", Math.max(...engine.methods.map((method) => method.work_size)));
   const missing = top - exports.memory.buffer.byteLength;
@@ -71,6 +72,7 @@ function reset() {
   for (const [name, values] of Object.entries(engine.nominal)) arrays[name].set(values);
   arrays.state.set(engine.nominal.coordinate, 0);
   arrays.state.set(engine.nominal.velocity, n);
+  arrays.state.set(engine.nominal.internal ?? [], 2 * n);
   arrays.time[0] = 0;
   restart();
   model.status = 0;
@@ -122,7 +124,8 @@ function compute(name) {
   const { engine, exports, arrays, address, n } = model;
   const { symbol, inputs } = engine.functions[name];
   arrays.coordinate.set(arrays.state.subarray(0, n));
-  arrays.velocity.set(arrays.state.subarray(n));
+  arrays.velocity.set(arrays.state.subarray(n, 2 * n));
+  arrays.internal?.set(arrays.state.subarray(2 * n));
   const status = exports[symbol](...inputs.map(address), address(`out_${name}`));
   return status === 0 ? arrays[`out_${name}`] : arrays[`out_${name}`].fill(NaN);
 }

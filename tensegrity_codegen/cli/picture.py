@@ -263,8 +263,6 @@ def play_live(
     from tensegrity_codegen.live.three_module import find_three
     from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library, check_buildable
     from tensegrity_codegen.pipeline.settle import find_settled
-    from tensegrity_codegen.structure.collision import require_no_collision
-    from tensegrity_codegen.structure.ground_support import require_no_ground
 
     if not 1e-12 <= rtol <= 1e-2:
         raise InvalidValueError(
@@ -272,8 +270,6 @@ def play_live(
         )
     check_choice(method, METHODS, "method", "--method")
     subject, request = output.load(scene, settles=settle)
-    require_no_ground(subject, "a page in which the model runs")
-    require_no_collision(subject, "a page in which the model runs")
     wanted = request_play(subject, request, method)
     check_buildable(subject, wanted)
     module, licence = find_three(three)

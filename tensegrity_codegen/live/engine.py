@@ -12,8 +12,6 @@ from tensegrity_codegen.live.channels import pack
 from tensegrity_codegen.live.live_scene import LiveScene
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodySystem, RigidBody
-from tensegrity_codegen.structure.collision import require_no_collision
-from tensegrity_codegen.structure.ground_support import require_no_ground
 from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
@@ -153,6 +151,7 @@ DAMPED_OUT = (
 MOST_WORK = 1e6  # members times explicit steps a simulated second above which implicit ones are considered
 STIFFER = 20.0  # bars to cables, as frequencies, from which implicit steps are so much longer that they pay
 PULL = 0.2  # of the structure's size: displacement at which a pull of strength 1 has the usual force
+STATE = ("coordinate", "velocity", "internal")
 UNSHOWN = ("held", "reaction", "use")  # of stated positions only
 
 
@@ -187,8 +186,6 @@ def add_engine(
     LiveScene
         The scene with the module and its description.
     """
-    require_no_ground(subject, "a page in which the model runs")
-    require_no_collision(subject, "a page in which the model runs")
     structure = outline_bodies(subject)
     methods = {item.name: item for item in manifest.integrators}
     method = choose_method(structure, methods) if method == "auto" else method
@@ -211,7 +208,7 @@ def add_engine(
         "atol": 1e-3 * rtol * scales.size,
         "axes": manifest.axes,
         "sizes": sizes,
-        "changeable": [name for name in sizes if name not in ("coordinate", "velocity")],
+        "changeable": [name for name in sizes if name not in STATE],
         "functions": {
             spec.quantity: {
                 "symbol": spec.symbol,

@@ -248,6 +248,7 @@ def build_live_scene(
     size = np.linalg.norm(reaction, axis=-1)
     data = {
         **choose_view(structure.axes, is_supported=bool(held.size), direction=start.view),
+        "plane": _describe_plane(subject, origin),
         "title": structure.name,
         "start": start.describe(),
         "most_names": MOST_NAMES,
@@ -264,6 +265,15 @@ def build_live_scene(
     }
     facts = _list_facts(structure, motion, rounding)
     return LiveScene(structure.name, _headline(structure, motion), facts, data, channels)
+
+
+def _describe_plane(subject: Structure | BodySystem, origin: FloatArray) -> dict[str, Any] | None:
+    """Return normal and offset of the ground from the page's origin, None without a ground."""
+    ground = subject.ground
+    if ground is None:
+        return None
+    offset = ground.offset - float(ground.normal @ origin)
+    return {"normal": ground.normal.tolist(), "offset": offset}
 
 
 def _pack_structure(structure: Structure) -> dict[str, Channel]:

@@ -16,6 +16,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import MissingSourceError
 
 EXAMPLES = Path(__file__).parents[2] / "tensegrity_codegen" / "scene" / "examples"
+GALLERY = Path(__file__).parents[2] / "docs" / "gallery"
 
 
 def load(name: str) -> Any:

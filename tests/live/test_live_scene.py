@@ -9,6 +9,7 @@ from tensegrity_codegen.live.live_scene import build_live_scene, choose_view, co
 from tensegrity_codegen.report.loads import compute_reactions
 from tensegrity_codegen.report.pictures.choices import read_view
 from tensegrity_codegen.structure.member_limits import check_members
+from tests.ground_cases import make_slope
 from tests.live.pages import load, sway
 from tests.live.test_channels import unpack
 
@@ -107,3 +108,13 @@ def test_planes_are_looked_at_along_their_normal(
 def test_named_views_are_parallel_projections_as_in_pictures(text: str | None, is_flat: bool) -> None:
     view = choose_view((0, 1, 2), is_supported=False, direction=read_view(text))
     assert view["is_flat"] == is_flat
+
+
+def test_the_plane_of_the_ground_is_counted_from_the_origin_of_the_page() -> None:
+    slope, _ = make_slope(0.3)
+    data = build_live_scene(slope).data
+    ground = slope.ground
+    assert ground is not None
+    assert data["plane"]["normal"] == ground.normal.tolist()
+    assert data["plane"]["offset"] == pytest.approx(-float(ground.normal @ data["origin"]), abs=1e-15)
+    assert build_live_scene(load("prism")).data["plane"] is None

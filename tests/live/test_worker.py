@@ -18,7 +18,7 @@ from tensegrity_codegen.live.live_scene import build_live_scene
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tests.codegen.compilers import require_compiler
-from tests.live.pages import EXAMPLES
+from tests.live.pages import EXAMPLES, GALLERY
 from tests.live.test_channels import unpack
 
 # Zig compiles the C library of WebAssembly the first time, for minutes where the processor is shared.
@@ -203,3 +203,30 @@ def test_wrong_orders_are_refused_and_change_nothing(case: tuple[Any, ...]) -> N
     for (name, _, words), text in zip(REFUSED, texts, strict=True):
         assert text.startswith(f"{name}: ")
         assert words in text
+
+
+def test_a_structure_on_the_ground_bounces_as_in_native_c() -> None:
+    require_compiler("zig")
+    subject, request = load_scene(GALLERY / "superball_drop.toml")
+    play = request_play(subject, request)
+    built = build_library(subject, play, target="wasm32")
+    script = """
+    const rows = [0.4, 0.6, 1.0].map((time) => Array.from(order("advance", { time }).nodes));
+    const { total, status } = order("state");
+    order("reset");
+    const again = Array.from(order("advance", { time: 1.0 }).nodes);
+    return { rows, total, status, again };
+    """
+    found = run_worker(subject, built, script)
+    native = build_library(subject, replace(play, integrators=("rk54", "rk853"), events=None)).load()
+    stepping = Stepping(atol=1e-12, control="steps")
+    motion = simulate(
+        native, 1.0, samples=[0.0, 0.4, 0.6, 1.0], method="rk853", rtol=1e-10, stepping=stepping
+    )
+    assert motion.log.count > 5
+    rows = np.array(found["rows"]).reshape(3, 12, 3)
+    np.testing.assert_allclose(rows, motion.node_position[1:], atol=1e-4)
+    assert rows[1, :, 2].min() < 0.031 < rows[0, :, 2].min()  # it has touched with its rods' radius
+    assert found["total"] == pytest.approx(motion.total_energy[-1], abs=1e-2)
+    assert found["status"] == 0
+    np.testing.assert_array_equal(found["again"], found["rows"][-1])
