@@ -97,6 +97,7 @@ def has_vectors(structure: Subject, request: ModelRequest) -> bool:
         and len(structure.axes) == 3
         and request.precision == "double"
         and structure.n_members >= LEAST_VECTOR_MEMBERS
+        and getattr(structure, "ground", None) is None
         and any(name in FORCE_QUANTITIES or name in BLOCKS for name in request.quantities)
     )
 

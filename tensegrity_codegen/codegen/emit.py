@@ -139,9 +139,8 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     check_collision(structure, request)
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")
-    with_forces = getattr(structure, "ground", None) or getattr(structure, "collision", None)
-    if request.emitter == AUTO and with_forces:
-        choice = EmitterChoice(UNROLLED.name, "the only emitter for contacts with forces")
+    if request.emitter == AUTO and getattr(structure, "collision", None):
+        choice = EmitterChoice(UNROLLED.name, "the only emitter for bars that press each other")
     elif request.emitter == AUTO:
         choice = choose_emitter(find_facts(structure, request))
     emitter = EMITTERS[choice.name]

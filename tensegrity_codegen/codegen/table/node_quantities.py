@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 
+from tensegrity_codegen.codegen.table.contacts import contact_forces
 from tensegrity_codegen.codegen.table.member_stages import force_stages
 from tensegrity_codegen.codegen.table.members.access import held_arguments, vector_texts
 from tensegrity_codegen.codegen.table.members.external import ExternalForce, mass_text
@@ -74,6 +75,8 @@ def _of_force(quantity: NodeQuantity) -> Callable[[TableModel], Recipe]:
             return Recipe(shape, ())
         kernel, sink = FORCES[quantity.uses[0]]
         stages = force_stages(model, kernel, sink(name, index))
+        if quantity.uses[0] == "force":
+            stages += contact_forces(model, name, index)
         if _find_sign(quantity) < 0:
             stages.append(Statements.loop("k", count, [f"{name}[k] = -{name}[k];"]))
         return Recipe(shape, tuple(stages))

@@ -11,6 +11,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.codegen.table.contacts import (
+    ContactLoop,
+    contact_builders,
+    contact_energies,
+    contact_forces,
+)
 from tensegrity_codegen.codegen.table.coupled_mass import SolveCoupled
 from tensegrity_codegen.codegen.table.mass import DivideByMass, KineticEnergy, check_mass
 from tensegrity_codegen.codegen.table.matrices import MATRICES
@@ -134,6 +140,7 @@ def _accelerations(model: TableModel, target: str) -> list[Stage]:
     check_mass(model)
     return [
         *force_stages(model, "pull", AddToNodes(target, model.coordinate)),
+        *contact_forces(model, target, model.coordinate),
         DivideByMass(model, target),
         SolveCoupled(model, target),
     ]
@@ -147,7 +154,10 @@ def _state_derivative(model: TableModel) -> Recipe:
     count = model.n_coordinates
     copy = Statements.loop("k", count, ["state_derivative[k] = velocity[k];"], arguments=("velocity",))
     slope = f"@REAL@ *TENSEGRITY_RESTRICT const slope = state_derivative + {count};"
-    return Recipe((2 * count, 1), (copy, *_accelerations(model, "slope")), before=(slope,))
+    n_internal = len(model.structure.internal_name)
+    rates = [ContactLoop(model, "internal_rate", "state_derivative", start=2 * count)] if n_internal else []
+    stages = (copy, *_accelerations(model, "slope"), *rates)
+    return Recipe((2 * count + n_internal, 1), stages, before=(slope,))
 
 
 def _energy_builder(*parts: str) -> Callable[[TableModel], Recipe]:
@@ -157,6 +167,8 @@ def _energy_builder(*parts: str) -> Callable[[TableModel], Recipe]:
         stages: list[Stage] = []
         for part in parts:
             stages += ENERGY_STAGES[part](model)
+        if "work" in parts:
+            stages += ENERGY_STAGES["contact"](model)
         before = tuple(f"@REAL@ {part} = @ZERO@;" for part in parts)
         text = {
             ("elastic",): "elastic",
@@ -178,6 +190,7 @@ ENERGY_QUANTITY = {
 
 ENERGY_STAGES: Mapping[str, Callable[[TableModel], list[Stage]]] = {
     "elastic": lambda model: list(member_loops(model, "energy", AddUp("elastic"))),
+    "contact": lambda model: list(contact_energies(model, "elastic")),
     "kinetic": lambda model: [KineticEnergy(model, "kinetic")],
     "work": lambda model: [ExternalWork(model, "work")],
 }
@@ -186,6 +199,7 @@ BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
     **{record.name: _record_builder(record) for record in MEMBER_QUANTITIES},
     "spring_tension": _member_builder("static_tension", "spring_tension"),
     **node_builders(),
+    **contact_builders(),
     "member_law": member_law,
     **{name: _energy_builder(*parts) for parts, name in ENERGY_QUANTITY.items()},
     "acceleration": _acceleration,

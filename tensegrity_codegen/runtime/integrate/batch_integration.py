@@ -20,6 +20,7 @@ from tensegrity_codegen.runtime.integrate.raw_results import (
     RawBatch,
     is_within_reach,
     judge_ends,
+    say_unmonitored,
 )
 from tensegrity_codegen.runtime.model.arrays import to_batch
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -94,7 +95,9 @@ class _Batch:
         model, sample_time, step = motion.model, motion.sample_time, options.step
         require_double(model.manifest, "an integration from Python")
         self.name, self.library, self.max_steps = options.method, model.library, options.max_steps
+        contacts = len(model.manifest.contact_name)
         self.spec = _find_batch_integrator(model, self.name)
+        self.unmonitored = say_unmonitored(self.spec.unwatched + len(self.spec.cables), contacts)
         self.is_fixed = find_method(self.name).has_fixed_step
         self.width, self.call = model.library.batch_width, model.library.symbol(f"{self.spec.symbol}_batch")
         self.n_moved = 2 * len(model.manifest.coordinate_name)  # states besides the internal ones
@@ -205,8 +208,7 @@ class _Batch:
         step = self.step if self.is_fixed else None
         times = self.count[:, 0] * np.float64(step) if step else self.times
         end = (self.n_steps_wanted - 0.5) * self.step if step else self.end
-        n_cables = self.spec.unwatched + len(self.spec.cables)
-        ends = judge_ends(self.status, times, end, self.count, step, n_cables)
+        ends = judge_ends(self.status, times, end, self.count, step, self.unmonitored)
         n_steps, n_evaluations = self.count[:, 0].copy(), self.count[:, 2].copy()
         if step:
             n_evaluations = 4 * n_steps + 1

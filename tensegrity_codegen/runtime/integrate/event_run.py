@@ -8,6 +8,7 @@ from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, MAX_LOGGED
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.runtime.integrate.raw_results import say_unmonitored
 from tensegrity_codegen.runtime.model.arrays import to_sized
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
@@ -82,9 +83,9 @@ class EventRun:
         """How many events there were, and which are not watched, to be added to a message."""
         count = self.counts.n_events if self.has_events else 0
         note = f", {describe_count(count, 'event')}" if count else ""
-        unwatched = self.bound.spec.unwatched
-        cables = describe_count(unwatched, "cable")
-        return f"{note}, events of {cables} are not monitored (model.events)" if unwatched else note
+        spec, contacts = self.bound.spec, self.manifest.contact_name
+        unseen = say_unmonitored(spec.unwatched, 0 if "ground" in spec.events else len(contacts))
+        return f"{note}{unseen} (model.events)" if unseen else note
 
     def samples(self, sample_time: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
         """Return times and states reached; where an event has ended the run, that `time` [s] too."""

@@ -108,21 +108,28 @@ def judge_end(word: str, time: float, end: float) -> tuple[str, str]:
     return "ok", ""
 
 
+def say_unmonitored(n_cables: int, n_contacts: int) -> str:
+    """Return the words for events at which no step ends, none for no events."""
+    cables = describe_count(n_cables, "cable")
+    contacts = describe_count(n_contacts, "contact with the ground", "contacts with the ground")
+    named = [words for words, count in ((cables, n_cables), (contacts, n_contacts)) if count]
+    return f", events of {' and '.join(named)} are not monitored" if named else ""
+
+
 def judge_ends(
     status: NDArray[np.int32],
     time: FloatArray,
     end: float,
     count: CountArray,
     step: float | None,
-    n_cables: int,
+    unmonitored: str,
 ) -> list[tuple[str, str]]:
     """Return status word and message of every run.
 
     status (n_batch,): what C says, or GIVEN_UP; time (n_batch,) [s]: where each stopped; end [s]: where all
     should; count (n_batch, 3): steps taken, steps tried in vain, evaluations; step [s]: if it is fixed;
-    n_cables: how many can go slack, at which no step is cut.
+    unmonitored: words for the events at which no step is cut.
     """
-    quiet = f", events of {describe_count(n_cables, 'cable')} are not monitored" if n_cables else ""
     ends: list[tuple[str, str]] = []
     for number, stopped, (taken, rejected, _) in zip(status, time, count, strict=True):
         word = "ok" if number == GIVEN_UP else STATUS[number]
@@ -131,9 +138,9 @@ def judge_ends(
             continue
         verdict, message = judge_end(word, float(stopped), end)
         if step is None:
-            told = f"{taken} steps, {rejected} rejected{quiet}; {NOT_ESTIMATED}"
+            told = f"{taken} steps, {rejected} rejected{unmonitored}; {NOT_ESTIMATED}"
             ends.append((verdict, message or told))
         else:
             more = ": take a smaller step" if verdict == "unstable" else ""
-            ends.append((verdict, message + more or f"fixed step {step:.6g} s{quiet}"))
+            ends.append((verdict, message + more or f"fixed step {step:.6g} s{unmonitored}"))
     return ends

@@ -78,11 +78,11 @@ def find_energy_flow(
     samples tell nothing: they lose energy in short impacts, and a moving belt brings some in.
     """
     needed = {spec.quantity: spec.arguments for spec in manifest.functions}
+    if manifest.has_contacts and needed.get("energy_rate", ("velocity",)):
+        return np.array(False), np.array(True)
     if "energy_rate" not in needed:
         return np.array("velocity" not in needed["acceleration"]), np.array(False)
     if not needed["energy_rate"]:
         return np.array(True), np.array(False)
-    if manifest.has_contacts:
-        return np.array(False), np.array(True)
     found = power()
     return ~np.any(found, axis=-1), np.max(found, axis=-1) > 0.0

@@ -41,16 +41,12 @@ class GroundContact(NodeForce):
 
     def __init__(self, structure: Structure, ground: Ground, arguments: SymbolicArguments) -> None:
         self.ground = ground
-        axes = list(structure.axes)
-        normal, basis = ground.normal[axes], ground.tangents(structure.axes)[:, axes]
-        count = len(basis) if ground.friction else 0
-        self.contacts: list[_Contact] = []
+        count = len(structure.internal_name) // ground.n_contacts
+        self.contacts: list[Contact] = []
         for k, (node, radius) in enumerate(zip(ground.node.tolist(), ground.radius.tolist(), strict=True)):
             bristle = [arguments.symbols["internal"][k * count + i] for i in range(count)]
             at, rate = arguments.position[node], arguments.velocity[node]
-            self.contacts.append(
-                _Contact(ground, normal, basis[:count], ground.velocity[axes], at, rate, radius, bristle)
-            )
+            self.contacts.append(build_contact(ground, structure.axes, at, rate, radius, bristle))
 
     def forces(self) -> Mapping[int, Vector]:
         """Return node -> force of the ground on it [N]."""
@@ -81,8 +77,23 @@ class GroundContact(NodeForce):
         return quantities
 
 
+def build_contact(
+    ground: Ground,
+    axes: tuple[int, ...],
+    position: Vector,
+    velocity: Vector,
+    radius: Scalar,
+    bristle: Vector,
+) -> "Contact":
+    """Return one contact; position, velocity: of its node over the modelled axes; bristle: one a tangent."""
+    chosen = list(axes)
+    basis = ground.tangents(axes)[: len(bristle), chosen]
+    normal, belt = ground.normal[chosen], ground.velocity[chosen]
+    return Contact(ground, normal, basis, belt, position, velocity, radius, bristle)
+
+
 @dataclass
-class _Contact:
+class Contact:
     """One node on the ground; normal, basis, belt: over the modelled axes; bristle: its deflection s."""
 
     ground: Ground
@@ -91,7 +102,7 @@ class _Contact:
     belt: FloatArray
     position: Vector
     velocity: Vector
-    radius: float
+    radius: Scalar
     bristle: Vector
 
     @cached_property
@@ -157,10 +168,12 @@ class _Contact:
         return result
 
     def energy(self) -> Scalar:
+        """Return the energy of compressed ground and deflected bristle [J]."""
         bristle = sum(self.ground.stick_stiffness / 2.0 * s * s for s in self.bristle)
         return self.normal_force.energy() + bristle
 
     def power(self) -> Scalar:
+        """Return minus what impact and friction lose, plus what a belt does [W]."""
         ground, power = self.ground, self.normal_force.power()
         for tangent, s, rate, f in zip(
             self.basis, self.bristle, self.bristle_rate, self.friction, strict=True

@@ -64,7 +64,8 @@ class TableModel:
     @cached_property
     def arguments(self) -> dict[str, ModelArgument]:
         """All arguments in the order of C signatures, with the scene's values and without symbols."""
-        names = [n for n in ARGUMENTS if n in self.parameters or n in ("coordinate", "velocity", "input")]
+        always = {"coordinate", "velocity", "input", *(("internal",) if self.structure.internal_name else ())}
+        names = [n for n in ARGUMENTS if n in self.parameters or n in always]
         return {
             name: ModelArgument(ca.SX(), *nominal_value(self.structure, self.parameters, name))
             for name in names
