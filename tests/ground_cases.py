@@ -135,14 +135,16 @@ def make_icosahedron() -> Structure:
     return small.with_changes(ground=make_ground(12, friction=0.0, stiffness=2e4, dissipation=0.3))
 
 
-def make_belt(speed: float, mass: float = 1.0) -> Structure:
+def make_belt(speed: float, mass: float = 1.0, **ground: Any) -> Structure:
     """Return a block on a belt with the normal force 10 N, held by a spring of 100 N/m."""
     structure = make_structure(
         [[0.0, 0.0, -1e-4], [-1.0, 0.0, -1e-4]], [spring(0, 1, 1.0)], anchored={0: "yz", 1: "xyz"}, mass=mass
     )
     return structure.with_changes(
         ground=make_ground(
-            1, friction=0.4, stick_stiffness=1e4, stick_damping=100.0, velocity=np.array([speed, 0.0, 0.0])
+            1,
+            velocity=np.array([speed, 0.0, 0.0]),
+            **{"friction": 0.4, "stick_stiffness": 1e4, "stick_damping": 100.0, **ground},
         )
     )
 

@@ -31,6 +31,8 @@ enum {
   FIRST_CONTACT = 0,        /* first margin of a contact */
   N_CONTACTS = 1,
   N_KINKS = 1, /* margins of contacts from there on, at which forces do not jump */
+  FIRST_STICK = 0,
+  N_SLIPS = N_INTERNAL, /* last internal states: 1 where a contact slips or is open, 0 where it sticks */
   N_MARGINS = 2,            /* events that are watched, the condition last */
   N_MEASURED = N,           /* coordinates whose size counts as rounding */
   MOST_IN_SUCCESSION = 150, /* events, each within a thousandth of a step of the last one */

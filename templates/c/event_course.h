@@ -14,6 +14,17 @@ static const double MAX_NOISE_TIME = 1e-6;
 static inline int event_is_kink(int k) { return k >= FIRST_CONTACT && k < FIRST_CONTACT + N_KINKS; }
 
 #endif
+#if WITH_STATIC_FRICTION
+/* Note in the state which contacts slip. */
+static inline void event_set_slips(const event_memory *m, double *state)
+{
+  int k;
+  for (k = 0; k < N_SLIPS; ++k) {
+    state[N_STATES - N_SLIPS + k] = m->side[FIRST_STICK + k] > 0.0 ? 0.0 : 1.0;
+  }
+}
+
+#endif
 /* Time in which margin k passes its noise, at most MAX_NOISE_TIME of a step. */
 static inline double event_noise_time(double usual_step, const event_memory *m, int k)
 {

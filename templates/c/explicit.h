@@ -121,6 +121,17 @@ static inline int method_evaluate_margins(double h, const method_motion *m, real
       *m->time, h, m->state, w->lost, w->rates, change, w->trial, w->old, m->with, m->run, &w->events);
 }
 
+#if WITH_STATIC_FRICTION
+/* Note in the state which contacts slip, and evaluate again what depends on it. Zero if margins are not finite. */
+static inline int method_set_slips(const method_motion *m, real *change)
+{
+  event_set_slips(&m->work->events, m->state);
+  motion_rate(m->state, m->with, m->work->rates);
+  ++m->run->n_evaluations;
+  return method_evaluate_margins(m->run->pace, m, change);
+}
+
+#endif
 /* Pass the event that lies `root` ahead, no farther than `near`, by extrapolation to just beyond it. Zero if nothing
  * turned. */
 static inline int method_pass(double root, double near, double left, const method_motion *m)
@@ -150,6 +161,9 @@ static inline int method_pass(double root, double near, double left, const metho
     m->state[k] = w->trial[k];
     w->lost[k] = w->change[k] - (w->trial[k] - w->old[k]);
   }
+#if WITH_STATIC_FRICTION
+  event_set_slips(&w->events, m->state);
+#endif
 #if WITH_PROFILE
   profile_set_time(t1, m->with->profile);
 #endif
@@ -323,6 +337,11 @@ static inline int method_watch_on(
   event_after_step(*m->step, is_cut, is_landing, m->run);
   if (is_landing && event_change_sides(*m->time, events, events->start_margin, m->run)) {
     event_count_succession(*m->time, *m->step, m->run);
+#if WITH_STATIC_FRICTION
+    if (!method_set_slips(m, m->work->spare)) {
+      return SCENE_NON_FINITE_RESULT;
+    }
+#endif
     return method_after_crossing(m->run, is_over);
   }
   return SCENE_OK;
@@ -357,10 +376,18 @@ static inline int method_begin(double time_end, const method_motion *m)
   run->energy = motion_energy(m->state, m->state + N, m->with);
 #endif
 #if WITH_EVENTS
+#if WITH_STATIC_FRICTION
+  run->watch |= SCENE_EVENT_STICK; /* slip begins at an event */
+#endif
   if (run->watch && !method_evaluate_margins(*m->step, m, w->change)) {
     return SCENE_NON_FINITE_RESULT;
   }
   event_begin(*m->time, *m->step, run, &w->events);
+#if WITH_STATIC_FRICTION
+  if (!method_set_slips(m, w->change)) {
+    return SCENE_NON_FINITE_RESULT;
+  }
+#endif
 #endif
   run->is_started = 1;
   return SCENE_OK;
@@ -616,6 +643,11 @@ static inline int method_pass_kink(const method_motion *m)
     if (event_change_sides(*m->time, &w->events, w->events.start_margin, m->run)) {
       int is_over;
       event_count_succession(*m->time, *m->step, m->run);
+#if WITH_STATIC_FRICTION
+      if (!method_set_slips(m, w->spare)) {
+        return SCENE_NON_FINITE_RESULT;
+      }
+#endif
       return method_after_crossing(m->run, &is_over);
     }
   }

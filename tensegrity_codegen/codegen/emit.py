@@ -139,8 +139,10 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     check_collision(structure, request)
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")
-    if request.emitter == AUTO and getattr(structure, "collision", None):
-        choice = EmitterChoice(UNROLLED.name, "the only emitter for bars that press each other")
+    ground = getattr(structure, "ground", None)
+    is_bound = getattr(structure, "collision", None) or (ground and ground.has_static_friction)
+    if request.emitter == AUTO and is_bound:
+        choice = EmitterChoice(UNROLLED.name, "the only emitter for collisions and static friction")
     elif request.emitter == AUTO:
         choice = choose_emitter(find_facts(structure, request))
     emitter = EMITTERS[choice.name]

@@ -54,6 +54,9 @@ class Ground:
         N = k d^p max(0, 1 + a d')  where d > 0, else 0        along the normal
         T = kt s + ct v,  F = T min(1, mu N / |T|)             -F in the plane
         s' = (F - kt s) / ct
+
+    With a static friction mu is `static_friction` from when |T| falls to friction N until |T| exceeds
+    static_friction N: where the contact slips is a state of its own, and F jumps when it begins.
     """
 
     normal: FloatArray
@@ -109,6 +112,11 @@ class Ground:
     def n_contacts(self) -> int:
         """Number of nodes that can touch the ground."""
         return len(self.node)
+
+    @property
+    def has_static_friction(self) -> bool:
+        """Whether a contact sticks up to a larger friction than that with which it slips."""
+        return self.static_friction is not None and self.static_friction > self.friction
 
     def tangents(self, axes: tuple[int, ...]) -> FloatArray:
         """Return an orthonormal basis of the plane within the modelled axes.

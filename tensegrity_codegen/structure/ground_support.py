@@ -50,8 +50,8 @@ def check_ground(subject: Any, request: ModelRequest) -> None:
         raise refuse_ground(name, f"formulation {formulation!r}")
     if options.get("correction", "none") != "none":
         raise refuse_ground(name, "rigid bars with correction", 'choose correction = "none"')
-    if ground.static_friction not in (None, ground.friction):
-        raise refuse_ground(name, "static_friction above friction", "omit static_friction")
+    if ground.has_static_friction:
+        _check_static_friction(ground, request, name)
     if ground.n_contacts > MOST_CONTACTS and set(request.events or ()) & {"ground", "stick"}:
         raise refuse_ground(
             name,
@@ -75,3 +75,21 @@ def check_ground(subject: Any, request: ModelRequest) -> None:
     for what, is_wanted in wanted.items():
         if is_wanted:
             raise refuse_ground(name, what)
+
+
+def _check_static_friction(ground: Any, request: ModelRequest, name: str) -> None:
+    """Raise FormulationError for a request without the events at which slip begins."""
+    why = "the force jumps where slip begins, which only steps that end there can follow"
+    without = {
+        f"emitter {request.emitter!r}": request.emitter == "table",
+        "batch functions": bool(request.batch_width),
+        f"events of {ground.n_contacts} contacts": ground.n_contacts > MOST_CONTACTS,
+        "model.events without ground and stick": request.events is not None
+        and bool(request.integrators)
+        and not {"ground", "stick"} <= set(request.events),
+    }
+    for what, is_wanted in without.items():
+        if is_wanted:
+            raise refuse_ground(
+                name, f"static_friction above friction with {what}: {why}", "omit static_friction"
+            )

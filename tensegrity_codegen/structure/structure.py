@@ -196,11 +196,12 @@ class Structure(WithMemberLaws, Summarised):
 
     @property
     def internal_name(self) -> tuple[str, ...]:
-        """Names of the internal states: where contacts with friction stick, along each tangent."""
+        """Names of the internal states: deflections of bristles, then which contacts slip, if that counts."""
         if self.ground is None or not self.ground.friction:
             return ()
-        tangents = range(1, len(self.axes))
-        return tuple(f"{self.node_name[node]}_stick{k}" for node in self.ground.node for k in tangents)
+        tangents, nodes = range(1, len(self.axes)), [self.node_name[node] for node in self.ground.node]
+        bristles = (f"{name}_stick{k}" for name in nodes for k in tangents)
+        return (*bristles, *(f"{name}_slips" for name in nodes if self.ground.has_static_friction))
 
     @property
     def contact_name(self) -> tuple[str, ...]:

@@ -62,8 +62,14 @@ def test_other_analyses_are_refused(analysis: str) -> None:
 
 
 def test_static_friction_and_too_many_contacts_are_refused() -> None:
-    with pytest.raises(FormulationError, match="static_friction"):
-        load(make_block([0.0, 0.0, 0.1], static_friction=0.6), "acceleration")
+    sticky = make_block([0.0, 0.0, 0.1], static_friction=0.6)
+    for wanted in (
+        {"emitter": "table"},
+        {"batch_width": 8},
+        {"integrators": ("rk54",), "events": ("cable",)},
+    ):
+        with pytest.raises(FormulationError, match="static_friction"):
+            load(sticky, "acceleration", **wanted)
     crowd = _many_nodes(201)
     with pytest.raises(FormulationError, match="events of 201 contacts"):
         load(crowd, "acceleration", integrators=("rk54",), events=("ground",))

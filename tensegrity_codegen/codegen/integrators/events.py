@@ -87,6 +87,8 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
         counts["collision"] = subject.n_bar_pairs
     if ground := getattr(subject, "ground", None):
         counts |= {"ground": ground.n_contacts, "stick": ground.n_contacts if subject.internal_name else 0}
+        if ground.has_static_friction and sum(counts.values()) > MOST_WATCHED:  # whose slips are events
+            counts = {kind: counts[kind] for kind in ("ground", "stick")}
     if not 0 < sum(counts.values()) <= MOST_WATCHED or request.precision != "double":
         return ()
     return (*(kind for kind, count in counts.items() if count), "condition")
@@ -148,6 +150,8 @@ def events_context(
                 }
             )
             first += function.shape[0]
+    n_slips = sum(name.endswith("_slips") for name in manifest.internal_name)
+    continuous = BEGINNINGS if n_slips else CONTINUOUS
     contacts = [kind for kind in kinds if kind["word"] in BEGINNINGS]
     position = np.array(manifest.node_position).reshape(-1, 3)
     ends = position[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
@@ -158,11 +162,13 @@ def events_context(
         "n_margins": first + 1,
         "first_contact": contacts[0]["first"] if contacts else 0,
         "n_contacts": sum(kind["count"] for kind in contacts),
-        "n_kinks": sum(kind["count"] for kind in kinds if kind["word"] in CONTINUOUS),
+        "n_kinks": sum(kind["count"] for kind in kinds if kind["word"] in continuous),
+        "first_stick": next((kind["first"] for kind in kinds if kind["word"] == "stick"), 0),
+        "n_slips": n_slips,
         "n_measured": max(
             (reach.get(kind["quantity"], n_coordinates) for kind in kinds), default=n_coordinates
         ),
         "size": repr(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))),
-        "is_smooth": all(kind["word"] in CONTINUOUS or "velocity" not in kind["arguments"] for kind in kinds),
+        "is_smooth": all(kind["word"] in continuous or "velocity" not in kind["arguments"] for kind in kinds),
         "most_in_succession": MOST_IN_SUCCESSION,
     }

@@ -237,6 +237,7 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
             for word in ("switch", "collision", "ground", "stick")
         },
         "WITH_CONTACT_EVENTS": bool(events.get("n_contacts")),
+        "WITH_STATIC_FRICTION": bool(events.get("n_slips")),
         "WITH_SMOOTH_EVENTS": bool(events.get("is_smooth")),
         "WITH_CONSTRAINTS": bool(explicit.get("keeps_constraints")),
         "WITH_VELOCITY": bool(explicit.get("uses_velocity")),

@@ -14,7 +14,7 @@ from tensegrity_codegen.codegen.table.members.stage import loop, only_where
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
-from tensegrity_codegen.symbolic.node_forces.ground_contact import Contact, build_contact
+from tensegrity_codegen.symbolic.node_forces.ground_contact import Contact, build_contact, count_bristles
 from tensegrity_codegen.system.arrays import IntArray
 
 # What the kernel of one contact returns, by quantity.
@@ -55,7 +55,7 @@ class ContactLoop:
         """The results as a function of the node's position and velocity, its radius and its bristle."""
         symbols = {name: ca.SX.sym(name, self.model.n_axes) for name in ("position", "velocity")}
         symbols["radius"] = ca.SX.sym("radius")
-        count = len(self.model.structure.internal_name) // self.ground.n_contacts
+        count = count_bristles(self.model.structure)
         bristle = {f"bristle{k}": ca.SX.sym(f"bristle{k}") for k in range(count)}
         contact = build_contact(
             self.ground,
@@ -100,7 +100,7 @@ class ContactLoop:
     def write(self, writer: Writer) -> list[str]:
         """Return the loop."""
         values: list[str] = []
-        count = len(self.model.structure.internal_name) // self.repeats
+        count = count_bristles(self.model.structure)
         for name in self.kernel.inputs:
             if name in ("position", "velocity"):
                 values += vector_texts(writer, "contact", self.place, is_rate=name == "velocity")

@@ -41,20 +41,25 @@ class GroundContact(NodeForce):
 
     def __init__(self, structure: Structure, ground: Ground, arguments: SymbolicArguments) -> None:
         self.ground = ground
-        count = len(structure.internal_name) // ground.n_contacts
+        count, n_contacts = count_bristles(structure), ground.n_contacts
         self.contacts: list[Contact] = []
         for k, (node, radius) in enumerate(zip(ground.node.tolist(), ground.radius.tolist(), strict=True)):
             bristle = [arguments.symbols["internal"][k * count + i] for i in range(count)]
+            slips = (
+                arguments.symbols["internal"][n_contacts * count + k] if ground.has_static_friction else None
+            )
             at, rate = arguments.position[node], arguments.velocity[node]
-            self.contacts.append(build_contact(ground, structure.axes, at, rate, radius, bristle))
+            self.contacts.append(build_contact(ground, structure.axes, at, rate, radius, bristle, slips))
 
     def forces(self) -> Mapping[int, Vector]:
         """Return node -> force of the ground on it [N]."""
         return {node: c.force for node, c in zip(self.ground.node.tolist(), self.contacts, strict=True)}
 
     def internal_rate(self) -> list[Scalar]:
-        """Return the rates of the bristles, contact by contact [m/s]."""
-        return [rate for contact in self.contacts for rate in contact.bristle_rate]
+        """Return the rates of the bristles, contact by contact [m/s]; whether one slips changes at events."""
+        rates = [rate for contact in self.contacts for rate in contact.bristle_rate]
+        constant = [ca.SX(0.0)] * len(self.contacts) if self.ground.has_static_friction else []
+        return [*rates, *constant]
 
     def stored_energy(self) -> Scalar:
         """Return the energy of compressed ground and deflected bristles [J]."""
@@ -77,6 +82,12 @@ class GroundContact(NodeForce):
         return quantities
 
 
+def count_bristles(structure: Structure) -> int:
+    """Return the number of bristles of each contact: one a tangent, none without friction."""
+    ground = structure.ground
+    return len(structure.axes) - 1 if ground is not None and ground.friction else 0
+
+
 def build_contact(
     ground: Ground,
     axes: tuple[int, ...],
@@ -84,12 +95,16 @@ def build_contact(
     velocity: Vector,
     radius: Scalar,
     bristle: Vector,
+    slips: Scalar | None = None,
 ) -> "Contact":
-    """Return one contact; position, velocity: of its node over the modelled axes; bristle: one a tangent."""
+    """Return one contact; position, velocity: of its node over the modelled axes; bristle: one a tangent.
+
+    slips: 1 where it slips and 0 where it sticks, with a static friction.
+    """
     chosen = list(axes)
     basis = ground.tangents(axes)[: len(bristle), chosen]
     normal, belt = ground.normal[chosen], ground.velocity[chosen]
-    return Contact(ground, normal, basis, belt, position, velocity, radius, bristle)
+    return Contact(ground, normal, basis, belt, position, velocity, radius, bristle, slips)
 
 
 @dataclass
@@ -104,6 +119,7 @@ class Contact:
     velocity: Vector
     radius: Scalar
     bristle: Vector
+    slips: Scalar | None = None
 
     @cached_property
     def depth(self) -> Scalar:
@@ -141,7 +157,10 @@ class Contact:
     @cached_property
     def friction_limit(self) -> Scalar:
         """Largest friction mu N [N]."""
-        return self.ground.friction * self.normal_force.force
+        friction: Scalar = self.ground.friction
+        if self.slips is not None:
+            friction = ca.if_else(self.slips > 0.5, friction, self.ground.static_friction)
+        return friction * self.normal_force.force
 
     @cached_property
     def friction(self) -> Vector:

@@ -134,6 +134,44 @@ def test_a_slow_belt_carries_the_block_until_the_spring_wins(method: str) -> Non
     assert reach == pytest.approx(amplitude, rel=2e-2)  # the bristle is not rigid
 
 
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "period", "near"),
+    [(1e4, 100.0, 0.6711454574, 1e-9), (1e6, 1e3, 0.671238898038, 1e-6)],
+)
+def test_a_belt_with_static_friction_sticks_and_slips(
+    method: str, stiffness: float, damping: float, period: float, near: float
+) -> None:
+    """Rigid bristle: T = (2/w) (pi - atan(dF w / (k v))) + 2 dF / (k v), dF = (mu_s - mu) N.
+
+    The amplitude tends to sqrt((dF / k)^2 + (v / w)^2) = 0.0282842712475 m.
+    """
+    belt = make_belt(0.2, static_friction=0.6, stick_stiffness=stiffness, stick_damping=damping)
+    _, motion = move(belt, method, np.linspace(0.0, 4.0, 2001), rtol=1e-10, atol=1e-13)
+    log = zip(motion.log.time, motion.log.kind, motion.log.direction, strict=True)
+    slips = [time for time, kind, direction in log if (kind, direction) == ("stick", -1)]
+    assert np.diff(slips)[-2:] == pytest.approx(np.full(2, period), rel=near)
+    assert np.ptp(motion.coordinate[1000:, 0]) / 2 == pytest.approx(0.0282842712475, rel=1e-2)
+    assert belt.internal_name == ("n0_stick1", "n0_stick2", "n0_slips")
+    assert motion.internal is not None
+    assert set(np.unique(np.round(motion.internal[:, 2], 9))) == {0.0, 1.0}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_static_friction_holds_on_a_slope_that_friction_would_not(method: str) -> None:
+    """tan 30 degrees is 0.577: between 0.5 and 0.6; once it slips it goes on, as with 0.5 alone."""
+    angle = np.radians(30.0)
+    stuck = GRAVITY * np.sin(angle) / 1e5
+    slope, down = make_slope(angle, static_friction=0.6)
+    _, still = move(slope, method, [0.0, 2.0], arguments={"internal": [stuck, 0.0, 0.0]})
+    assert np.abs(still.velocity).max() < 1e-12
+    rate = GRAVITY * (np.sin(angle) - 0.5 * np.cos(angle))
+    velocity = np.concatenate([1.0 * down])
+    _, slid = move(slope, method, [0.0, 1.0], velocity=velocity)
+    assert slid.node_velocity[-1, 0] @ down == pytest.approx(1.0 + rate, rel=1e-3)
+    assert still.log.count == 0
+
+
 @pytest.mark.parametrize("method", [METHODS[1], *thorough(METHODS[0])])
 def test_an_icosahedron_stands_on_three_feet(method: str) -> None:
     model, motion = move(make_icosahedron(), method, [0.0, 6.0], rtol=1e-10, atol=1e-13)
