@@ -110,6 +110,11 @@ class Ground:
         """Number of nodes that can touch the ground."""
         return len(self.node)
 
+    def compute_depth(self, position: FloatArray) -> FloatArray:
+        """Return the penetrations (n_contacts,) [m] at positions of all nodes (n_nodes, 3)."""
+        depth: FloatArray = self.offset + self.radius - position[self.node] @ self.normal
+        return depth
+
     def tangents(self, axes: tuple[int, ...]) -> FloatArray:
         """Return an orthonormal basis of the plane within the modelled axes.
 

@@ -8,13 +8,15 @@ from tensegrity_codegen.tables.request import ModelRequest
 FORMULATIONS_WITH_GROUND = ("node_position", "rigid_bar")
 INTEGRATORS_WITH_GROUND = ("rk4", "rk54", "rk853")
 MOST_CONTACTS = 100  # each has two events, and every event ends a step
-# Quantities of structures at rest, and derivatives of forces: the ground is not in them.
+# Derivatives of motions, and forces of some members alone: the ground is not in them.
 WITHOUT_GROUND = (
-    *("node_residual", "cable_force", "support_reaction", "spring_tension", "member_law"),
-    *("tangent_stiffness", "material_stiffness", "geometric_stiffness", "damping_matrix"),
+    *("cable_force", "support_reaction", "member_law"),
+    *("material_stiffness", "geometric_stiffness", "damping_matrix"),
     *("state_jacobian", "input_jacobian", "parameter_jacobian", "rest_length_jacobian"),
-    *("residual_rest_length_jacobian", "tension_jacobian"),
 )
+# Analyses that do not know the ground, and what to do instead of them.
+ANCHOR = "remove the section [ground], and anchor the feet where `equilibrium` finds them"
+ANALYSES_WITHOUT_GROUND = ("equilibria", "load_path", "analyse", "plan", "time_motion", "control")
 ADVICE = 'simulate the motion with formulation "node_position" or "rigid_bar" and method "rk54" or "rk853"'
 
 
@@ -23,9 +25,15 @@ def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
     return FormulationError(
         f"the ground is not supported here: {what}",
         where=f"{name}: ground",
-        allowed="motions by explicit methods, in node positions or with rigid bars",
+        allowed="motions by explicit methods and equilibria, in node positions or with rigid bars",
         hint=hint,
     )
+
+
+def check_analysis(subject: Any, analysis: str) -> None:
+    """Raise FormulationError for an analysis that does not know the ground of a structure."""
+    if getattr(subject, "ground", None) is not None and analysis in ANALYSES_WITHOUT_GROUND:
+        raise refuse_ground(subject.name, f"the analysis {analysis!r}", ANCHOR)
 
 
 def require_no_ground(subject: Any, what: str) -> None:

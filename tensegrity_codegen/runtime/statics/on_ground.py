@@ -1,0 +1,339 @@
+"""Equilibria on the ground: the structure is let down until it touches, then its weights and loads grow.
+
+Without friction there is an energy, whose minimum is sought as that of any structure. With friction the
+result depends on the way: bristles start at zero where a foot first touches. In steps of the load, each from
+the one before, Newton's method solves the balance of forces with friction limited to mu N; the number of
+steps is doubled until the result is settled.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy
+
+from tensegrity_codegen.runtime.statics.newton import Outcome, find_minimum, find_stability
+from tensegrity_codegen.runtime.statics.stand import judge_stand
+from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray
+
+FIRST_STEPS, MOST_STEPS = 4, 64  # of the load
+SETTLED = 1e-9  # of the structure's size: change with twice the steps up to which a result is settled
+LEAST_PART = 1 / 8  # of a step of the load, to which it is cut where no balance is found
+MOST_NEWTON = 30  # iterations of Newton's method in a step of the load
+MOST_HALVINGS = 12  # of one step of Newton's method
+LIFT = 10.0  # times the structure's size: height at which it settles before it touches
+MOST_TILT = np.radians(15.0)  # turn about an axis along the plane, beyond which a structure has tipped
+
+Search = Callable[[Point], Outcome]
+
+
+@dataclass(frozen=True)
+class Feet:
+    """The contacts of an equilibrium with the ground.
+
+    Attributes
+    ----------
+    node_name : tuple of str
+        Nodes that can touch the ground.
+    state : tuple of str
+        ``"open"``, ``"stick"`` or ``"slip"`` of each; without friction ``"slide"``.
+    force : ndarray, shape (n_contacts, 3) [N]
+        Force of the ground on each.
+    penetration : ndarray, shape (n_contacts,) [m]
+        Depth of each below the plane.
+    internal : ndarray, shape (n_internal,) [m]
+        Deflections of bristles, for the argument `internal` of `simulate`.
+    load_steps : int
+        Steps in which the loads grew; 0 without friction.
+    change : float [m]
+        Largest change of a node's position from half of these steps.
+    """
+
+    node_name: tuple[str, ...]
+    state: tuple[str, ...]
+    force: FloatArray
+    penetration: FloatArray
+    internal: FloatArray
+    load_steps: int = 0
+    change: float = 0.0
+
+    def as_evidence(self) -> dict[str, Any]:
+        """Return state, force and penetration by node, and the steps of the load, JSON-ready."""
+        parts = zip(self.state, self.force.tolist(), self.penetration.tolist(), strict=True)
+        keys = ("state", "force", "penetration")
+        feet = {
+            name: dict(zip(keys, part, strict=True)) for name, part in zip(self.node_name, parts, strict=True)
+        }
+        return {"feet": feet, "load_steps": self.load_steps, "load_step_change": self.change}
+
+
+def find_on_ground(
+    problem: StaticProblem, start: FloatArray, search: Search, *, tolerance: float, max_iterations: int
+) -> tuple[Point, Outcome]:
+    """Return where a structure touches the ground, and its equilibrium from there.
+
+    start: (n_coordinates,). search: finds the minimum of an energy from a point. The state of the contacts is left in
+    `problem.contacts`.
+    """
+    contacts = problem.contacts
+    assert contacts is not None
+    held = _is_held(problem, contacts.ground.normal)
+    if contacts.friction and contacts.slide is not None and _is_held(problem, contacts.ground.velocity):
+        contacts.dragged = contacts.slide
+    touching = start if held else _let_down(problem, start, settle=contacts.friction, tolerance=tolerance)
+    if not held:
+        press = -float(contacts.external.sum(axis=0) @ contacts.ground.normal)
+        if press <= 0.0:
+            point = _find_point(problem, touching)
+            return point, Outcome("lifts_off", point, 0, "no weight or load presses it onto the ground")
+    if contacts.friction:
+        outcome = _Loading(problem, touching, search, held, tolerance, max_iterations).refine()
+    else:
+        outcome = search(_find_point(problem, _press_in(problem, touching, held)))
+    return _find_point(problem, touching), outcome if held else _judge(problem, touching, outcome)
+
+
+def _judge(problem: StaticProblem, begun: FloatArray, outcome: Outcome) -> Outcome:
+    """Return the outcome with the reason for which a free structure does not stand where it began."""
+    contacts = problem.contacts
+    assert contacts is not None
+    before, after = problem.node_position(begun), problem.node_position(outcome.point.coordinate)
+    structure, mu = contacts.structure, contacts.ground.friction if contacts.friction else 0.0
+    tilt = find_tilt(before, after, contacts.ground.normal)
+    if tilt > MOST_TILT:
+        touching = zip(structure.contact_name, contacts.depth(after), strict=True)
+        feet = ", ".join(name for name, depth in touching if depth > 0)
+        onto = f" onto {feet}" if outcome.status in ("converged", "rounding_limited") and feet else ""
+        message = f"tips over: it turns by {np.degrees(tilt):.3g} degrees{onto} before it rests"
+        return replace(outcome, status="tips", message=message)
+    if outcome.status in ("converged", "rounding_limited"):
+        return outcome
+    for place in (after, before):
+        verdict = judge_stand(structure, place, contacts.external, friction=mu)
+        if verdict.verdict in ("slides", "tips", "lifts_off", "one_foot", "on_a_line"):
+            status = verdict.verdict if verdict.verdict in ("slides", "lifts_off") else "tips"
+            slip = ", ".join(verdict.foot)
+            feet = f" (feet {slip} slip)" if status == "slides" else ""
+            return replace(outcome, status=status, message=verdict.message + feet)
+    return outcome
+
+
+def describe_feet(problem: StaticProblem, coordinate: FloatArray) -> Feet:
+    """Return the contacts at an equilibrium; contacts and bristles are those of `problem.contacts`."""
+    contacts = problem.contacts
+    assert contacts is not None
+    position = problem.node_position(coordinate)
+    depth = contacts.depth(position)
+    slips = np.zeros(len(depth), dtype=bool)
+    if contacts.friction and contacts.start is not None:
+        slips = contacts.bristles(position)[1]
+    words = np.where(slips, "slip", "stick" if contacts.friction else "slide")
+    state = contacts.state(position).get("internal", np.zeros(0))
+    return Feet(
+        node_name=contacts.structure.contact_name,
+        state=tuple(np.where(depth > 0, words, "open").tolist()),
+        force=contacts.forces(position),
+        penetration=depth,
+        internal=state,
+        load_steps=contacts.load_steps,
+        change=contacts.change,
+    )
+
+
+def find_tilt(before: FloatArray, after: FloatArray, normal: FloatArray) -> float:
+    """Return the angle by which the nodes (n, 3) have turned out of the plane [rad], by their best fit."""
+    left = (before - before.mean(axis=0)).T @ (after - after.mean(axis=0))
+    u, _, vt = np.linalg.svd(left)
+    turn = vt.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))]) @ u.T
+    return float(np.arccos(np.clip(normal @ turn @ normal, -1.0, 1.0)))
+
+
+def _is_held(problem: StaticProblem, direction: FloatArray) -> bool:
+    """Return whether an anchor holds a node along a direction (3,)."""
+    axes = np.flatnonzero(np.abs(direction) > 1e-12 * np.linalg.norm(direction))
+    return any(int(np.sum(problem.axis == axis)) < len(problem.model.manifest.node_name) for axis in axes)
+
+
+def _find_point(problem: StaticProblem, coordinate: FloatArray) -> Point:
+    point = problem.find_point(coordinate)
+    assert point is not None
+    return point
+
+
+def _let_down(problem: StaticProblem, start: FloatArray, *, settle: bool, tolerance: float) -> FloatArray:
+    """Return coordinates at which the structure just touches, in the shape that its prestress gives it."""
+    contacts = problem.contacts
+    assert contacts is not None
+    up = contacts.ground.normal[problem.axis]
+    position = problem.node_position(start)
+    if settle:
+        height = LIFT * float(np.ptp(position, axis=0).max()) + float(contacts.depth(position).max())
+        lifted = start + up * height
+        contacts.load_factor = 0.0
+        problem.forget()
+        outcome = find_minimum(problem, _find_point(problem, lifted), tolerance=tolerance, max_iterations=500)
+        if outcome.status in ("converged", "rounding_limited"):
+            start = outcome.point.coordinate
+        contacts.load_factor = 1.0
+        problem.forget()
+    deepest = float(contacts.depth(problem.node_position(start)).max())
+    return np.asarray(start + up * deepest)
+
+
+def _press_in(problem: StaticProblem, touching: FloatArray, held: bool) -> FloatArray:
+    """Return coordinates with the depth at which one foot of those that touch carries a third of it all."""
+    contacts = problem.contacts
+    assert contacts is not None
+    if held:
+        return touching
+    press = -contacts.load_factor * float(contacts.external.sum(axis=0) @ contacts.ground.normal)
+    depth = (press / 3 / contacts.ground.stiffness) ** (1 / contacts.ground.exponent)
+    return np.asarray(touching - depth * contacts.ground.normal[problem.axis])
+
+
+class _Loading:
+    """The growth of weights and loads from zero, with friction."""
+
+    def __init__(
+        self,
+        problem: StaticProblem,
+        touching: FloatArray,
+        search: Search,
+        held: bool,
+        tolerance: float,
+        max_iterations: int,
+    ) -> None:
+        assert problem.contacts is not None
+        self.problem, self.contacts, self.search = problem, problem.contacts, search
+        self.touching, self.held = touching, held
+        self.tolerance, self.max_iterations = tolerance, max_iterations
+        self.iterations = 0
+        self.status, self.message = "no_equilibrium", ""
+        self.slips = np.zeros(self.contacts.ground.n_contacts, dtype=bool)
+
+    def refine(self) -> Outcome:
+        """Return the equilibrium with so many steps of the load that twice as many do not change it."""
+        position = self.problem.node_position(self.touching)
+        size = float(np.ptp(position, axis=0).max())
+        last: Point | None = None
+        count = FIRST_STEPS
+        while True:
+            found = self._grow(count)
+            if found is None:
+                return Outcome(self.status, self.last, self.iterations, self.message)
+            self.contacts.load_steps = count
+            if last is not None:
+                moved = found.coordinate - last.coordinate
+                self.contacts.change = self.problem.largest_node_norm(moved)
+                if self.contacts.change <= SETTLED * size or count >= MOST_STEPS:
+                    break
+            last, count = found, 2 * count
+        stability = find_stability(self.problem, found)
+        status, message = "converged", ""
+        if stability.is_unstable:
+            status, message = "unstable", "an unstable equilibrium (a saddle of the energy)"
+        elif self.contacts.change > SETTLED * size:
+            message = (
+                f"feet slip, and friction depends on the way: with twice the {count} steps of the load nodes "
+                f"move by about {self.contacts.change:.2g} m"
+            )
+        return Outcome(status, found, self.iterations, message, stability=stability)
+
+    def _grow(self, count: int) -> Point | None:
+        """Return the equilibrium under the whole load after `count` steps, None where the way ends."""
+        problem, contacts = self.problem, self.contacts
+        contacts.begin(problem.node_position(self.touching))
+        self.last = _find_point(problem, self.touching)
+        reached, part, here = 0.0, 1.0 / count, self.touching
+        while reached < 1.0:
+            contacts.load_factor = min(1.0, reached + part)
+            problem.forget()
+            start = here if reached else _press_in(problem, here, self.held)
+            found = self._balance(start)
+            if found is None and (part := part / 2) >= LEAST_PART / count:
+                continue
+            if found is None or not (self.held or self._is_upright(found)):
+                self._explain(found, reached)
+                return None
+            self.last, here, reached = found, found.coordinate, contacts.load_factor
+            if reached < 1.0:
+                position = problem.node_position(here)
+                contacts.begin(position, contacts.bristles(position)[0])
+                part = 1.0 / count
+        return self.last
+
+    def _is_upright(self, point: Point) -> bool:
+        before, after = (self.problem.node_position(q) for q in (self.touching, point.coordinate))
+        return find_tilt(before, after, self.contacts.ground.normal) <= MOST_TILT
+
+    def _explain(self, found: Point | None, reached: float) -> None:
+        """Take the reason for which the way ends: it has tipped, or no balance was found."""
+        if found is not None:
+            self.last = found
+        slips = ", ".join(
+            name
+            for name, slips in zip(self.contacts.structure.contact_name, self.slips, strict=True)
+            if slips
+        )
+        self.status = "slides" if slips else "no_equilibrium"
+        feet = f": feet {slips} slip" if slips else ""
+        self.message = f"no balance of forces beyond {reached:.3g} of weights and loads{feet}"
+        self.contacts.load_factor = 1.0
+        self.problem.forget()
+
+    def _balance(self, start: FloatArray) -> Point | None:
+        """Return the equilibrium with limited friction near `start`, from one with friction that holds."""
+        found = self._solve(start)
+        if found is None:
+            self.contacts.limited = self.contacts.dragged is not None
+            self.problem.forget()
+            stuck = self.search(_find_point(self.problem, start))
+            self.iterations += stuck.iterations
+            self.problem.forget()
+            found = self._solve(stuck.point.coordinate)
+        if found is None:
+            self.slips = self.contacts.bristles(self.problem.node_position(stuck.point.coordinate))[1]
+        return found
+
+    def _solve(self, coordinate: FloatArray) -> Point | None:
+        """Return the balance of forces that Newton's method finds, None where it finds none."""
+        self.contacts.limited = True
+        problem = self.problem
+        point = problem.find_point(coordinate)
+        for _ in range(min(self.max_iterations, MOST_NEWTON)):
+            if point is None:
+                return None
+            self.iterations += 1
+            self.contacts.exact = True
+            stiffness = problem.stiffness(point.coordinate)
+            self.contacts.exact = False
+            floor = problem.rounding_floor(stiffness, point)
+            balanced = point.is_balanced(self.tolerance, floor)
+            force = problem.directional_residual(point)
+            try:
+                step = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness)).solve(force)
+            except RuntimeError:  # singular
+                return point if balanced else None
+            better = self._shorten(point, step, force)
+            if better is None:
+                return point if balanced else None
+            if balanced and better.node_force > point.node_force / 2:
+                return point
+            point = better
+        return None
+
+    def _shorten(self, point: Point, step: FloatArray, force: FloatArray) -> Point | None:
+        """Return the configuration along a step where the forces are closer to balance."""
+        before = float(np.linalg.norm(force))
+        if not np.isfinite(step).all():
+            return None
+        for k in range(MOST_HALVINGS):
+            trial = self.problem.find_displaced_point(point.coordinate, step / 2**k)
+            if trial is None:
+                continue
+            after = float(np.linalg.norm(self.problem.directional_residual(trial)))
+            if after < (1 - 1e-4 / 2**k) * before:
+                return trial
+        return None
