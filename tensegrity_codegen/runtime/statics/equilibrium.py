@@ -177,7 +177,6 @@ def find_equilibrium(
                     start,
                     lambda begin: search(begin)[1],
                     tolerance=tolerance,
-                    max_iterations=max_iterations,
                 )
         equilibrium = record_outcome(problem, point, outcome, used)
     if raise_on_failure and not equilibrium.is_found:

@@ -13,8 +13,13 @@ from typing import Any
 import numpy as np
 import scipy
 
-from tensegrity_codegen.runtime.statics.newton import Outcome, find_minimum, find_stability
-from tensegrity_codegen.runtime.statics.stand import judge_stand
+from tensegrity_codegen.runtime.contacts.judge_stand import judge_stand
+from tensegrity_codegen.runtime.statics.newton import (
+    Outcome,
+    find_idle_motions,
+    find_minimum,
+    find_stability,
+)
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 
@@ -24,7 +29,7 @@ LEAST_PART = 1 / 8  # of a step of the load, to which it is cut where no balance
 MOST_NEWTON = 30  # iterations of Newton's method in a step of the load
 MOST_HALVINGS = 12  # of one step of Newton's method
 LIFT = 10.0  # times the structure's size: height at which it settles before it touches
-MOST_TILT = np.radians(15.0)  # turn about an axis along the plane, beyond which a structure has tipped
+MOST_TILT = float(np.radians(15.0))  # turn about an axis along the plane, beyond which a structure has tipped
 
 Search = Callable[[Point], Outcome]
 
@@ -70,12 +75,12 @@ class Feet:
 
 
 def find_on_ground(
-    problem: StaticProblem, start: FloatArray, search: Search, *, tolerance: float, max_iterations: int
+    problem: StaticProblem, start: FloatArray, search: Search, *, tolerance: float
 ) -> tuple[Point, Outcome]:
     """Return where a structure touches the ground, and its equilibrium from there.
 
-    start: (n_coordinates,). search: finds the minimum of an energy from a point. The state of the contacts is left in
-    `problem.contacts`.
+    start: (n_coordinates,). search: finds the minimum of an energy from a point. The state of the contacts
+    is left in `problem.contacts`.
     """
     contacts = problem.contacts
     assert contacts is not None
@@ -89,7 +94,7 @@ def find_on_ground(
             point = _find_point(problem, touching)
             return point, Outcome("lifts_off", point, 0, "no weight or load presses it onto the ground")
     if contacts.friction:
-        outcome = _Loading(problem, touching, search, held, tolerance, max_iterations).refine()
+        outcome = _Loading(problem, touching, search, held=held, tolerance=tolerance).refine()
     else:
         outcome = search(_find_point(problem, _press_in(problem, touching, held)))
     return _find_point(problem, touching), outcome if held else _judge(problem, touching, outcome)
@@ -116,8 +121,17 @@ def _judge(problem: StaticProblem, begun: FloatArray, outcome: Outcome) -> Outco
             status = verdict.verdict if verdict.verdict in ("slides", "lifts_off") else "tips"
             slip = ", ".join(verdict.foot)
             feet = f" (feet {slip} slip)" if status == "slides" else ""
-            return replace(outcome, status=status, message=verdict.message + feet)
+            message = verdict.message.removeprefix("slides: ").removeprefix("tips ")
+            return replace(outcome, status=status, message=message + feet)
     return outcome
+
+
+def continue_on_ground(
+    problem: StaticProblem, start: FloatArray, search: Search, *, tolerance: float
+) -> Outcome:
+    """Return the next equilibrium from there; contacts go on from `problem.contacts`."""
+    outcome = _Loading(problem, start, search, held=False, tolerance=tolerance).take_step()
+    return _judge(problem, start, outcome)
 
 
 def describe_feet(problem: StaticProblem, coordinate: FloatArray) -> Feet:
@@ -153,7 +167,7 @@ def find_tilt(before: FloatArray, after: FloatArray, normal: FloatArray) -> floa
 def _is_held(problem: StaticProblem, direction: FloatArray) -> bool:
     """Return whether an anchor holds a node along a direction (3,)."""
     axes = np.flatnonzero(np.abs(direction) > 1e-12 * np.linalg.norm(direction))
-    return any(int(np.sum(problem.axis == axis)) < len(problem.model.manifest.node_name) for axis in axes)
+    return bool(min(np.sum(problem.axis == axis) for axis in axes) < len(problem.model.manifest.node_name))
 
 
 def _find_point(problem: StaticProblem, coordinate: FloatArray) -> Point:
@@ -201,14 +215,14 @@ class _Loading:
         problem: StaticProblem,
         touching: FloatArray,
         search: Search,
+        *,
         held: bool,
         tolerance: float,
-        max_iterations: int,
     ) -> None:
         assert problem.contacts is not None
         self.problem, self.contacts, self.search = problem, problem.contacts, search
         self.touching, self.held = touching, held
-        self.tolerance, self.max_iterations = tolerance, max_iterations
+        self.tolerance = tolerance
         self.iterations = 0
         self.status, self.message = "no_equilibrium", ""
         self.slips = np.zeros(self.contacts.ground.n_contacts, dtype=bool)
@@ -230,16 +244,29 @@ class _Loading:
                 if self.contacts.change <= SETTLED * size or count >= MOST_STEPS:
                     break
             last, count = found, 2 * count
-        stability = find_stability(self.problem, found)
-        status, message = "converged", ""
-        if stability.is_unstable:
-            status, message = "unstable", "an unstable equilibrium (a saddle of the energy)"
-        elif self.contacts.change > SETTLED * size:
+        message = ""
+        if self.contacts.change > SETTLED * size:
             message = (
                 f"feet slip, and friction depends on the way: with twice the {count} steps of the load nodes "
                 f"move by about {self.contacts.change:.2g} m"
             )
-        return Outcome(status, found, self.iterations, message, stability=stability)
+        return self._conclude(found, message)
+
+    def take_step(self) -> Outcome:
+        """Return the equilibrium under the whole load, in one step from where the contacts are."""
+        self.last = _find_point(self.problem, self.touching)
+        found = self._balance(self.touching)
+        if found is None:
+            self._explain(None, 1.0)
+            return Outcome(self.status, self.last, self.iterations, self.message)
+        return self._conclude(found, "")
+
+    def _conclude(self, found: Point, message: str) -> Outcome:
+        stability = find_stability(self.problem, found)
+        if stability.is_unstable:
+            message = "an unstable equilibrium (a saddle of the energy)"
+            return Outcome("unstable", found, self.iterations, message, stability=stability)
+        return Outcome("converged", found, self.iterations, message, stability=stability)
 
     def _grow(self, count: int) -> Point | None:
         """Return the equilibrium under the whole load after `count` steps, None where the way ends."""
@@ -302,7 +329,7 @@ class _Loading:
         self.contacts.limited = True
         problem = self.problem
         point = problem.find_point(coordinate)
-        for _ in range(min(self.max_iterations, MOST_NEWTON)):
+        for _ in range(MOST_NEWTON):
             if point is None:
                 return None
             self.iterations += 1
@@ -312,8 +339,12 @@ class _Loading:
             floor = problem.rounding_floor(stiffness, point)
             balanced = point.is_balanced(self.tolerance, floor)
             force = problem.directional_residual(point)
+            matrix = scipy.sparse.csc_array(stiffness)
+            if not self.contacts.friction:  # motions along the plane are free
+                neutral = scipy.sparse.csc_array(find_idle_motions(problem, point, stiffness)[0])
+                matrix = matrix + float(abs(matrix).max()) * (neutral @ neutral.T)
             try:
-                step = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness)).solve(force)
+                step = scipy.sparse.linalg.splu(matrix).solve(force)
             except RuntimeError:  # singular
                 return point if balanced else None
             better = self._shorten(point, step, force)

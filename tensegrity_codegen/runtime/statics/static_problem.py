@@ -7,12 +7,12 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy
 
+from tensegrity_codegen.runtime.contacts.contacts import Contacts
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_quantities
-from tensegrity_codegen.runtime.statics.contacts import Contacts
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.runtime.statics.stiff_members import (

@@ -79,10 +79,11 @@ class Contacts:
         return result
 
     def begin(self, position: FloatArray, bristle: FloatArray | None = None) -> None:
-        """Take node positions (n_nodes, 3) and bristles (n_contacts, n_tangents) for x0 and s0."""
+        """Take node positions (n_nodes, 3) and bristles (n_internal,) for x0 and s0."""
         self.start = np.array(position[self.ground.node])
         self.start_depth = self.depth(position)
-        self.start_bristle = np.zeros_like(self.start_bristle) if bristle is None else np.array(bristle)
+        shape = self.start_bristle.shape
+        self.start_bristle = np.zeros(shape) if bristle is None else np.reshape(bristle, shape)
 
     def bristles(self, position: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the bristles s (n_contacts, n_tangents) [m], and which contacts slip (n_contacts,)."""
@@ -113,8 +114,8 @@ class Contacts:
     def friction_stiffness(self, position: FloatArray, *, exact: bool) -> Any:
         """Return dF/dq, sparse (n_coordinates, n_coordinates) [N/m].
 
-        The derivative of kt s by positions. exact: with the change of mu N where a contact slips, which makes it unsymmetric; otherwise contacts
-        that slip have none.
+        exact: the derivative of kt s by positions, unsymmetric where contacts slip, since mu N changes.
+        Otherwise of a small displacement from here: a contact that slips resists only across its slip.
         """
         size = self.motion.shape[1]
         if not self.friction or self.start is None:

@@ -9,6 +9,7 @@ n . u_i >= mu |u_i in the plane|: no force of the ground can take up the energy 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, linprog
@@ -21,7 +22,7 @@ CUT_GAP = 1e-12  # the same up to which planes are added, as long as that helps
 MOST_CUTS = 30  # rounds of cutting planes
 FIRST_CUTS = 8  # planes about each cone to begin with
 LARGEST_FRICTION = 1e3  # coefficient from which on friction counts as unlimited
-OPTIONS = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+OPTIONS: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def find_foot_forces(problem: FootProblem, friction: float) -> FootForces:
     first = np.array([[1.0], [-1.0]]) if tangents == 1 else np.stack([np.cos(angle), np.sin(angle)], axis=1)
     cuts = [(i, direction) for i in range(count) for direction in first]
     equal = np.hstack([matrix, np.zeros((len(matrix), 1))])
-    bounds = [(0.0 if k % width == 0 else None, None) for k in range(count * width)] + [(None, None)]
+    bounds: Any = [(0.0 if k % width == 0 else None, None) for k in range(count * width)] + [(None, None)]
     cost = np.zeros(count * width + 1)
     cost[-1] = 1.0
     last = np.inf
@@ -100,18 +101,19 @@ def find_foot_forces(problem: FootProblem, friction: float) -> FootForces:
             row[i * width + 1 : (i + 1) * width] = direction
             row[-1] = -1.0
         found = linprog(
-            cost, rows, np.zeros(len(cuts)), equal, -load / scale, bounds, "highs", options=OPTIONS
+            cost, rows, np.zeros(len(cuts)), equal, -load / scale, bounds, method="highs", options=OPTIONS
         )
         if found.status != 0:
             return FootForces(np.zeros((count, width)), np.inf, 0.0, _find_tip(problem))
-        force = found.x[:-1].reshape(count, width)
+        solution = np.asarray(found.x)
+        force = solution[:-1].reshape(count, width)
         size = np.linalg.norm(force[:, 1:], axis=1)
         excess = float((size - friction * force[:, 0]).max())
-        gap = excess - float(found.x[-1])
+        gap = excess - float(solution[-1])
         if gap <= CUT_GAP or (gap <= GAP and gap > last / 2):
             break
         last = gap
-        far = np.flatnonzero(size - friction * force[:, 0] > found.x[-1] + gap / 2)
+        far = np.flatnonzero(size - friction * force[:, 0] > solution[-1] + gap / 2)
         cuts += [(int(i), force[i, 1:] / size[i]) for i in far]
     return FootForces(force * scale, excess * scale, gap * scale, -found.eqlin.marginals)
 
@@ -142,7 +144,7 @@ def _find_tip(problem: FootProblem) -> FloatArray:
     still = velocity[:, :, 1:].reshape(len(velocity), -1).T
     found = linprog(
         -problem.load, -velocity[:, :, 0].T, np.zeros(len(problem.place)), still, np.zeros(len(still)),
-        (-1.0, 1.0), "highs", options=OPTIONS,
+        (-1.0, 1.0), method="highs", options=OPTIONS,
     )  # fmt: skip
     if found.status != 0:
         raise ConvergenceError(

@@ -1,20 +1,12 @@
 """Standing: whether the ground can hold a structure in a given shape, as a rigid whole."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull
 
-from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
-from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.placement import place_nodes
-from tensegrity_codegen.runtime.model.require import require_model
-from tensegrity_codegen.runtime.statics.contacts import compute_external_force
-from tensegrity_codegen.runtime.statics.foot_forces import (
+from tensegrity_codegen.runtime.contacts.foot_forces import (
     GAP,
     FootProblem,
     find_foot_forces,
@@ -114,64 +106,6 @@ class Stand:
         }
 
 
-def stand(
-    model: Model, coordinate: ArrayLike | None = None, *, arguments: Mapping[str, Any] | None = None
-) -> Stand:
-    """Find out whether the ground can hold a structure in a shape, as a rigid whole.
-
-    Parameters
-    ----------
-    model : CompiledModel
-        Of a structure on the ground without anchors; any quantities.
-    coordinate : array_like, shape (n_coordinates,), optional
-        The shape [m]; by default that of the scene. Contacts up to 1e-6 of its size above the lowest one are
-        feet.
-    arguments : mapping, optional
-        Inputs and parameters by name, where they differ from the scene.
-
-    Returns
-    -------
-    Stand
-        Verdict, forces of the feet, tipping margin, friction needed, and a proof.
-
-    Raises
-    ------
-    FormulationError
-        The scene has no ground, or anchors.
-    InvalidValueError, NonFiniteError
-        A wrong argument.
-
-    Notes
-    -----
-    Friction cones are approximated by planes until the gap is below 1e-9 of the loads (docs/model.md).
-
-    Examples
-    --------
-    >>> from tensegrity_codegen import compile_scene, stand
-    >>> model = compile_scene("standing.toml", for_="equilibrium")
-    >>> stand(model).verdict
-    'stands'
-    """
-    require_model(model)
-    structure: Structure | None = getattr(model, "structure", None)
-    ground = None if structure is None else structure.ground
-    if structure is None or ground is None:
-        raise FormulationError(
-            "nothing to stand on",
-            where=f"{model.manifest.name}: ground",
-            given="no ground" if structure is not None else "a library that was loaded alone",
-            allowed="a scene with [ground]",
-            hint="add a section [ground]",
-        )
-    given = merge_inputs(model.manifest, arguments)
-    nominal = model.nominal("coordinate").ravel()
-    at = nominal if coordinate is None else to_doubles(coordinate, "coordinate", f"shape {nominal.shape}")
-    check_shape(at, nominal.shape, "coordinate")
-    check_finite(at, "coordinate")
-    position = place_nodes(model, at, given.get("anchor_position"))
-    return judge_stand(structure, position, compute_external_force(structure, model, given))
-
-
 def judge_stand(
     structure: Structure,
     position: FloatArray,
@@ -248,8 +182,7 @@ class _Judge:
         if press <= ROUNDING * float(np.abs(self.external).sum()):
             return _say(known, "lifts_off", "nothing presses it onto the ground")
         about = moment - np.cross(centre, total)
-        reach = centre + np.cross(self.ground.normal, about) / -press
-        margin, edge = _find_margin((place - centre) @ frame[1:].T, (reach - centre) @ frame[1:].T, self.size)
+        reach, margin, edge = _find_support(self.structure, place, self.position, self.external)
         problem = FootProblem(
             place - centre, np.concatenate([total, about]), frame, self._moving(), self.size
         )
@@ -342,6 +275,48 @@ class _Judge:
         return _say(known, "stands", f"stands: its load meets the ground {where}")
 
 
+def find_support_margin(
+    structure: Structure, position: FloatArray, external: FloatArray, force: FloatArray
+) -> tuple[float, tuple[str, ...]]:
+    """Return the tipping margin [m] and its edge, for feet that press.
+
+    Parameters
+    ----------
+    structure : Structure
+        With a ground.
+    position, external : ndarray, shape (n_nodes, 3) [m, N]
+        Shape, and weights and loads.
+    force : ndarray, shape (n_contacts, 3) [N]
+        Forces of the ground.
+
+    Returns
+    -------
+    margin : float [m]
+        See Stand.
+    edge : tuple of str
+        Its feet.
+    """
+    ground = structure.ground
+    assert ground is not None
+    node = ground.node[force @ ground.normal > 0.0]
+    _, margin, edge = _find_support(structure, position[node], position, external)
+    return margin, tuple(structure.node_name[node[k]] for k in edge)
+
+
+def _find_support(
+    structure: Structure, place: FloatArray, position: FloatArray, external: FloatArray
+) -> tuple[FloatArray, float, tuple[int, ...]]:
+    """Return the centre of pressure (3,), the tipping margin and the feet of its edge; place: of the feet."""
+    ground = structure.ground
+    assert ground is not None
+    total, centre = external.sum(axis=0), place.mean(axis=0)
+    about = np.cross(position - centre, external).sum(axis=0)
+    reach = centre + np.cross(ground.normal, about) / float(total @ ground.normal)
+    along = ground.tangents(structure.axes).T
+    size = float(np.ptp(position, axis=0).max()) or 1.0
+    return reach, *_find_margin((place - centre) @ along, (reach - centre) @ along, size)
+
+
 def _find_margin(place: FloatArray, at: FloatArray, size: float) -> tuple[float, tuple[int, ...]]:
     """Return the least distance of a point from the edges of the hull of feet, and the feet of that edge.
 
@@ -358,9 +333,9 @@ def _find_margin(place: FloatArray, at: FloatArray, size: float) -> tuple[float,
         part = float(np.clip((at - first) @ (last - first) / span, 0.0, 1.0)) if span else 0.0
         return -float(np.linalg.norm(at - first - part * (last - first))), tuple(dict.fromkeys(ends))
     hull = ConvexHull(place)
-    left = -(hull.equations[:, :2] @ at + hull.equations[:, 2])
-    k = int(left.argmin())
-    return float(left[k]), tuple(int(i) for i in np.sort(hull.simplices[k]))
+    inside = -(hull.equations[:, :2] @ at + hull.equations[:, 2])
+    k = int(inside.argmin())
+    return float(inside[k]), tuple(int(i) for i in np.sort(hull.simplices[k]))
 
 
 def _is_line(place: FloatArray, size: float) -> bool:
