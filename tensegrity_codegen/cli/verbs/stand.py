@@ -127,7 +127,7 @@ def _report(
     from tensegrity_codegen.report.tables import feet_table, tips_table
 
     data = {
-        "status": verdict.verdict if found is None or found.is_found else found.status,
+        "status": _find_status(found, verdict),
         **verdict.as_evidence(),
         "equilibrium": None if found is None else found.as_evidence(),
         "tips": [tip.as_evidence() for tip in tips],
@@ -148,6 +148,13 @@ def _report(
     if tips:
         tables.append(tips_table(structure.name, tips))
     output.result(data, "\n".join(lines), *tables)
+
+
+def _find_status(found: "Equilibrium | None", verdict: "Stand") -> str:
+    """Return "ok" where the structure stands, else what happens to it."""
+    if found is not None and not found.is_found:
+        return found.status
+    return "ok" if verdict.is_standing else verdict.verdict
 
 
 DISTRIBUTIONS = {

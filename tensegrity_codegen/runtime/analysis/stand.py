@@ -28,6 +28,7 @@ TIGHT = 1e-12  # tolerance of equilibria near a tipping point
 FIRST_STEP, MOST_STEP, MOST_SHORTENING = 0.05, 0.1, 0.99  # of the rest length
 NEAR_ROOT = 0.9  # part of the way to a root that a step goes, so that it stays on the side that stands
 ROOT = 1e-7  # of the rest length: distance from the root from which the rest of the way is a line
+MOST_JUMP = 0.2  # of the structure's size: motion of a node in a step that counts as a jump
 MOST_ITERATIONS = 60  # from one equilibrium to the next
 
 Progress = Callable[[int, float], None]
@@ -127,8 +128,8 @@ class Tip:
     cable : str
         Its name.
     status : str
-        ``"tips"``, ``"slides"``, another status of an equilibrium that is not found, or ``"stands"`` down to
-        the least rest length that was tried.
+        ``"tips"``; ``"snaps"``, where nodes jump; ``"slides"`` or another status where no equilibrium is
+        found; ``"stands"`` down to the least rest length that was tried, 1 % of that in the scene.
     rest_length, shortening : float [m]
         Rest length at which that happens, and its change from the scene's.
     edge : tuple of str
@@ -250,8 +251,11 @@ class _Shortening:
             if progress is not None:
                 progress(target)
             found = self._settle(target, here)
-            if isinstance(found, Outcome):
-                status, message = found.status, found.message
+            jump = 0.0 if isinstance(found, Outcome) else float(np.abs(found.position - here.position).max())
+            if isinstance(found, Outcome) or jump > MOST_JUMP * self.size:
+                status, message = "snaps", f"a node jumps by {jump:.3g} m"
+                if isinstance(found, Outcome):
+                    status, message = found.status, found.message
                 step /= 4
                 if step < ROOT * whole:
                     break

@@ -123,7 +123,8 @@ def find_least_friction(problem: FootProblem) -> float:
     scale = float(np.linalg.norm(problem.load)) or 1.0
 
     def excess(friction: float) -> float:
-        return find_foot_forces(problem, friction).excess / scale
+        found = find_foot_forces(problem, friction)
+        return (found.excess - found.gap) / scale  # the bound of the program is the more exact one
 
     if excess(0.0) <= GAP:
         return 0.0

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from tensegrity_codegen.runtime.contacts.contacts import Contacts
 from tensegrity_codegen.runtime.contacts.judge_stand import judge_stand
 from tensegrity_codegen.runtime.statics.newton import (
     Outcome,
@@ -26,6 +27,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 FIRST_STEPS, MOST_STEPS = 4, 64  # of the load
 SETTLED = 1e-9  # of the structure's size: change with twice the steps up to which a result is settled
 LEAST_PART = 1 / 8  # of a step of the load, to which it is cut where no balance is found
+UNBALANCED = 1e-9  # of all loads: what they may add up to along the ground without friction
 MOST_NEWTON = 30  # iterations of Newton's method in a step of the load
 MOST_HALVINGS = 12  # of one step of Newton's method
 LIFT = 10.0  # times the structure's size: height at which it settles before it touches
@@ -88,15 +90,11 @@ def find_on_ground(
     if contacts.friction and contacts.slide is not None and _is_held(problem, contacts.ground.velocity):
         contacts.dragged = contacts.slide
     touching = start if held else _let_down(problem, start, settle=contacts.friction, tolerance=tolerance)
-    if not held:
-        press = -float(contacts.external.sum(axis=0) @ contacts.ground.normal)
-        if press <= 0.0:
-            point = _find_point(problem, touching)
-            return point, Outcome("lifts_off", point, 0, "no weight or load presses it onto the ground")
-    if contacts.friction:
-        outcome = _Loading(problem, touching, search, held=held, tolerance=tolerance).refine()
-    else:
-        outcome = search(_find_point(problem, _press_in(problem, touching, held)))
+    hopeless = None if held else _find_unheld(problem, contacts, touching)
+    if hopeless is not None:
+        return hopeless.point, hopeless
+    loading = _Loading(problem, touching, search, held=held, tolerance=tolerance)
+    outcome = loading.refine() if contacts.friction else loading.find_frictionless()
     return _find_point(problem, touching), outcome if held else _judge(problem, touching, outcome)
 
 
@@ -114,9 +112,12 @@ def _judge(problem: StaticProblem, begun: FloatArray, outcome: Outcome) -> Outco
         message = f"tips over: it turns by {np.degrees(tilt):.3g} degrees{onto} before it rests"
         return replace(outcome, status="tips", message=message)
     if outcome.status in ("converged", "rounding_limited"):
+        if contacts.friction and contacts.slide is not None and not outcome.message:
+            return replace(outcome, message="at rest on the belt, which carries it along")
         return outcome
-    for place in (after, before):
-        verdict = judge_stand(structure, place, contacts.external, friction=mu)
+    pressed = contacts.forces(after)
+    for place, force in ((after, pressed if pressed.any() else None), (before, None)):
+        verdict = judge_stand(structure, place, contacts.external, force=force, friction=mu)
         if verdict.verdict in ("slides", "tips", "lifts_off", "one_foot", "on_a_line"):
             status = verdict.verdict if verdict.verdict in ("slides", "lifts_off") else "tips"
             slip = ", ".join(verdict.foot)
@@ -162,6 +163,20 @@ def find_tilt(before: FloatArray, after: FloatArray, normal: FloatArray) -> floa
     u, _, vt = np.linalg.svd(left)
     turn = vt.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))]) @ u.T
     return float(np.arccos(np.clip(normal @ turn @ normal, -1.0, 1.0)))
+
+
+def _find_unheld(problem: StaticProblem, contacts: Contacts, touching: FloatArray) -> Outcome | None:
+    """Return the outcome of loads that lift a structure, or that nothing balances along the ground."""
+    total, normal = contacts.external.sum(axis=0), contacts.ground.normal
+    along = total - (total @ normal) * normal
+    size = float(np.linalg.norm(along))
+    if total @ normal >= 0.0:
+        reason = "lifts_off", "no weight or load presses it onto the ground"
+    elif not contacts.friction and size > UNBALANCED * np.linalg.norm(total) and not _is_held(problem, along):
+        reason = "slides", f"without friction nothing balances {size:.6g} N along the ground"
+    else:
+        return None
+    return Outcome(reason[0], _find_point(problem, touching), 0, reason[1])
 
 
 def _is_held(problem: StaticProblem, direction: FloatArray) -> bool:
@@ -223,14 +238,13 @@ class _Loading:
         self.problem, self.contacts, self.search = problem, problem.contacts, search
         self.touching, self.held = touching, held
         self.tolerance = tolerance
+        self.size = float(np.ptp(problem.node_position(touching), axis=0).max())
         self.iterations = 0
         self.status, self.message = "no_equilibrium", ""
         self.slips = np.zeros(self.contacts.ground.n_contacts, dtype=bool)
 
     def refine(self) -> Outcome:
         """Return the equilibrium with so many steps of the load that twice as many do not change it."""
-        position = self.problem.node_position(self.touching)
-        size = float(np.ptp(position, axis=0).max())
         last: Point | None = None
         count = FIRST_STEPS
         while True:
@@ -241,16 +255,24 @@ class _Loading:
             if last is not None:
                 moved = found.coordinate - last.coordinate
                 self.contacts.change = self.problem.largest_node_norm(moved)
-                if self.contacts.change <= SETTLED * size or count >= MOST_STEPS:
+                if self.contacts.change <= SETTLED * self.size or count >= MOST_STEPS:
                     break
             last, count = found, 2 * count
         message = ""
-        if self.contacts.change > SETTLED * size:
+        if self.contacts.change > SETTLED * self.size:
             message = (
-                f"feet slip, and friction depends on the way: with twice the {count} steps of the load nodes "
-                f"move by about {self.contacts.change:.2g} m"
+                f"feet slip, and friction depends on the way: nodes moved by {self.contacts.change:.2g} m "
+                f"as the steps of the load were doubled to {count}"
             )
         return self._conclude(found, message)
+
+    def find_frictionless(self) -> Outcome:
+        """Return the minimum of the energy without friction, its forces balanced to rounding."""
+        outcome = self.search(_find_point(self.problem, _press_in(self.problem, self.touching, self.held)))
+        if outcome.status != "converged":
+            return outcome
+        polished = self._solve(outcome.point.coordinate)
+        return outcome if polished is None else replace(outcome, point=polished, stability=None)
 
     def take_step(self) -> Outcome:
         """Return the equilibrium under the whole load, in one step from where the contacts are."""
@@ -297,16 +319,15 @@ class _Loading:
 
     def _explain(self, found: Point | None, reached: float) -> None:
         """Take the reason for which the way ends: it has tipped, or no balance was found."""
-        if found is not None:
-            self.last = found
         slips = ", ".join(
             name
             for name, slips in zip(self.contacts.structure.contact_name, self.slips, strict=True)
             if slips
         )
-        self.status = "slides" if slips else "no_equilibrium"
         feet = f": feet {slips} slip" if slips else ""
-        self.message = f"no balance of forces beyond {reached:.3g} of weights and loads{feet}"
+        self.status = "tips" if found is not None else "slides" if slips else "no_equilibrium"
+        what = "it turns over" if found is not None else "no balance of forces"
+        self.message = f"{what} beyond {reached:.3g} of weights and loads{feet}"
         self.contacts.load_factor = 1.0
         self.problem.forget()
 
@@ -350,6 +371,8 @@ class _Loading:
             better = self._shorten(point, step, force)
             if better is None:
                 return point if balanced else None
+            if np.abs(better.coordinate - coordinate).max() > self.size:
+                return None
             if balanced and better.node_force > point.node_force / 2:
                 return point
             point = better
