@@ -31,6 +31,7 @@ class Contacts:
     friction: whether there are tangential forces. limited: whether these are limited to mu N;
     exact: whether the stiffness then has the change of mu N, which makes it unsymmetric. dragged: of
     contacts that a belt drags along under a structure that is held, the direction in the plane, else None.
+    limit: (n_contacts,) [N], a constant limit in place of mu N, with which friction has an energy.
     load_factor: part of weights and loads that acts.
     """
 
@@ -44,6 +45,7 @@ class Contacts:
         self.friction = ground.friction > 0
         self.limited = False
         self.exact = False
+        self.limit: FloatArray | None = None
         self.dragged: FloatArray | None = None
         self.load_factor = 1.0
         self.external = compute_external_force(self.structure, model, arguments)
@@ -90,10 +92,16 @@ class Contacts:
         trial, _ = self._find_trial(position)
         if not self.friction or not self.limited:
             return trial, np.zeros(len(trial), dtype=bool)
-        limit = self.ground.friction * self.normal_force(self.depth(position)) / self.ground.stick_stiffness
+        limit = self.find_limit(position) / self.ground.stick_stiffness
         size = np.linalg.norm(trial, axis=1)
         slips = size > limit
         return trial * np.where(slips, limit / np.where(slips, size, 1.0), 1.0)[:, None], slips
+
+    def find_limit(self, position: FloatArray) -> FloatArray:
+        """Return the largest friction of each contact, (n_contacts,) [N]."""
+        if self.limit is not None:
+            return self.limit
+        return self.ground.friction * self.normal_force(self.depth(position))
 
     def state(self, position: FloatArray) -> dict[str, FloatArray]:
         """Return the argument `internal` of these positions, none where the ground has no friction."""
@@ -129,7 +137,7 @@ class Contacts:
             length = float(np.linalg.norm(trial[c]))
             along = trial[c] / length if slips[c] else 0.0 * trial[c]
             rest = np.eye(len(along)) - np.outer(along, along)
-            if not exact:
+            if not exact and self.limit is None:
                 holds = depth[c] > 0 if self.limited else self.start_depth[c] >= 0
                 block = kt * holds * self.tangents.T @ rest @ self.tangents
             elif not slips[c]:
@@ -137,6 +145,7 @@ class Contacts:
             else:
                 share = float(np.linalg.norm(bristle[c])) / length
                 gain = ground.friction * ground.exponent * ground.stiffness
+                gain *= 0.0 if self.limit is not None else 1.0
                 gain *= max(depth[c], 0.0) ** (ground.exponent - 1.0) * (depth[c] > 0)
                 block = kt * share * self.tangents.T @ rest @ slope[c]
                 block = block - gain * np.outer(self.tangents.T @ along, ground.normal)
@@ -151,9 +160,16 @@ class Contacts:
         if missing and quantity == "node_residual":
             place = self.structure.coordinate_node_axis
             return value - missing * self.external[place[:, 0], place[:, 1]]
-        if missing and quantity == "potential_energy":
-            return value + missing * float(np.sum(self.external * position))
+        if quantity == "potential_energy":
+            slipped = self._find_slip_energy(position) if self.limit is not None else 0.0
+            return value + missing * float(np.sum(self.external * position)) + slipped
         return value
+
+    def _find_slip_energy(self, position: FloatArray) -> float:
+        """Return the energy of friction F with constant limits besides kt s^2 / 2, sum F (|T| - |s|) [J]."""
+        trial, (bristle, _) = self._find_trial(position)[0], self.bristles(position)
+        size, left = np.linalg.norm(trial, axis=1), np.linalg.norm(bristle, axis=1)
+        return float(np.sum(self.ground.stick_stiffness * left * (size - left)))
 
     def _find_trial(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return T (n_contacts, n_tangents) [m] and dT/dx, (n_contacts, n_tangents, 3)."""
@@ -164,7 +180,7 @@ class Contacts:
             far = np.where(depth > 0, -LONG, 0.0)[:, None] * self.dragged
             return far, np.zeros((*moved.shape, 3))
         closed = before >= 0.0
-        closes = ~closed & (depth > 0) & self.limited
+        closes = ~closed & (depth > 0) & (self.limited and self.limit is None)
         span = np.where(closes, depth - before, 1.0)
         weight = np.where(closed, 1.0, np.where(closes, depth / span, 0.0))
         slope = weight[:, None, None] * self.tangents

@@ -29,6 +29,7 @@ SETTLED = 1e-9  # of the structure's size: change with twice the steps up to whi
 LEAST_PART = 1 / 8  # of a step of the load, to which it is cut where no balance is found
 UNBALANCED = 1e-9  # of all loads: what they may add up to along the ground without friction
 MOST_NEWTON = 30  # iterations of Newton's method in a step of the load
+MOST_UPDATES = 3  # of the limits of friction
 MOST_HALVINGS = 12  # of one step of Newton's method
 LIFT = 10.0  # times the structure's size: height at which it settles before it touches
 MOST_TILT = float(np.radians(15.0))  # turn about an axis along the plane, beyond which a structure has tipped
@@ -303,7 +304,7 @@ class _Loading:
             found = self._balance(start)
             if found is None and (part := part / 2) >= LEAST_PART / count:
                 continue
-            if found is None or not (self.held or self._is_upright(found)):
+            if found is None or not self._is_upright(found):
                 self._explain(found, reached)
                 return None
             self.last, here, reached = found, found.coordinate, contacts.load_factor
@@ -314,6 +315,8 @@ class _Loading:
         return self.last
 
     def _is_upright(self, point: Point) -> bool:
+        if self.held:
+            return True
         before, after = (self.problem.node_position(q) for q in (self.touching, point.coordinate))
         return find_tilt(before, after, self.contacts.ground.normal) <= MOST_TILT
 
@@ -340,10 +343,31 @@ class _Loading:
             stuck = self.search(_find_point(self.problem, start))
             self.iterations += stuck.iterations
             self.problem.forget()
-            found = self._solve(stuck.point.coordinate)
+            if self._is_upright(stuck.point):
+                found = self._solve(self._slide(stuck.point.coordinate))
         if found is None:
             self.slips = self.contacts.bristles(self.problem.node_position(stuck.point.coordinate))[1]
         return found
+
+    def _slide(self, coordinate: FloatArray) -> FloatArray:
+        """Return where feet slide with constant limits of friction, which are brought up to date twice.
+
+        Friction then has an energy, whose minimum is found where Newton's method alone fails.
+        """
+        contacts = self.contacts
+        contacts.limited = True
+        for _ in range(MOST_UPDATES if contacts.dragged is None and contacts.friction else 0):
+            contacts.limit = None
+            contacts.limit = contacts.find_limit(self.problem.node_position(coordinate))
+            self.problem.forget()
+            slid = self.search(_find_point(self.problem, coordinate))
+            self.iterations += slid.iterations
+            if slid.status not in ("converged", "rounding_limited") or not self._is_upright(slid.point):
+                break
+            coordinate = slid.point.coordinate
+        contacts.limit = None
+        self.problem.forget()
+        return coordinate
 
     def _solve(self, coordinate: FloatArray) -> Point | None:
         """Return the balance of forces that Newton's method finds, None where it finds none."""

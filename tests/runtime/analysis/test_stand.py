@@ -7,7 +7,7 @@ from tensegrity_codegen.runtime.analysis.stand import find_tips, stand
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities, find_equilibrium
 from tensegrity_codegen.system.errors import FormulationError, UnknownNameError
-from tests.ground_cases import make_icosahedron
+from tests.ground_cases import make_ground, make_icosahedron
 from tests.models import load
 
 
@@ -54,6 +54,23 @@ def test_a_cable_of_the_facet_tips_it_at_a_known_length(model: CompiledModel) ->
     np.testing.assert_allclose(np.sort(tip.force[:, 2]), [0.0, 2.120638, 3.765362], atol=5e-7)
     lifted = tip.foot[int(tip.force[:, 2].argmin())]
     assert set(tip.edge) == set(tip.foot) - {lifted}
+
+
+@pytest.mark.thorough
+def test_feet_slip_while_a_cable_is_shortened() -> None:
+    """With friction it tips later than without; all feet slip on the way, and |F| = mu N holds."""
+    ico = make_icosahedron()
+    rough = {"friction": 0.1, "stick_stiffness": 2e4, "stick_damping": 20.0}
+    structure = ico.with_changes(ground=make_ground(12, stiffness=2e4, **rough))
+    row = [k for k, ends in enumerate(ico.connectivity.tolist()) if set(ends) <= {0, 4, 8}][:1]
+    names = equilibrium_quantities("rigid_bar")
+    model = load(structure, *names, formulation="rigid_bar", parameters={"rest_length": tuple(row)})
+    (tip,) = find_tips(model)
+    assert tip.status == "tips"
+    assert 0.1215 < tip.rest_length < 0.122612517578
+    friction = np.linalg.norm(tip.force[:, :2], axis=1)
+    assert np.all(friction <= 0.1 * tip.force[:, 2] + 1e-6)
+    assert np.linalg.norm(tip.force.sum(axis=0) - [0.0, 0.0, 12 * 0.05 * 9.81]) < 1e-6
 
 
 def test_wrong_models_and_names_are_refused(model: CompiledModel) -> None:
