@@ -8,6 +8,7 @@ steps is doubled until the result is settled.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -302,7 +303,7 @@ class _Loading:
             problem.forget()
             start = here if reached else _press_in(problem, here, self.held)
             found = self._balance(start)
-            if found is None and (part := part / 2) >= LEAST_PART / count:
+            if found is None and not self.is_hopeless and (part := part / 2) >= LEAST_PART / count:
                 continue
             if found is None or not self._is_upright(found):
                 self._explain(found, reached)
@@ -313,6 +314,15 @@ class _Loading:
                 contacts.begin(position, contacts.bristles(position)[0])
                 part = 1.0 / count
         return self.last
+
+    @cached_property
+    def is_hopeless(self) -> bool:
+        """Whether it cannot stand as a rigid whole where it touches: shorter steps do not help."""
+        if self.held:
+            return False
+        position = self.problem.node_position(self.touching)
+        found = judge_stand(self.contacts.structure, position, self.contacts.external)
+        return found.verdict in ("tips", "slides")
 
     def _is_upright(self, point: Point) -> bool:
         if self.held:
