@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions, symbolic_functions
     from tensegrity_codegen.runtime.analysis.analyse import analyse
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
+    from tensegrity_codegen.runtime.analysis.stand import stand
+    from tensegrity_codegen.runtime.contacts.judge_stand import Stand
     from tensegrity_codegen.runtime.integrate.options import Stepping
     from tensegrity_codegen.runtime.linear.linearize import LinearModel, linearize
     from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -100,6 +102,7 @@ __all__ = [
     "Sampling",
     "Scene",
     "Sensitivity",
+    "Stand",
     "StatedErrors",
     "Stepping",
     "Structure",
@@ -133,6 +136,7 @@ __all__ = [
     "simulate_batch",
     "simulate_control",
     "simulate_control_batch",
+    "stand",
     "study_control",
     "sweep",
     "symbolic_functions",
@@ -171,6 +175,7 @@ _HOME = {
     "Scene": "scene.schema.schema",
     "RandomGust": "control.feedback.study.stated_errors",
     "Sensitivity": "runtime.sensitivity.record",
+    "Stand": "runtime.contacts.judge_stand",
     "StatedErrors": "control.feedback.study.stated_errors",
     "Structure": "structure.structure",
     "SymbolicFunctions": "pipeline.scene_functions",
@@ -199,6 +204,7 @@ _HOME = {
     "read_profile": "runtime.profiles.read_profile",
     "simulate": "runtime.simulate.simulate",
     "simulate_batch": "runtime.simulate.simulate_batch",
+    "stand": "runtime.analysis.stand",
     "sweep": "sweeps.sweep",
     "symbolic_functions": "pipeline.scene_functions",
     "time_motion": "control.feedback.time_motion",

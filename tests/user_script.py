@@ -19,6 +19,23 @@ SCENE = {
     "actuators": [{"name": "winch", "members": "cord", "rate": 1.0}],
     "sensors": [{"kind": "member_length", "members": "cord", "noise": 1e-3}],
 }
+FRAME = {
+    "name": "frame",
+    "axes": "xz",
+    "gravity": [0, -9.81],
+    "classes": {"strut": {"kind": "bar", "spring_constant": 1e4}},
+    "nodes": {
+        "left": {"position": [0, 0], "mass": 1.0},
+        "right": {"position": [1, 0], "mass": 1.0},
+        "top": {"position": [0.5, 1], "mass": 1.0},
+    },
+    "members": {
+        "base": {"class": "strut", "nodes": ["left", "right"]},
+        "west": {"class": "strut", "nodes": ["left", "top"]},
+        "east": {"class": "strut", "nodes": ["right", "top"]},
+    },
+    "ground": {"stiffness": 1e5, "friction": 0.5},
+}
 WORK = (
     *("simulate", "simulate_batch", "equilibrium", "equilibria", "sensitivity"),
     *("linearize", "analyse", "plan", "time_motion", "control"),
@@ -36,6 +53,9 @@ def main(folder: Path) -> dict[str, object]:
     model: tc.CompiledModel = tc.compile_scene(scene, for_=WORK)
     found: tc.Equilibrium = tc.find_equilibrium(model)
     several: tc.Equilibria = tc.find_equilibria(model, arguments={"winch": np.array([0.0, -0.1])})
+    frame = tc.compile_scene(FRAME, for_="equilibrium")
+    standing: tc.Stand = tc.stand(frame, tc.find_equilibrium(frame))
+    assert standing.verdict == "stands"
     analysis: tc.Analysis = tc.analyse(model)
     slopes: tc.Sensitivity = tc.equilibrium_sensitivity(model, found)
     linear: tc.LinearModel = tc.linearize(model, coordinate=found.coordinate)

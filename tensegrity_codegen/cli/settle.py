@@ -34,7 +34,7 @@ def settle_scene(
 ) -> "Equilibrium":
     """Find, write and report the equilibrium of a scene with the values of --load and --input.
 
-    options: compiler, tolerance and method.
+    options: compiler, tolerance, method and frictionless.
     """
     from tensegrity_codegen.scene.write import write_scene
 
@@ -86,7 +86,7 @@ def _report(
     output: Output, structure: "Structure | BodySystem", found: "Equilibrium", data: dict[str, Any]
 ) -> None:
     """Print the equilibrium: nodes, members, residual, motion."""
-    from tensegrity_codegen.report.tables import members_table, nodes_table
+    from tensegrity_codegen.report.tables import feet_table, members_table, nodes_table
     from tensegrity_codegen.structure.member_limits import describe_tensions, summarise_tensions
     from tensegrity_codegen.structure.outline import outline_tendons
 
@@ -96,6 +96,9 @@ def _report(
         nodes_table(drawn, found.node_position),
         members_table(drawn, found.member_length, found.member_tension, found.members),
     ]
+    if found.feet is not None:
+        feet = found.feet
+        tables.insert(0, feet_table(structure.name, feet.node_name, feet.force, feet.state, feet.penetration))
     tensions = describe_tensions(summarise_tensions(structure, found.member_tension))
     said = [*([found.message] if found.message else []), *([tensions] if found.is_found else [])]
     flaws = [] if found.members is None else found.members.describe()
@@ -150,6 +153,8 @@ class _Loads:
 
         if not found.is_found:
             return Snap(None, reason="no equilibrium was found")
+        if found.feet is not None:  # the loads have grown already
+            return Snap(None)
         given: dict[str, Any] = {"cables": self.cables, "arguments": self.inputs}
         whole = find_load_snap(model, found, self.full, **given)
         if not self.added.any() or not (self.gravity.any() or self.own.any()):

@@ -14,6 +14,7 @@ from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_MET
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.ground_support import check_analysis
 from tensegrity_codegen.structure.inertia_plan import find_massless
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import check_choice
@@ -203,8 +204,11 @@ def find_needs(
     ------
     UnknownNameError
         An unknown analysis or method.
+    FormulationError
+        The analysis does not know the ground of the structure.
     """
     check_choice(analysis, ANALYSES, "analysis", "for_")
+    check_analysis(structure, analysis)
     if method:
         find_method(method)
     return ANALYSES[analysis](structure, request, method, rtol)

@@ -179,7 +179,8 @@ def move_near_origin(structure: Subject, request: ModelRequest) -> tuple[Any, ND
     equilibrium is found, do not. An axis is moved where all places are farther from zero than twice the
     structure's extent.
     """
-    if not isinstance(structure, Structure) or find_formulation(request.formulation).has_statics:
+    on_ground = getattr(structure, "ground", None) is not None
+    if not isinstance(structure, Structure) or on_ground or find_formulation(request.formulation).has_statics:
         return structure, np.zeros(3)
     place = structure.node_position
     is_far = np.abs(place).min(axis=0) > 2.0 * np.ptp(place, axis=0)

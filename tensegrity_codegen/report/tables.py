@@ -1,6 +1,6 @@
 """Tables for the terminal: what a library holds and leaves out, nodes, members, how a run went."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -109,6 +109,46 @@ def nodes_table(structure: Structure, node_position: FloatArray) -> LongTable:
         f"f{'r' * len(letters)}rl", structure.n_nodes, describe, "nodes",
         (("moved farthest", rank_rows(-moved)),),
     )  # fmt: skip
+
+
+def feet_table(
+    name: str,
+    node_name: Sequence[str],
+    force: FloatArray,
+    state: Sequence[str] = (),
+    penetration: FloatArray | None = None,
+) -> LongTable:
+    """Return a table of forces of the ground on nodes (n, 3) [N], those that are open left out.
+
+    state, penetration: of each node, [m].
+    """
+    rows = [k for k in range(len(node_name)) if not state or state[k] != "open"]
+    size = np.linalg.norm(force, axis=1)
+    shown = np.where(np.abs(force) > 1e-12 * size.max(initial=0.0), force, 0.0)
+
+    def describe(place: int) -> list[str]:
+        k = rows[place]
+        more = [] if penetration is None else [state[k], f"{penetration[k]:.6g}"]
+        return [node_name[k], *(f"{x:.6g}" for x in shown[k]), *more]
+
+    more = () if penetration is None else ("contact", "penetration [m]")
+    return LongTable(
+        f"{name}: feet", ("node", "force x [N]", "force y [N]", "force z [N]", *more),
+        "frrr" + "lr"[: len(more)], len(rows), describe, "feet", (("largest force", rank_rows(-size[rows])),),
+    )  # fmt: skip
+
+
+def tips_table(name: str, tips: Sequence[Any]) -> LongTable:
+    """Return a table of the cables and how far each must be shortened until the structure tips (Tip)."""
+
+    def describe(k: int) -> list[str]:
+        tip = tips[k]
+        edge = " and ".join(tip.edge) if tip.status == "tips" else ""
+        return [tip.cable, tip.status, f"{tip.shortening:.6g}", f"{tip.rest_length:.6g}", edge]
+
+    heads = ("cable", "what happens", "shortened by [m]", "rest length [m]", "about")
+    ranking = (("least shortening", range(len(tips))),)
+    return LongTable(f"{name}: tipping", heads, "flrrl", len(tips), describe, "cables", ranking)
 
 
 def members_table(

@@ -118,6 +118,11 @@ class Ground:
         """Whether a contact sticks up to a larger friction than that with which it slips."""
         return self.static_friction is not None and self.static_friction > self.friction
 
+    def compute_depth(self, position: FloatArray) -> FloatArray:
+        """Return the penetrations (n_contacts,) [m] at positions of all nodes (n_nodes, 3)."""
+        depth: FloatArray = self.offset + self.radius - position[self.node] @ self.normal
+        return depth
+
     def tangents(self, axes: tuple[int, ...]) -> FloatArray:
         """Return an orthonormal basis of the plane within the modelled axes.
 

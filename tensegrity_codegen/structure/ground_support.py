@@ -9,12 +9,16 @@ FORMULATIONS_WITH_GROUND = ("node_position", "rigid_bar")
 EMITTERS_WITH_GROUND = ("auto", "unrolled", "table")
 INTEGRATORS_WITH_GROUND = ("rk4", "rk54", "rk853", "rodas")
 MOST_CONTACTS = 200  # that events serve: each has two, and every event ends a step
-# Quantities of structures at rest, and derivatives of forces: the ground is not in them.
+# Forces of some members alone, and parts of the stiffness: the ground is not in them.
 WITHOUT_GROUND = (
-    *("node_residual", "cable_force", "support_reaction", "spring_tension", "member_law"),
-    *("tangent_stiffness", "material_stiffness", "geometric_stiffness", "damping_matrix"),
-    *("residual_rest_length_jacobian", "tension_jacobian"),
+    *("cable_force", "support_reaction", "member_law"),
+    *("material_stiffness", "geometric_stiffness", "damping_matrix"),
 )
+# Analyses that do not know the ground, and what to do instead of them.
+ANCHOR = "remove the section [ground], and anchor the feet where `equilibrium` finds them"
+ANALYSES_WITHOUT_GROUND = ("equilibria", "load_path", "analyse", "plan", "time_motion", "control")
+# Quantities of equilibria, which have one coefficient of friction.
+STATIC = ("node_residual", "tangent_stiffness")
 ADVICE = 'simulate with formulation "node_position" or "rigid_bar" and method "rk54", "rk853" or "rodas"'
 
 
@@ -23,9 +27,15 @@ def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
     return FormulationError(
         f"the ground is not supported here: {what}",
         where=f"{name}: ground",
-        allowed="motions by rk4, rk54, rk853 and rodas, in node positions or with rigid bars",
+        allowed="motions by rk4, rk54, rk853 and rodas, and equilibria, in node positions or with rigid bars",
         hint=hint,
     )
+
+
+def check_analysis(subject: Any, analysis: str) -> None:
+    """Raise FormulationError for an analysis that does not know the ground of a structure."""
+    if getattr(subject, "ground", None) is not None and analysis in ANALYSES_WITHOUT_GROUND:
+        raise refuse_ground(subject.name, f"the analysis {analysis!r}", ANCHOR)
 
 
 def require_no_ground(subject: Any, what: str) -> None:
@@ -83,6 +93,7 @@ def _check_static_friction(ground: Any, request: ModelRequest, name: str) -> Non
     without = {
         f"emitter {request.emitter!r}": request.emitter == "table",
         "batch functions": bool(request.batch_width),
+        "equilibria": bool(set(request.quantities) & set(STATIC)),
         f"events of {ground.n_contacts} contacts": ground.n_contacts > MOST_CONTACTS,
         "model.events without ground and stick": request.events is not None
         and bool(request.integrators)

@@ -58,7 +58,8 @@ class NodeCoordinates:
     @cached_property
     def net_force(self) -> list[Vector]:
         """Weight, load, member forces and those of the ground on every node [N]."""
-        return self._with_node_forces(self.members.add_to(self.external_force, self.members.densities))
+        total = self.members.add_to(self.external_force, self.members.densities)
+        return _add_forces(total, (part.forces() for part in self.node_forces))
 
     # Forces on nodes besides members, and what these remember
 
@@ -92,13 +93,8 @@ class NodeCoordinates:
     def force_jacobian(self) -> ca.SX:
         """Return df/dx of the forces on nodes besides members and loads, (n_coordinates, n_states)."""
         zeros = [[ca.SX(0.0)] * len(self.structure.axes) for _ in range(self.structure.n_nodes)]
-        return ca.jacobian(self.map.free(self._with_node_forces(zeros)), self.state())
-
-    def _with_node_forces(self, total: list[Vector]) -> list[Vector]:
-        """Return the force on every node with those of the ground and of bars that touch added [N]."""
-        for node, force in (item for part in self.node_forces for item in part.forces().items()):
-            total[node] = [t + f for t, f in zip(total[node], force, strict=True)]
-        return total
+        total = _add_forces(zeros, (part.forces() for part in self.node_forces))
+        return ca.jacobian(self.map.free(total), self.state())
 
     def energy_rate(self) -> Scalar:
         """Return what damping takes, -sum (t - t_static) l', and what forces on nodes add [W]."""
@@ -154,12 +150,25 @@ class NodeCoordinates:
 
     @cached_property
     def net_static_force(self) -> list[Vector]:
-        """Weight, load and member forces on every node at rest [N]."""
-        return self.members.add_to(self.external_force, self.members.static_densities)
+        """Weight, load, member forces and those of the ground on every node at rest [N]."""
+        total = self.members.add_to(self.external_force, self.members.static_densities)
+        return _add_forces(total, (part.static_forces() for part in self.node_forces))
 
     def tangent_stiffness(self) -> ca.SX:
-        """Return the Hessian of U, sparse (n_coordinates, n_coordinates) [N/m]."""
-        return self.assembled({e: member.tangent_block() for e, member in self.each_member()})
+        """Return the Hessian of U with constant z, sparse (n_coordinates, n_coordinates) [N/m]."""
+        stiffness = self.assembled({e: member.tangent_block() for e, member in self.each_member()})
+        blocks = [item for part in self.node_forces for item in part.static_stiffness().items()]
+        if not blocks:
+            return stiffness
+        free = {
+            node: [c for c, axis in enumerate(self.map.axes) if (node, axis) in self.map.index]
+            for node, _ in blocks
+        }
+        axes = self.map.axes
+        return stiffness + self.map.assemble(
+            (block[free[node], free[node]], [self.map.index[node, axes[c]] for c in free[node]])
+            for node, block in blocks
+        )
 
     def assembled(self, blocks: Mapping[int, MemberBlocks]) -> ca.SX:
         """Return the matrix of these blocks of members, sparse (n_coordinates, n_coordinates)."""
@@ -235,3 +244,10 @@ class NodeCoordinates:
                 for index, value in zip(self.map.indices(nodes, axis), solution, strict=True):
                     result[index] = value
         return ca.vertcat(*result)
+
+
+def _add_forces(total: list[Vector], parts: Iterable[Mapping[int, Vector]]) -> list[Vector]:
+    """Return forces on nodes with those of other parts, node -> force, added [N]."""
+    for node, force in (item for part in parts for item in part.items()):
+        total[node] = [t + f for t, f in zip(total[node], force, strict=True)]
+    return total

@@ -23,6 +23,27 @@ s1 = { class = "string", nodes = ["a", "b"] }
 # The same, pulled down by its weight.
 HANGING = GOOD.replace('name = "small"', 'name = "small"\ngravity = [0, 0, -9.81]')
 
+# A frame of three bars in the plane that stands on two feet.
+FRAME = """\
+name = "frame"
+axes = "xz"
+gravity = [0, -9.81]
+[classes.strut]
+kind = "bar"
+spring_constant = 1e4
+[nodes]
+left = { position = [0, 0], mass = 1 }
+right = { position = [1, 0], mass = 1 }
+top = { position = [0.5, 1], mass = 1 }
+[members]
+base = { class = "strut", nodes = ["left", "right"] }
+west = { class = "strut", nodes = ["left", "top"] }
+east = { class = "strut", nodes = ["right", "top"] }
+[ground]
+stiffness = 1e5
+friction = 0.5
+"""
+
 
 def write(path: Path, text: str) -> Path:
     path.write_text(text, encoding="utf-8")

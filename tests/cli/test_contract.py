@@ -12,6 +12,7 @@ from tensegrity_codegen.system.files import plain
 from tensegrity_codegen.system.version import VERSION
 from tests.cases import thorough
 from tests.cli.conftest import Run
+from tests.cli.scenes import FRAME, write
 
 VERBS = [
     "analyse",
@@ -39,6 +40,7 @@ VERBS += [
     "show",
     "simulate",
     "stability",
+    "stand",
     "sweep",
 ]
 # A good call of each verb.
@@ -68,6 +70,7 @@ GOOD_CALLS = {
     "sensitivity": ["sensitivity", "two_nodes.toml"],
     "simulate": ["simulate", "two_nodes.toml", "--t-end", "0.1"],
     "stability": ["stability", "two_nodes.toml", "--t-end", "0.1", "--no-peers", "--limit", "10"],
+    "stand": ["stand", "frame.toml"],
 }
 WRONG_USE = {
     "no verb": [],
@@ -86,6 +89,7 @@ WRONG_USE = {
 @pytest.fixture
 def tables(folder: Path) -> None:
     (folder / "nodes.csv").write_text("node,x,y,z,mass,anchored\na,0,0,0,,1\nb,0,0,-1,1,\n", encoding="utf-8")
+    write(folder / "frame.toml", FRAME)
     (folder / "members.csv").write_text(
         "member,kind,node_i,node_j,spring_constant\ns,cable,a,b,100\n", encoding="utf-8"
     )

@@ -16,9 +16,9 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.paths.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.studies.papers.sk.offset import evaluate_in
 from tensegrity_codegen.symbolic.build import build_model

@@ -50,15 +50,14 @@ def test_quantities_without_the_ground_are_refused(quantity: str) -> None:
 @pytest.mark.parametrize(
     "analysis",
     [
-        *("equilibrium", "equilibria", "sensitivity", "load_path"),
-        *("analyse", "plan", "time_motion"),
+        *("equilibria", "load_path", "analyse"),
+        *("plan", "time_motion", "control"),
     ],
 )
 def test_other_analyses_are_refused(analysis: str) -> None:
     request = ModelRequest(("member_tension",), emitter="auto")
-    needs = find_needs(analysis, BLOCK, request)
     with pytest.raises(FormulationError, match=REFUSAL):
-        build_library(BLOCK, needs.alone(request))
+        build_library(BLOCK, find_needs(analysis, BLOCK, request).alone(request))
 
 
 def test_static_friction_and_too_many_contacts_are_refused() -> None:

@@ -23,6 +23,9 @@ ToleranceOption = Annotated[
     float, typer.Option(help="Largest node residual, as a fraction of the largest member force.")
 ]
 MethodOption = Annotated[Method, typer.Option(help="auto, newton or relaxation.")]
+FrictionlessOption = Annotated[
+    bool, typer.Option("--frictionless", help="On the ground: without friction, whatever the scene says.")
+]
 OutOption = Annotated[
     Path | None, typer.Option("--out", "-o", help="Write the settled structure as a scene file.")
 ]
@@ -35,6 +38,7 @@ def equilibrium(
     input: InputOption = None,
     tolerance: ToleranceOption = 1e-9,
     method: MethodOption = "auto",
+    frictionless: FrictionlessOption = False,
     out: OutOption = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
@@ -42,6 +46,9 @@ def equilibrium(
     printing: PrintOptions,
 ) -> None:
     """Find the stable equilibrium of a scene, and report how far the nodes moved.
+
+    On the ground weights and loads grow from zero, and friction holds feet from where they first touch.
+    Exit code 3 if nothing is found, as where the structure slides or tips.
 
     --out may name the scene itself: with --overwrite the settled structure replaces it. The written rest
     lengths contain the values of --input; forces of inputs and loads of --load are not written.
@@ -65,6 +72,7 @@ def equilibrium(
             compiler=compiler,
             tolerance=tolerance,
             method=method,
+            frictionless=frictionless,
         )
         if not found.is_found:
             raise typer.Exit(3)

@@ -16,6 +16,7 @@ from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
 from tensegrity_codegen.symbolic.node_forces.ground_contact import Contact, build_contact, count_bristles
 from tensegrity_codegen.system.arrays import IntArray
+from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES
 
 # What the kernel of one contact returns, by quantity.
 RESULTS: Mapping[str, Callable[[Contact], list[Any]]] = {
@@ -27,6 +28,13 @@ RESULTS: Mapping[str, Callable[[Contact], list[Any]]] = {
     "stick_margin": lambda contact: [contact.stick_margin()],
 }
 STORED = ("contact_force", "internal_rate", "penetration", "contact_margin", "stick_margin")
+# Quantities of structures on the ground that loops do not have: forces at rest, and derivatives of forces.
+WITHOUT_CONTACTS = frozenset(
+    (
+        *(item.name for item in NODE_QUANTITIES if {"static_force", "spring_force"} & set(item.uses)),
+        *("tangent_stiffness", "state_jacobian", "input_jacobian", "rest_length_jacobian"),
+    )
+)
 NEED_FRICTION = ("internal_rate", "stick_margin")
 
 

@@ -2,6 +2,7 @@
 
 from tensegrity_codegen.codegen.emitter import Bodies, Emitter
 from tensegrity_codegen.codegen.prune import refuse_empty
+from tensegrity_codegen.codegen.table.contacts import WITHOUT_CONTACTS
 from tensegrity_codegen.codegen.table.members.function import TableFunction
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.writer import Writer
@@ -40,7 +41,10 @@ def _build(structure: Structure | BodySystem, request: ModelRequest) -> TableMod
             allowed="the defaults of the options",
             hint='emitter = "unrolled"',
         ).unless_chosen_otherwise()
-    return TableModel(structure, request, served_quantities(request.formulation))
+    served = served_quantities(request.formulation)
+    if structure.ground is not None:
+        served = tuple(name for name in served if name not in WITHOUT_CONTACTS)
+    return TableModel(structure, request, served)
 
 
 def _prune(model: TableModel, quantities: tuple[str, ...]) -> tuple[TableFunction, ...]:

@@ -23,6 +23,7 @@ from tensegrity_codegen.runtime.sensitivity.static_system import (
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import is_number
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, SingularStiffnessError
@@ -71,7 +72,7 @@ def equilibrium_sensitivity(
     NonFiniteError
         Forces or derivatives are not finite.
     FormulationError
-        The model lacks a quantity.
+        The model lacks a quantity, or a foot on the ground slips.
 
     Notes
     -----
@@ -102,7 +103,25 @@ def equilibrium_sensitivity(
     return _solve(problem, point, system, names, column_members)
 
 
+def _hold_feet(problem: StaticProblem, equilibrium: Equilibrium | ArrayLike | None) -> None:
+    """Let feet on the ground stick where they do in the equilibrium; FormulationError where one slips."""
+    contacts = problem.contacts
+    feet = equilibrium.feet if isinstance(equilibrium, Equilibrium) else None
+    if contacts is None or not contacts.friction or (feet is not None and "slide" in feet.state):
+        if contacts is not None:
+            contacts.friction = False
+        return
+    if not isinstance(equilibrium, Equilibrium) or feet is None or "slip" in feet.state:
+        raise refuse_ground(
+            problem.model.manifest.name,
+            "the sensitivity with feet that slip, or of positions alone, which do not say how feet stick",
+            "pass the Equilibrium, or choose frictionless=True there, or more friction",
+        )
+    contacts.begin(equilibrium.node_position, feet.internal)
+
+
 def _find_point(problem: StaticProblem, equilibrium: Equilibrium | ArrayLike | None) -> Point:
+    _hold_feet(problem, equilibrium)
     if isinstance(equilibrium, Equilibrium):
         equilibrium = equilibrium.coordinate
     if equilibrium is None:

@@ -75,6 +75,10 @@ class BarProblem(StaticProblem):
         self._tension = "spring_tension" if model.has("spring_tension") else "member_tension"
         self._last: _Place | None = None
 
+    def forget(self) -> None:
+        """Drop what is kept of the last configuration."""
+        self._last = None
+
     @classmethod
     def list_needed_quantities(cls, model: Model) -> tuple[str, ...]:
         """Return what has to be there: with constant rest lengths only what node positions need too.
@@ -95,6 +99,8 @@ class BarProblem(StaticProblem):
         result.arguments = {**self.arguments, **arguments}
         result._given = {**self._given, **arguments}
         result._last = None
+        if self.contacts is not None:
+            result.contacts = self.contacts.under(result.arguments)
         return result
 
     def to_search_coordinate(self, coordinate: FloatArray) -> FloatArray:

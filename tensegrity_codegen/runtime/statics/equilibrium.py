@@ -18,6 +18,7 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import (
 )
 from tensegrity_codegen.runtime.statics.methods import METHODS, Method, follow_residual
 from tensegrity_codegen.runtime.statics.newton import Outcome, Progress, find_minimum
+from tensegrity_codegen.runtime.statics.on_ground import find_on_ground
 from tensegrity_codegen.runtime.statics.relaxation import find_relaxed
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
@@ -92,6 +93,7 @@ def find_equilibrium(
     tolerance: float = 1e-9,
     max_iterations: int = 500,
     method: Method = "auto",
+    frictionless: bool = False,
     progress: Progress | None = None,
     raise_on_failure: bool = True,
 ) -> Equilibrium:
@@ -112,6 +114,9 @@ def find_equilibrium(
     method : str
         ``"newton"`` with damped members, ``"relaxation"`` (dynamic, 40 steps per iteration), or
         ``"auto"``: Newton, and where it fails relaxation followed by Newton.
+    frictionless : bool
+        On the ground: without friction, whatever its coefficient. With friction, weights and loads grow from
+        zero in steps, twice as many until that changes nothing.
     progress : callable, optional
         Called with the iteration and the largest node residual [N].
     raise_on_failure : bool
@@ -147,7 +152,10 @@ def find_equilibrium(
     check_search_options(tolerance, max_iterations, method)
     check_callback(progress, "progress")
     check_switch(raise_on_failure, "raise_on_failure")
+    check_switch(frictionless, "frictionless")
     problem = build_problem(model, arguments)
+    if problem.contacts is not None and frictionless:
+        problem.contacts.friction = False
     start = problem.to_search_coordinate(_start(problem, coordinate))
     problem.watch_stiff_members(start)
     point = problem.find_point(start)
@@ -156,7 +164,20 @@ def find_equilibrium(
     else:
         with work_pass(SETTLING):
             follow = follow_residual(progress)
-            used, outcome = _search(problem, point, tolerance, max_iterations, method, follow)
+
+            def search(begin: Point) -> tuple[str, Outcome]:
+                return _search(problem, begin, tolerance, max_iterations, method, follow)
+
+            if problem.contacts is None:
+                used, outcome = search(point)
+            else:
+                used = method
+                point, outcome = find_on_ground(
+                    problem,
+                    start,
+                    lambda begin: search(begin)[1],
+                    tolerance=tolerance,
+                )
         equilibrium = record_outcome(problem, point, outcome, used)
     if raise_on_failure and not equilibrium.is_found:
         raise _failure(model, equilibrium)
@@ -215,6 +236,9 @@ def _failure(model: Model, equilibrium: Equilibrium) -> ConvergenceError:
     kind = UnstableError if equilibrium.status == "unstable" else ConvergenceError
     hints = {
         "no_equilibrium": "anchor some nodes, or balance the loads",
+        "slides": "more friction, or a smaller slope; `stand` says how much friction it takes",
+        "tips": "start from the shape in which it rests, or widen its support; `stand` gives its margin",
+        "lifts_off": "nothing holds it to the ground: check gravity, loads and the ground's normal",
         "unstable": "start from another coordinate",
         "at_pole": "give the body another polar_axis",
         "work_limit": "start nearer to it, simulate the motion with damping, or use the method relaxation",

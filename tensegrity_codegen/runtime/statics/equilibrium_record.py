@@ -8,6 +8,7 @@ import numpy as np
 from tensegrity_codegen.runtime.model.arguments import apply_loads
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions, find_neutral
 from tensegrity_codegen.runtime.statics.newton import Outcome, Stability, find_stability
+from tensegrity_codegen.runtime.statics.on_ground import Feet, describe_feet
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MemberChecks, check_members
@@ -41,7 +42,7 @@ class Equilibrium(ByName, Summarised):
         origin. Not found: ``"unstable"`` (the forces balance
         on a saddle of the energy), ``"no_equilibrium"`` (nothing balances the loads), ``"stalled"``,
         ``"iteration_limit"``, ``"work_limit"``, ``"at_pole"`` (a body reached the pole of its angles),
-        ``"not_finite"``.
+        ``"not_finite"``; on the ground ``"slides"``, ``"tips"``, ``"lifts_off"``.
     method : str
         Method that found it.
     coordinate : ndarray, shape (n_coordinates,) [m]
@@ -84,6 +85,8 @@ class Equilibrium(ByName, Summarised):
         Loads on nodes, without inputs, where they can change at run time; None: those of the scene.
     input : ndarray or None, shape (n_inputs,) [m, N or N m]
         Values of the inputs; None: those of the scene.
+    feet : Feet or None
+        Contacts with the ground: force, penetration, whether each is open, sticks or slips; None without one.
     """
 
     status: str
@@ -117,6 +120,7 @@ class Equilibrium(ByName, Summarised):
     structure: Structure | BodySystem | None = None
     node_load: FloatArray | None = None
     input: FloatArray | None = None
+    feet: Feet | None = None
 
     def headline(self) -> str:
         """Return status and message."""
@@ -184,7 +188,8 @@ class Equilibrium(ByName, Summarised):
             "neutral_motions", "neutral_motion_names", "energy", "displacement", "displaced_node", "change",
             "changed_node", "extent", "is_start_unstable", "saddles_left", "warnings", "message",
         )  # fmt: skip
-        limits = {"limits": None if self.members is None else self.members.as_evidence()}
+        on_ground = {} if self.feet is None else {"contacts": self.feet.as_evidence()}
+        limits = on_ground | {"limits": None if self.members is None else self.members.as_evidence()}
         return {name: getattr(self, name) for name in names} | limits
 
 
@@ -260,6 +265,7 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
         structure=getattr(problem.model, "structure", None),
         node_load=None if load is None else load[0],
         input=None if input_value is None else np.array(input_value, dtype=np.float64).reshape(-1),
+        feet=None if problem.contacts is None else describe_feet(problem, point.coordinate),
     )
 
 

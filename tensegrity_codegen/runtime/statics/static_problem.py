@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy
 
+from tensegrity_codegen.runtime.contacts.contacts import Contacts
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
@@ -88,6 +89,9 @@ class StaticProblem:
         self._given = {**self.arguments, "velocity": np.zeros(self.size)}
         self.ends = np.array(model.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
         self.stiff: StiffMembers | None = None
+        self.contacts: Contacts | None = None
+        if model.manifest.contact_name:
+            self.contacts = Contacts(model, self.arguments)
         # Velocities of nodes (3 n_nodes, n_coordinates) of those of coordinates.
         self._velocity = scipy.sparse.csr_array(
             (np.ones(self.size), (3 * self.node + self.axis, np.arange(self.size))),
@@ -116,7 +120,15 @@ class StaticProblem:
 
     def compute(self, quantity: str, coordinate: FloatArray) -> Any:
         """Return one quantity at `coordinate`."""
-        return self.model.compute(quantity, coordinate=coordinate, **self._given)
+        if self.contacts is None:
+            return self.model.compute(quantity, coordinate=coordinate, **self._given)
+        position = self.node_position(coordinate)
+        given = self._given | self.contacts.state(position)
+        value = self.model.compute(quantity, coordinate=coordinate, **given)
+        return self.contacts.complete(quantity, value, coordinate, position)
+
+    def forget(self) -> None:
+        """Drop what is kept of the last configuration: loads or contacts have changed."""
 
     def find_point(self, coordinate: FloatArray) -> Point | None:
         """Return the configuration with its energy and forces, None where any of them is not finite."""
@@ -267,6 +279,8 @@ class StaticProblem:
         Member forces cancel in that sum, so the loads along such an axis have nothing to hold them.
         """
         n_nodes = len(self.model.manifest.node_name)
+        if self.contacts is not None:
+            return None
         for axis in self.model.manifest.axes:
             along = residual[self.axis == axis]
             bound = 1e-12 * float(np.abs(along).sum()) + noise

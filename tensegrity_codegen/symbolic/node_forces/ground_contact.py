@@ -55,6 +55,17 @@ class GroundContact(NodeForce):
         """Return node -> force of the ground on it [N]."""
         return {node: c.force for node, c in zip(self.ground.node.tolist(), self.contacts, strict=True)}
 
+    def static_forces(self) -> Mapping[int, Vector]:
+        """Return node -> force of the ground on it at rest, k d^p n - kt s [N]."""
+        return {
+            node: c.static_force() for node, c in zip(self.ground.node.tolist(), self.contacts, strict=True)
+        }
+
+    def static_stiffness(self) -> Mapping[int, ca.SX]:
+        """Return node -> p k d^(p-1) n n^T where the ground presses [N/m]."""
+        nodes = zip(self.ground.node.tolist(), self.contacts, strict=True)
+        return {node: c.normal_stiffness() * np.outer(c.normal, c.normal) for node, c in nodes}
+
     def internal_rate(self) -> list[Scalar]:
         """Return the rates of the bristles, contact by contact [m/s]; whether one slips changes at events."""
         rates = [rate for contact in self.contacts for rate in contact.bristle_rate]
@@ -185,6 +196,18 @@ class Contact:
         for f, tangent in zip(self.friction, self.basis, strict=True):
             result = [r - f * float(t) for r, t in zip(result, tangent, strict=True)]
         return result
+
+    def static_force(self) -> Vector:
+        """Force on the node at rest, its bristle below the limit, over the modelled axes [N]."""
+        result = [self.normal_force.elastic_force * float(n) for n in self.normal]
+        for s, tangent in zip(self.bristle, self.basis, strict=True):
+            pull = self.ground.stick_stiffness * s
+            result = [r - pull * float(t) for r, t in zip(result, tangent, strict=True)]
+        return result
+
+    def normal_stiffness(self) -> Scalar:
+        """dN/dd at rest [N/m]."""
+        return self.normal_force.static_stiffness()
 
     def energy(self) -> Scalar:
         """Return the energy of compressed ground and deflected bristle [J]."""

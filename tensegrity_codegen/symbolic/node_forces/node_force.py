@@ -25,6 +25,18 @@ class NodeForce(ABC):
     def power(self) -> Scalar:
         """Return what it adds to the total energy of the structure, its own included [W]."""
 
+    def static_forces(self) -> Mapping[int, Vector]:
+        """Return node -> force on it at rest, minus the gradient of `stored_energy` [N].
+
+        What it remembers follows the nodes along this force: the derivative of z is that of the positions.
+        None where equilibria do not know the force: see structure/collision.py.
+        """
+        return {}
+
+    def static_stiffness(self) -> Mapping[int, ca.SX]:
+        """Return node -> Hessian of `stored_energy` with constant z, (n_axes, n_axes) [N/m]."""
+        return {}
+
     def internal_rate(self) -> list[Scalar]:
         """Return the rates z' of its internal states, in the order of their names."""
         return []

@@ -55,6 +55,12 @@ class NormalForce:
             return self.elastic_force
         return ca.if_else(self.impact_factor > 0, self.elastic_force * self.impact_factor, 0)
 
+    def static_stiffness(self) -> Scalar:
+        """Return dN/dd at rest, p k d^(p-1) in contact [N/m]."""
+        p = self.law.exponent
+        root = 1.0 if p == 1.0 else ca.sqrt(ca.fabs(self.depth))
+        return ca.if_else(self.depth > 0, p * self.law.stiffness * root, 0)
+
     def energy(self) -> Scalar:
         """Return the energy of the compressed surfaces [J]."""
         return self.elastic_force * self.depth / (self.law.exponent + 1.0)

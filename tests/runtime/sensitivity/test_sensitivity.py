@@ -16,7 +16,8 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.sensitivity import bordered
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
 from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
-from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
+from tensegrity_codegen.runtime.statics.on_ground import continue_on_ground
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
@@ -31,6 +32,7 @@ from tensegrity_codegen.system.errors import (
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import assemble_document
 from tests.cases import thorough
+from tests.ground_cases import make_prism
 from tests.models import load
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure, prism, spring
@@ -484,3 +486,39 @@ def test_a_model_without_the_quantities_is_refused() -> None:
 def test_nodes_in_one_place_have_no_sensitivity() -> None:
     with pytest.raises(NonFiniteError, match="not finite"):
         equilibrium_sensitivity(compile_statics(prism()), np.zeros(18))
+
+
+@pytest.mark.parametrize("frictionless", [False, True])
+def test_feet_on_the_ground_stick_or_slide(frictionless: bool) -> None:
+    """Differences of equilibria with feet that go on sticking where they do."""
+    structure = make_prism()
+    cables = tuple(np.flatnonzero(~structure.is_rigid).tolist())
+    needed = find_needs("sensitivity", structure, ModelRequest((), formulation="rigid_bar"))
+    model = load(structure, *needed.quantities, formulation="rigid_bar", parameters={"rest_length": cables})
+    found = find_equilibrium(model, tolerance=1e-13, frictionless=frictionless)
+    slopes = equilibrium_sensitivity(model, found)
+    column, step = 2, 1e-6
+    sides = []
+    for sign in (1.0, -1.0):
+        length = model.nominal("rest_length").ravel().copy()
+        length[column] += sign * step
+        problem = build_problem(model, {"rest_length": length})
+        assert problem.contacts is not None
+        assert found.feet is not None
+        problem.contacts.friction = not frictionless
+        problem.contacts.begin(found.node_position, found.feet.internal)
+        outcome = continue_on_ground(
+            problem, found.coordinate, lambda _: pytest.fail("searched"), tolerance=1e-13
+        )
+        sides.append(outcome.point)
+    name = slopes.column_name.index(model.manifest.argument("rest_length").over[column])
+    change = (sides[0].tension - sides[1].tension) / (2 * step)
+    np.testing.assert_allclose(slopes.tension[:, name], change, atol=1e-6 * np.abs(change).max())
+
+
+def test_feet_that_slip_have_no_sensitivity() -> None:
+    structure = make_prism(friction=0.2)
+    needed = find_needs("sensitivity", structure, ModelRequest((), formulation="rigid_bar"))
+    model = load(structure, *needed.quantities, formulation="rigid_bar")
+    with pytest.raises(FormulationError, match="feet that slip"):
+        equilibrium_sensitivity(model, find_equilibrium(model))

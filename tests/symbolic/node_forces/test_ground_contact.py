@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
 from tests.ground_cases import make_block, make_prism
-from tests.models import simulator
+from tests.models import load, simulator
 
 Array = NDArray[np.float64]
 QUANTITIES = (
@@ -53,6 +53,28 @@ def find_forces(structure: Structure, place: Array, velocity: Array, bristle: Ar
         "energy_rate": (elastic - normal) * rate + stored - friction @ (basis @ velocity),
         "friction": friction,
     }
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_static_forces_are_the_gradient_of_the_energy(exponent: float) -> None:
+    """f = -dU/dq with s that follows the node, K = d2U/dq2 with constant s."""
+    structure = make_block([0.0, 0.0, 0.0], exponent=exponent)
+    model = load(structure, "potential_energy", "node_residual", "tangent_stiffness")
+    start, bristle, step = np.array([0.1, 0.2, -1e-4]), np.array([3e-5, -2e-5]), 1e-8
+
+    def compute(name: str, moved: Array, held: bool = False) -> Any:
+        s = bristle if held else bristle + moved[:2]
+        return model.compute(name, coordinate=start + moved, internal=s)
+
+    force, unit = compute("node_residual", np.zeros(3)), step * np.eye(3)
+    slope = [(compute("potential_energy", d) - compute("potential_energy", -d)) / (2 * step) for d in unit]
+    np.testing.assert_allclose(force, -np.array(slope), rtol=1e-5, atol=1e-5)
+    assert force[:2] == pytest.approx(-1e5 * bristle, rel=1e-12)
+    turn = [
+        (compute("node_residual", d, True) - compute("node_residual", -d, True)) / (2 * step) for d in unit
+    ]
+    stiffness = compute("tangent_stiffness", np.zeros(3)).toarray()
+    np.testing.assert_allclose(stiffness, -np.array(turn), rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5])

@@ -27,6 +27,7 @@ from tensegrity_codegen.runtime.statics.equilibrium import (
 )
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.methods import Method
+from tensegrity_codegen.structure.ground_support import require_no_ground
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.errors import NonFiniteError
@@ -95,6 +96,7 @@ def find_equilibria(
     (('converged', 'converged'), [1.0613, 1.0613])
     """
     require_model(model)
+    require_no_ground(getattr(model, "structure", None), "many equilibria at once")
     check_callback(progress, "progress")
     check_search_options(tolerance, max_iterations, method)
     check_threads(threads)

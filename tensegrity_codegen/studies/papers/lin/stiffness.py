@@ -16,7 +16,7 @@ from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, diagram_figure
 from tensegrity_codegen.report.pages.page_table import Table, make_table
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
+from tensegrity_codegen.runtime.paths.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.studies.papers.lin.events import follow_load
 from tensegrity_codegen.studies.papers.lin.tables import TOPS, compile_prism, place_load
 from tensegrity_codegen.system.arrays import FloatArray

@@ -12,7 +12,7 @@ from scipy import optimize
 from tensegrity_codegen.pipeline.analyses import equilibrium_quantities
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver, SolvedPath
+from tensegrity_codegen.runtime.paths.c_equilibrium import EquilibriumSolver, SolvedPath
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.system.arrays import FloatArray

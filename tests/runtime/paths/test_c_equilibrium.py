@@ -12,7 +12,7 @@ import pytest
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
+from tensegrity_codegen.runtime.paths.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure

@@ -1,0 +1,312 @@
+"""Standing of a model in a shape, and how far cables must be shortened until it tips."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensegrity_codegen.runtime.contacts.contacts import compute_external_force
+from tensegrity_codegen.runtime.contacts.judge_stand import Stand, find_support_margin, judge_stand
+from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
+from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.placement import place_nodes
+from tensegrity_codegen.runtime.model.require import require_model
+from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.runtime.statics.newton import Outcome, find_minimum
+from tensegrity_codegen.runtime.statics.on_ground import Feet, continue_on_ground, describe_feet
+from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import FormulationError, check_choice
+
+TIGHT = 1e-12  # tolerance of equilibria near a tipping point
+FIRST_STEP, MOST_STEP, MOST_SHORTENING = 0.05, 0.1, 0.99  # of the rest length
+NEAR_ROOT = 0.9  # part of the way to a root that a step goes, so that it stays on the side that stands
+ROOT = 1e-7  # of the rest length: distance from the root from which the rest of the way is a line
+MOST_JUMP = 0.2  # of the structure's size: motion of a node in a step that counts as a jump
+MOST_ITERATIONS = 60  # from one equilibrium to the next
+
+Progress = Callable[[int, float], None]
+
+
+def stand(
+    model: Model,
+    shape: Equilibrium | ArrayLike | None = None,
+    *,
+    arguments: Mapping[str, Any] | None = None,
+    frictionless: bool = False,
+) -> Stand:
+    """Find out whether the ground can hold a structure in a shape, as a rigid whole.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Of a structure on the ground without anchors; any quantities.
+    shape : Equilibrium or array_like, shape (n_coordinates,), optional
+        An equilibrium, whose contacts that press are the feet; or coordinates [m], by default those of the
+        scene, whose contacts up to 1e-6 of its size above the lowest one are the feet.
+    arguments : mapping, optional
+        Inputs and parameters by name, where they differ from the scene.
+    frictionless : bool
+        Without friction, whatever its coefficient.
+
+    Returns
+    -------
+    Stand
+        Verdict, forces of the feet, tipping margin, friction needed, and a proof.
+
+    Raises
+    ------
+    FormulationError
+        The scene has no ground, or anchors.
+    InvalidValueError, NonFiniteError
+        A wrong argument.
+
+    Notes
+    -----
+    Friction cones are approximated by planes until the gap is below 1e-9 of the loads (docs/model.md).
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import compile_scene, find_equilibrium, stand
+    >>> place = {"left": [0, 0], "right": [1, 0], "top": [0.5, 1]}
+    >>> pairs = {"base": ["left", "right"], "west": ["left", "top"], "east": ["right", "top"]}
+    >>> frame = {
+    ...     "name": "frame",
+    ...     "axes": "xz",
+    ...     "gravity": [0, -9.81],
+    ...     "classes": {"strut": {"kind": "bar", "spring_constant": 1e4}},
+    ...     "nodes": {name: {"position": at, "mass": 1.0} for name, at in place.items()},
+    ...     "members": {name: {"class": "strut", "nodes": pair} for name, pair in pairs.items()},
+    ...     "ground": {"stiffness": 1e5, "friction": 0.5},
+    ... }
+    >>> model = compile_scene(frame, for_="equilibrium")
+    >>> found = stand(model, find_equilibrium(model))
+    >>> found.verdict, round(found.tipping_margin, 3)
+    ('stands', 0.5)
+    """
+    require_model(model)
+    structure = require_ground(getattr(model, "structure", None), model.manifest.name)
+    given = merge_inputs(model.manifest, arguments)
+    nominal = model.nominal("coordinate").ravel()
+    friction = 0.0 if frictionless else None
+    external = compute_external_force(structure, model, given)
+    if isinstance(shape, Equilibrium):
+        force = None if shape.feet is None else shape.feet.force
+        return judge_stand(structure, shape.node_position, external, force=force, friction=friction)
+    at = nominal if shape is None else to_doubles(shape, "shape", f"shape {nominal.shape}")
+    check_shape(at, nominal.shape, "shape")
+    check_finite(at, "shape")
+    position = place_nodes(model, at, given.get("anchor_position"))
+    return judge_stand(structure, position, external, friction=friction)
+
+
+def require_ground(structure: Any, name: str) -> Structure:
+    """Return a structure that stands on a ground; FormulationError for anything else."""
+    if isinstance(structure, Structure) and structure.ground is not None:
+        return structure
+    raise FormulationError(
+        "nothing to stand on",
+        where=f"{name}: ground",
+        given="a library that was loaded alone" if structure is None else "no ground, or a scene of bodies",
+        allowed="nodes and members with a ground",
+        hint="add a section [ground] to the scene",
+    )
+
+
+@dataclass(frozen=True)
+class Tip:
+    """How far a cable must be shortened until the structure tips.
+
+    Attributes
+    ----------
+    cable : str
+        Its name.
+    status : str
+        ``"tips"``; ``"snaps"``, where nodes jump; ``"slides"`` or another status where no equilibrium is
+        found; ``"stands"`` down to the least rest length that was tried, 1 % of that in the scene.
+    rest_length, shortening : float [m]
+        Rest length at which that happens, and its change from the scene's.
+    edge : tuple of str
+        The feet of the edge about which it tips.
+    foot : tuple of str
+        Nodes that press, just before.
+    force : ndarray, shape (n_feet, 3) [N]
+        Forces of the ground on them then.
+    message : str
+        What the search for an equilibrium says beyond.
+    """
+
+    cable: str
+    status: str
+    rest_length: float
+    shortening: float
+    edge: tuple[str, ...]
+    foot: tuple[str, ...]
+    force: FloatArray
+    message: str
+
+    def as_evidence(self) -> dict[str, Any]:
+        """Return all by name, JSON-ready."""
+        names = ("cable", "status", "rest_length", "shortening", "message")
+        feet = dict(zip(self.foot, self.force.tolist(), strict=True))
+        return {**{name: getattr(self, name) for name in names}, "edge": list(self.edge), "feet": feet}
+
+
+def find_tips(
+    model: Model,
+    cables: Sequence[str] = (),
+    *,
+    arguments: Mapping[str, Any] | None = None,
+    frictionless: bool = False,
+    progress: Progress | None = None,
+) -> tuple[Tip, ...]:
+    """Find how far each cable must be shortened, alone, until the structure tips.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"equilibrium"``, with the rest lengths of the cables as run-time parameters.
+    cables : sequence of str
+        Cables; by default all whose rest length is a parameter.
+    arguments : mapping, optional
+        Inputs and other parameters by name, where they differ from the scene.
+    frictionless : bool
+        Without friction.
+    progress : callable, optional
+        Called with the number of the cable, and its shortening [m].
+
+    Returns
+    -------
+    tuple of Tip
+        The cables that need least shortening first; those that do not tip it come last.
+
+    Raises
+    ------
+    ConvergenceError
+        The structure does not stand to begin with.
+    UnknownNameError, FormulationError
+        A cable whose rest length is no parameter of the model.
+
+    Notes
+    -----
+    The tipping margin is followed down to zero: steps of the rest length, each equilibrium from the one
+    before, with bristles that go on from there; the root is approached by secants from the side that stands.
+    """
+    require_model(model)
+    require_ground(getattr(model, "structure", None), model.manifest.name)
+    spec = next((item for item in model.manifest.arguments if item.name == "rest_length"), None)
+    known = () if spec is None else spec.over
+    for name in cables:
+        check_choice(name, known, "cable", "cables")
+    given = merge_inputs(model.manifest, arguments)
+    begun = find_equilibrium(model, arguments=given, frictionless=frictionless, tolerance=TIGHT)
+    assert begun.feet is not None
+    friction = "slide" not in begun.feet.state
+    found = []
+    for number, name in enumerate(cables or known):
+        course = _Shortening(model, given, known.index(name), begun, friction)
+        found.append(course.follow(name, None if progress is None else partial(progress, number)))
+    order = {"tips": 0, "slides": 1}
+    return tuple(sorted(found, key=lambda tip: (order.get(tip.status, 2), tip.shortening)))
+
+
+@dataclass(frozen=True)
+class _State:
+    """An equilibrium with a cable shortened by `shortening` [m], and its tipping margin [m]."""
+
+    shortening: float
+    coordinate: FloatArray
+    position: FloatArray
+    feet: Feet
+    margin: float
+    edge: tuple[str, ...]
+
+
+class _Shortening:
+    """One cable that is shortened step by step."""
+
+    def __init__(
+        self, model: Model, given: Mapping[str, Any], column: int, begun: Equilibrium, friction: bool
+    ) -> None:
+        self.model, self.given, self.column, self.friction = model, given, column, friction
+        nominal = model.nominal("rest_length") if given.get("rest_length") is None else given["rest_length"]
+        self.length = np.array(nominal, dtype=float).ravel()
+        self.size = begun.extent
+        assert begun.feet is not None
+        self.begun = self._judge(0.0, build_problem(model, given), begun.coordinate, begun.feet)
+
+    def follow(self, name: str, progress: Callable[[float], None] | None) -> Tip:
+        """Return where the margin vanishes, by a line through the last two equilibria."""
+        whole = float(self.length[self.column])
+        here = self.begun
+        step, status, message = FIRST_STEP * whole, "stands", ""
+        while here.shortening < MOST_SHORTENING * whole:
+            target = min(here.shortening + step, MOST_SHORTENING * whole)
+            if progress is not None:
+                progress(target)
+            found = self._settle(target, here)
+            jump = 0.0 if isinstance(found, Outcome) else float(np.abs(found.position - here.position).max())
+            if isinstance(found, Outcome) or jump > MOST_JUMP * self.size:
+                status, message = "snaps", f"a node jumps by {jump:.3g} m"
+                if isinstance(found, Outcome):
+                    status, message = found.status, found.message
+                step /= 4
+                if step < ROOT * whole:
+                    break
+                continue
+            before, here, status = here, found, "stands"
+            left = _find_left(before, here)
+            if left <= ROOT * whole:
+                return self._record(name, "tips", here, before, left, "")
+            step = min(2 * step, MOST_STEP * whole, NEAR_ROOT * left)
+        return self._record(name, status, here, here, 0.0, message)
+
+    def _settle(self, shortening: float, state: _State) -> "_State | Outcome":
+        """Return the equilibrium with the cable shortened, or the outcome of a search that finds none."""
+        length = self.length.copy()
+        length[self.column] -= shortening
+        problem = build_problem(self.model, {**self.given, "rest_length": length})
+        contacts = problem.contacts
+        assert contacts is not None
+        contacts.friction = self.friction
+        contacts.begin(state.position, state.feet.internal if self.friction else None)
+        start = problem.to_search_coordinate(state.coordinate)
+        problem.watch_stiff_members(start)
+
+        def search(point: Point) -> Outcome:
+            return find_minimum(problem, point, tolerance=TIGHT, max_iterations=MOST_ITERATIONS)
+
+        outcome = continue_on_ground(problem, start, search, tolerance=TIGHT)
+        if outcome.status not in ("converged", "rounding_limited"):
+            return outcome
+        at = outcome.point.coordinate
+        return self._judge(shortening, problem, at, describe_feet(problem, at))
+
+    def _judge(self, shortening: float, problem: StaticProblem, at: FloatArray, feet: Feet) -> _State:
+        contacts, position = problem.contacts, problem.node_position(at)
+        assert contacts is not None
+        margin, edge = find_support_margin(contacts.structure, position, contacts.external, feet.force)
+        return _State(shortening, at, position, feet, margin, edge)
+
+    def _record(self, name: str, status: str, here: _State, before: _State, left: float, message: str) -> Tip:
+        """Return what happens at the shortening `left` beyond the last equilibrium, to first order."""
+        feet = here.feet
+        presses = np.array([word != "open" for word in feet.state])
+        foot = tuple(word for word, pressed in zip(feet.node_name, presses, strict=True) if pressed)
+        step = here.shortening - before.shortening
+        force = feet.force + (feet.force - before.feet.force) * (left / step if step else 0.0)
+        shortening = here.shortening + left
+        rest = float(self.length[self.column]) - shortening
+        return Tip(name, status, rest, shortening, here.edge, foot, force[presses], message)
+
+
+def _find_left(before: _State, here: _State) -> float:
+    """Return how much further a cable must be shortened until the margin vanishes, inf where it grows."""
+    slope = (here.margin - before.margin) / (here.shortening - before.shortening)
+    return -here.margin / slope if slope < 0.0 else np.inf

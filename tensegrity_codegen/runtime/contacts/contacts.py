@@ -1,0 +1,219 @@
+"""Contacts with the ground in statics: penetrations, bristles that follow the nodes, forces and stiffness.
+
+At rest N = k d^p and F = kt s. While a node moves from x0 to x, its bristle goes from s0 to
+
+    s = T min(1, mu N / |kt T|),  T = s0 + w (x - x0) in the plane        (return mapping: F <= mu N)
+
+with w = 1 of a contact that was closed, the closed part d / (d - d0) of the way of one that was open. Where
+T is not limited F is the gradient of an energy; where it is, a force whose size follows N.
+"""
+
+from collections.abc import Mapping
+from copy import copy
+from typing import Any
+
+import numpy as np
+import scipy
+
+from tensegrity_codegen.runtime.model.arguments import apply_loads
+from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.structure.applied_inputs import find_input_force
+from tensegrity_codegen.structure.ground_support import refuse_ground
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
+
+LONG = 1e6  # [m]: deflection of a bristle that is surely beyond its limit
+
+
+class Contacts:
+    """The contacts of a model in statics.
+
+    friction: whether there are tangential forces. limited: whether these are limited to mu N;
+    exact: whether the stiffness then has the change of mu N, which makes it unsymmetric. dragged: of
+    contacts that a belt drags along under a structure that is held, the direction in the plane, else None.
+    limit: (n_contacts,) [N], a constant limit in place of mu N, with which friction has an energy.
+    load_factor: part of weights and loads that acts.
+    """
+
+    def __init__(self, model: Model, arguments: Mapping[str, Any]) -> None:
+        self.model = model
+        self.structure = _find_structure(model)
+        ground, axes = self.structure.ground, self.structure.axes
+        assert ground is not None
+        self.ground = ground
+        self.tangents = ground.tangents(axes)
+        self.friction = ground.friction > 0
+        self.limited = False
+        self.exact = False
+        self.limit: FloatArray | None = None
+        self.dragged: FloatArray | None = None
+        self.load_factor = 1.0
+        self.external = compute_external_force(self.structure, model, arguments)
+        place = self.structure.coordinate_node_axis
+        node = {int(n): c for c, n in enumerate(ground.node)}
+        rows = [(node[int(n)], int(axis), k) for k, (n, axis) in enumerate(place) if int(n) in node]
+        contact, axis, column = np.array(rows, dtype=np.int64).reshape(-1, 3).T
+        shape = (3 * ground.n_contacts, len(place))
+        self.motion = scipy.sparse.csr_array((np.ones(len(rows)), (3 * contact + axis, column)), shape=shape)
+        self.start: FloatArray | None = None  # (n_contacts, 3), x0 [m]
+        self.start_bristle = np.zeros((ground.n_contacts, len(self.tangents)))
+        self.start_depth = np.zeros(ground.n_contacts)
+        self.load_steps, self.change = 0, 0.0
+
+    @property
+    def slide(self) -> FloatArray | None:
+        """Direction of a belt in the plane, along `tangents`; None where it rests."""
+        speed = float(np.linalg.norm(self.ground.velocity))
+        return self.tangents @ self.ground.velocity / speed if speed else None
+
+    def depth(self, position: FloatArray) -> FloatArray:
+        """Return the penetrations (n_contacts,) [m] at node positions (n_nodes, 3)."""
+        return self.ground.compute_depth(position)
+
+    def normal_force(self, depth: FloatArray) -> FloatArray:
+        """Return N at rest, (n_contacts,) [N]."""
+        return self.ground.stiffness * np.maximum(depth, 0.0) ** self.ground.exponent
+
+    def under(self, arguments: Mapping[str, Any]) -> "Contacts":
+        """Return the same contacts under other loads."""
+        result = copy(self)
+        result.external = compute_external_force(self.structure, self.model, arguments)
+        return result
+
+    def begin(self, position: FloatArray, bristle: FloatArray | None = None) -> None:
+        """Take node positions (n_nodes, 3) and bristles (n_internal,) for x0 and s0."""
+        self.start = np.array(position[self.ground.node])
+        self.start_depth = self.depth(position)
+        shape = self.start_bristle.shape
+        self.start_bristle = np.zeros(shape) if bristle is None else np.reshape(bristle, shape)
+
+    def bristles(self, position: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return the bristles s (n_contacts, n_tangents) [m], and which contacts slip (n_contacts,)."""
+        trial, _ = self._find_trial(position)
+        if not self.friction or not self.limited:
+            return trial, np.zeros(len(trial), dtype=bool)
+        limit = self.find_limit(position) / self.ground.stick_stiffness
+        size = np.linalg.norm(trial, axis=1)
+        slips = size > limit
+        return trial * np.where(slips, limit / np.where(slips, size, 1.0), 1.0)[:, None], slips
+
+    def find_limit(self, position: FloatArray) -> FloatArray:
+        """Return the largest friction of each contact, (n_contacts,) [N]."""
+        if self.limit is not None:
+            return self.limit
+        return self.ground.friction * self.normal_force(self.depth(position))
+
+    def state(self, position: FloatArray) -> dict[str, FloatArray]:
+        """Return the argument `internal` of these positions, none where the ground has no friction."""
+        if not self.structure.internal_name:
+            return {}
+        if not self.friction or self.start is None:
+            return {"internal": np.zeros(self.start_bristle.size)}
+        return {"internal": self.bristles(position)[0].ravel()}
+
+    def forces(self, position: FloatArray) -> FloatArray:
+        """Return the forces of the ground on the nodes of the contacts, (n_contacts, 3) [N]."""
+        normal = self.normal_force(self.depth(position))
+        force: FloatArray = normal[:, None] * self.ground.normal
+        if self.friction and self.start is not None:
+            force = force - self.ground.stick_stiffness * self.bristles(position)[0] @ self.tangents
+        return force
+
+    def friction_stiffness(self, position: FloatArray, *, exact: bool) -> Any:
+        """Return dF/dq, sparse (n_coordinates, n_coordinates) [N/m].
+
+        exact: the derivative of kt s by positions, unsymmetric where contacts slip, since mu N changes.
+        Otherwise of a small displacement from here: a contact that slips resists only across its slip.
+        """
+        size = self.motion.shape[1]
+        if not self.friction or self.start is None:
+            return scipy.sparse.csc_array((size, size))
+        kt, ground = self.ground.stick_stiffness, self.ground
+        trial, slope = self._find_trial(position)
+        bristle, slips = self.bristles(position)
+        depth = self.depth(position)
+        blocks = []
+        for c in range(ground.n_contacts):
+            length = float(np.linalg.norm(trial[c]))
+            along = trial[c] / length if slips[c] else 0.0 * trial[c]
+            rest = np.eye(len(along)) - np.outer(along, along)
+            if not exact and self.limit is None:
+                holds = depth[c] > 0 if self.limited else self.start_depth[c] >= 0
+                block = kt * holds * self.tangents.T @ rest @ self.tangents
+            elif not slips[c]:
+                block = kt * self.tangents.T @ slope[c]
+            else:
+                share = float(np.linalg.norm(bristle[c])) / length
+                gain = ground.friction * ground.exponent * ground.stiffness
+                gain *= 0.0 if self.limit is not None else 1.0
+                gain *= max(depth[c], 0.0) ** (ground.exponent - 1.0) * (depth[c] > 0)
+                block = kt * share * self.tangents.T @ rest @ slope[c]
+                block = block - gain * np.outer(self.tangents.T @ along, ground.normal)
+            blocks.append(block)
+        return scipy.sparse.csc_array(self.motion.T @ scipy.sparse.block_diag(blocks) @ self.motion)
+
+    def complete(self, quantity: str, value: Any, coordinate: FloatArray, position: FloatArray) -> Any:
+        """Return a quantity of the model with what it leaves out: friction's stiffness, the load factor."""
+        missing = 1.0 - self.load_factor
+        if quantity == "tangent_stiffness":
+            return value + self.friction_stiffness(position, exact=self.exact)
+        if missing and quantity == "node_residual":
+            place = self.structure.coordinate_node_axis
+            return value - missing * self.external[place[:, 0], place[:, 1]]
+        if quantity == "potential_energy":
+            slipped = self._find_slip_energy(position) if self.limit is not None else 0.0
+            return value + missing * float(np.sum(self.external * position)) + slipped
+        return value
+
+    def _find_slip_energy(self, position: FloatArray) -> float:
+        """Return the energy of friction F with constant limits besides kt s^2 / 2, sum F (|T| - |s|) [J]."""
+        trial, (bristle, _) = self._find_trial(position)[0], self.bristles(position)
+        size, left = np.linalg.norm(trial, axis=1), np.linalg.norm(bristle, axis=1)
+        return float(np.sum(self.ground.stick_stiffness * left * (size - left)))
+
+    def _find_trial(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return T (n_contacts, n_tangents) [m] and dT/dx, (n_contacts, n_tangents, 3)."""
+        assert self.start is not None
+        moved = (position[self.ground.node] - self.start) @ self.tangents.T
+        depth, before = self.depth(position), self.start_depth
+        if self.dragged is not None:
+            far = np.where(depth > 0, -LONG, 0.0)[:, None] * self.dragged
+            return far, np.zeros((*moved.shape, 3))
+        closed = before >= 0.0
+        closes = ~closed & (depth > 0) & (self.limited and self.limit is None)
+        span = np.where(closes, depth - before, 1.0)
+        weight = np.where(closed, 1.0, np.where(closes, depth / span, 0.0))
+        slope = weight[:, None, None] * self.tangents
+        change = np.where(closes, -before / span**2, 0.0)
+        slope = slope - (change[:, None] * moved)[:, :, None] * self.ground.normal
+        return np.where(closed[:, None], self.start_bristle, 0.0) + weight[:, None] * moved, slope
+
+
+def compute_external_force(structure: Structure, model: Model, arguments: Mapping[str, Any]) -> FloatArray:
+    """Return weights and loads on all nodes under run-time arguments, (n_nodes, 3) [N]."""
+    axes, manifest = list(structure.axes), model.manifest
+    gravity, mass = np.array(structure.gravity), np.array(structure.lumped_mass)
+    if arguments.get("gravity") is not None:
+        gravity[axes] = np.ravel(arguments["gravity"])
+    if arguments.get("node_mass") is not None:
+        rows = [manifest.node_name.index(name) for name in manifest.argument("node_mass").over]
+        mass[rows] += np.ravel(arguments["node_mass"]) - structure.node_mass[rows]
+    load = apply_loads(model, arguments)
+    force = mass[:, None] * gravity + (structure.node_load if load is None else load[0])
+    if arguments.get("input") is not None:
+        values = dict(zip(manifest.input_name, np.ravel(arguments["input"]).tolist(), strict=True))
+        force = force + find_input_force(structure, values)
+    outside = [axis for axis in range(3) if axis not in axes]
+    force[:, outside] = 0.0
+    return np.asarray(force)
+
+
+def _find_structure(model: Model) -> Structure:
+    structure: Structure | None = getattr(model, "structure", None)
+    if structure is None:
+        raise refuse_ground(
+            model.manifest.name,
+            "statics of a library that was loaded alone, which does not know its ground",
+            'compile_scene("scene.toml", for_="equilibrium")',
+        )
+    return structure

@@ -1,0 +1,154 @@
+"""Equilibria on the ground, against closed forms, motions that come to rest, and turned copies."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities, find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.runtime.statics.on_ground import Feet
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import ConvergenceError
+from tests.ground_cases import (
+    GRAVITY,
+    make_belt,
+    make_block,
+    make_icosahedron,
+    make_prism,
+    make_rod,
+    make_slope,
+)
+from tests.models import load, simulator
+
+Array = NDArray[np.float64]
+
+
+def build(structure: Structure, *more: str, **request: Any) -> CompiledModel:
+    formulation = "rigid_bar" if structure.is_rigid.any() else "node_position"
+    names = (*equilibrium_quantities(formulation), *more)
+    return load(structure, *names, formulation=formulation, **request)
+
+
+def settle(structure: Structure, **options: Any) -> tuple[Equilibrium, Feet]:
+    found = find_equilibrium(build(structure), raise_on_failure=False, **options)
+    assert found.feet is not None
+    return found, found.feet
+
+
+def tilt(structure: Structure, degrees: float, **ground: Any) -> Structure:
+    """Return a structure whose weight is turned as that on a slope is."""
+    angle = np.radians(degrees)
+    weight = GRAVITY * np.array([np.sin(angle), 0.0, -np.cos(angle)])
+    assert structure.ground is not None
+    return structure.with_changes(gravity=weight, ground=replace(structure.ground, **ground))
+
+
+def test_a_block_on_a_slope_is_off_by_its_weight_over_the_stiffness() -> None:
+    slope, down = make_slope(np.radians(20.0))
+    found, feet = settle(slope)
+    offset = GRAVITY * np.sin(np.radians(20.0)) / 1e5  # m g sin / kt
+    assert found.node_position[0] @ down == pytest.approx(offset, rel=1e-12)
+    np.testing.assert_allclose(feet.force, [[0.0, 0.0, GRAVITY]], atol=1e-12)
+    assert feet.state == ("stick",)
+    assert np.linalg.norm(feet.internal) == pytest.approx(offset, rel=1e-12)
+
+
+def test_a_block_slides_on_a_slope_that_is_steeper_than_friction() -> None:
+    with pytest.raises(ConvergenceError, match="feet n0 slip") as caught:
+        find_equilibrium(build(make_slope(np.radians(30.0))[0]))
+    assert caught.value.evidence["status"] == "slides"
+
+
+def test_a_block_above_the_ground_rests_on_it() -> None:
+    found, feet = settle(make_block([0.3, 0.2, 0.5]))
+    assert feet.penetration[0] == pytest.approx(GRAVITY / 1e5, rel=1e-12)
+    np.testing.assert_allclose(found.node_position[0, :2], [0.3, 0.2], atol=1e-15)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_an_icosahedron_stands_on_a_facet(exponent: float) -> None:
+    """The centre is that of the motion which settles there (p = 1)."""
+    ico = tilt(make_icosahedron(), 0.0, exponent=exponent)
+    found, feet = settle(ico)
+    closed = feet.penetration > 0
+    np.testing.assert_allclose(feet.force[closed], np.tile([0.0, 0.0, 1.962], (3, 1)), atol=1e-11)
+    assert found.neutral_motion_names == ("slide along x", "slide along y", "turn about z")
+    if exponent == 1.0:
+        assert found.node_position[:, 2].mean() == pytest.approx(0.2083229558, abs=6e-11)
+        assert found.smallest_eigenvalue > 1.0
+
+
+def test_an_equilibrium_with_friction_is_at_rest() -> None:
+    """A motion from its coordinates and bristles does not move."""
+    prism = tilt(make_prism(), 10.0)
+    found, feet = settle(prism, tolerance=1e-13)
+    assert "slip" not in feet.state
+    model = simulator(prism, "rk853", formulation="rigid_bar")
+    bristles = {"internal": feet.internal}
+    start = found.coordinate
+    motion = simulate(model, 0.2, samples=2, method="rk853", coordinate=start, arguments=bristles)
+    assert np.abs(motion.velocity[-1]).max() < 1e-10
+    np.testing.assert_allclose(motion.coordinate[-1], found.coordinate, atol=1e-11)
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.5])
+def test_turned_and_renumbered_copies_rest_alike(friction: float) -> None:
+    found, feet = settle(make_prism(friction=friction))
+    assert set(feet.state[:3]) == {"slip" if friction == 0.2 else "stick"}
+    limit = friction * feet.force[:, 2]
+    assert np.all(np.linalg.norm(feet.force[:, :2], axis=1) <= limit * (1 + 1e-12))
+    order = np.array([3, 0, 5, 1, 2, 4])
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.7]).as_matrix()
+    copy, other = settle(make_prism(turn, order, friction=friction))
+    np.testing.assert_allclose(copy.node_position, (found.node_position @ turn.T)[order], atol=1e-12)
+    np.testing.assert_allclose(other.force, (feet.force @ turn.T)[order], atol=1e-11)
+
+
+def test_feet_that_slip_state_what_twice_the_steps_change() -> None:
+    found, feet = settle(tilt(make_prism(friction=0.35), 10.0))
+    assert feet.state[:3] == ("slip", "stick", "stick")
+    assert 0.0 < feet.change < 1e-8
+    assert "depends on the way" in found.message
+
+
+def test_what_tips_or_slides_is_no_equilibrium() -> None:
+    rough = {"friction": 0.5, "stick_stiffness": 2e4, "stick_damping": 20.0}
+    over, _ = settle(tilt(make_icosahedron(), 40.0, **rough))
+    assert (over.status, over.is_found) == ("tips", False)
+    assert "edge between" in over.message
+    away, _ = settle(tilt(make_icosahedron(), 10.0))
+    assert away.status == "slides"
+    rod, _ = settle(make_rod())
+    assert rod.status == "tips"
+    up, _ = settle(make_icosahedron().with_changes(gravity=np.array([0.0, 0.0, 1.0])))
+    assert up.status == "lifts_off"
+
+
+def test_frictionless_leaves_friction_out() -> None:
+    found, feet = settle(make_prism(), frictionless=True)
+    assert feet.state[:3] == ("slide",) * 3
+    assert not feet.force[:, :2].any()
+    assert not feet.internal.any()
+    assert len(found.neutral_motion_names) == 3
+
+
+def test_a_belt_drags_what_is_held() -> None:
+    """x = mu N / k (the spring holds it), 0.4 * 10 N / (100 N/m)."""
+    found, feet = settle(make_belt(0.2))
+    assert found.node_position[0, 0] == pytest.approx(0.04, rel=1e-12)
+    np.testing.assert_allclose(feet.force, [[4.0, 0.0, 10.0]], atol=1e-12)
+    assert feet.state == ("slip",)
+
+
+def test_a_belt_carries_what_is_free() -> None:
+    belt = np.array([0.1, 0.0, 0.0])
+    found, _ = settle(make_prism(velocity=belt))
+    rest, _ = settle(make_prism())
+    np.testing.assert_allclose(found.node_position, rest.node_position, atol=1e-14)
+    assert "belt" in found.message
