@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 from typing import Any
 
+from tensegrity_codegen.structure.ground_support import FORMULATIONS_WITH_GROUND, INTEGRATORS_WITH_GROUND
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.tables.request import ModelRequest
 
 EXPONENTS = (1.0, 1.5)
-FORMULATIONS = ("node_position", "rigid_bar")
-INTEGRATORS = ("rk4", "rk54", "rk853", "rodas")
 # Quantities of structures at rest and derivatives of forces: forces between bars are not in them.
 WITHOUT_COLLISION = (
     *("node_residual", "cable_force", "support_reaction", "spring_tension", "member_law"),
@@ -63,7 +62,7 @@ def require_no_collision(subject: Any, what: str) -> None:
         raise FormulationError(
             f"forces between bars are not supported here: {what}",
             where=f"{subject.name}: interference.stiffness",
-            allowed="motions by rk4, rk54, rk853 and rodas, in node positions or with rigid bars",
+            allowed=f"motions by {', '.join(INTEGRATORS_WITH_GROUND)}, in node positions or with rigid bars",
             hint="remove interference.stiffness for this: contacts are then only detected",
         )
 
@@ -73,7 +72,7 @@ def check_collision(subject: Any, request: ModelRequest) -> None:
     if getattr(subject, "collision", None) is None:
         return
     foreign = {
-        f"formulation {request.formulation!r}": request.formulation not in FORMULATIONS,
+        f"formulation {request.formulation!r}": request.formulation not in FORMULATIONS_WITH_GROUND,
         "rigid bars with correction": request.options.get("correction", "none") != "none",
         f"emitter {request.emitter!r}": request.emitter not in ("auto", "unrolled"),
         "solvers": bool(request.solvers),
@@ -81,7 +80,7 @@ def check_collision(subject: Any, request: ModelRequest) -> None:
         "energy that is kept": bool(request.keep),
         "single precision": request.precision != "double",
     }
-    foreign |= {f"integrator {name!r}": name not in INTEGRATORS for name in request.integrators}
+    foreign |= {f"integrator {name!r}": name not in INTEGRATORS_WITH_GROUND for name in request.integrators}
     foreign |= {f"quantity {name!r}": name in WITHOUT_COLLISION for name in request.quantities}
     for what, is_foreign in foreign.items():
         if is_foreign:

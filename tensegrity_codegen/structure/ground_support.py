@@ -3,11 +3,12 @@
 from typing import Any
 
 from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.request import ModelRequest
 
 FORMULATIONS_WITH_GROUND = ("node_position", "rigid_bar")
 EMITTERS_WITH_GROUND = ("auto", "unrolled", "table")
-INTEGRATORS_WITH_GROUND = ("rk4", "rk54", "rk853", "rodas")
+INTEGRATORS_WITH_GROUND = tuple(name for name, row in INTEGRATORS.items() if row.kind != "implicit")
 MOST_CONTACTS = 200  # that events serve: each has two, and every event ends a step
 # Forces of some members alone, and parts of the stiffness: the ground is not in them.
 WITHOUT_GROUND = (
@@ -19,7 +20,9 @@ ANCHOR = "remove the section [ground], and anchor the feet where `equilibrium` f
 ANALYSES_WITHOUT_GROUND = ("equilibria", "load_path", "analyse", "plan", "time_motion", "control")
 # Quantities of equilibria, which have one coefficient of friction.
 STATIC = ("node_residual", "tangent_stiffness")
-ADVICE = 'simulate with formulation "node_position" or "rigid_bar" and method "rk54", "rk853" or "rodas"'
+ADVICE = (
+    f'simulate with formulation "node_position" or "rigid_bar" and {" or ".join(INTEGRATORS_WITH_GROUND)}'
+)
 
 
 def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
@@ -27,7 +30,8 @@ def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
     return FormulationError(
         f"the ground is not supported here: {what}",
         where=f"{name}: ground",
-        allowed="motions by rk4, rk54, rk853 and rodas, and equilibria, in node positions or with rigid bars",
+        allowed=f"motions by {', '.join(INTEGRATORS_WITH_GROUND)}, and equilibria, "
+        "in node positions or with rigid bars",
         hint=hint,
     )
 

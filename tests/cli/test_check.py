@@ -89,15 +89,16 @@ def test_several_contacts_share_the_weight(run: Run, prism: Path) -> None:
     assert "stick offset" not in out  # without friction
 
 
-def test_more_contacts_than_a_library_can_have_are_refused(run: Run, folder: Path) -> None:
+def test_events_of_more_contacts_than_steps_can_end_at_are_refused(run: Run, folder: Path) -> None:
     count = MOST_CONTACTS + 1
     nodes = "\n".join(f"n{k} = {{ position = [0, 0, {k}], mass = 1 }}" for k in range(count))
     bar = "kind = 'bar', axial_stiffness = 1e5"
     members = "\n".join(f"m{k} = {{ {bar}, nodes = ['n{k}', 'n{k + 1}'] }}" for k in range(count - 1))
-    text = f"name = 'tower'\n[ground]\nstiffness = 1e5\n[nodes]\n{nodes}\n[members]\n{members}\n"
+    model = "[model]\nintegrators = ['rk54']\nevents = ['ground']\n"
+    text = f"name = 'tower'\n{model}[ground]\nstiffness = 1e5\n[nodes]\n{nodes}\n[members]\n{members}\n"
     ended = run("check", write(folder / "tower.toml", text), "--json")
     assert ended.code == 2
-    assert f"{count} contacts, more than {MOST_CONTACTS}" in ended.data["problem"]
+    assert f"events of {count} contacts, more than {MOST_CONTACTS}" in ended.data["problem"]
 
 
 def test_nodes_below_the_ground_are_warned_of(run: Run, folder: Path) -> None:
