@@ -11,7 +11,10 @@ import numpy as np
 
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD, CONTROL_QUANTITIES
-from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
+    CONTACT_QUANTITIES,
+    simulation_quantities,
+)
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.ground_support import check_analysis
@@ -78,7 +81,8 @@ def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: floa
 
     nodes = structure if isinstance(structure, Structure) else None
     integrators = integrators_for(method or "auto", nodes, request.formulation, rtol)
-    return Needs(simulation_quantities(request.formulation), integrators)
+    contacts = CONTACT_QUANTITIES if nodes is not None and nodes.ground is not None else ()
+    return Needs((*simulation_quantities(request.formulation), *contacts), integrators)
 
 
 def _simulate_batch(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:

@@ -7,6 +7,7 @@ import numpy as np
 from rich.table import Table
 
 from tensegrity_codegen.report.long_table import LongTable, Ranking, add_row, new_table, rank_rows
+from tensegrity_codegen.runtime.trajectory.feet import Foot
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MemberChecks
 from tensegrity_codegen.structure.structure import Structure
@@ -136,6 +137,21 @@ def feet_table(
         f"{name}: feet", ("node", "force x [N]", "force y [N]", "force z [N]", *more),
         "frrr" + "lr"[: len(more)], len(rows), describe, "feet", (("largest force", rank_rows(-size[rows])),),
     )  # fmt: skip
+
+
+def touched_table(name: str, feet: Sequence[Foot]) -> LongTable:
+    """Return a table of the feet of a motion."""
+
+    def describe(k: int) -> list[str]:
+        foot = feet[k]
+        numbers = (foot.first_touch, foot.slide, foot.largest_force, foot.largest_use, foot.penetration)
+        return [foot.node, str(foot.touches), *(f"{x:.6g}" for x in numbers)]
+
+    heads = (
+        "node", "touches", "first at [s]", "slides [m]", "largest N [N]", "F / (mu N)", "penetration [m]",
+    )  # fmt: skip
+    ranking = (("largest force", range(len(feet))),)
+    return LongTable(f"{name}: feet", heads, "frrrrrr", len(feet), describe, "feet", ranking)
 
 
 def tips_table(name: str, tips: Sequence[Any]) -> LongTable:

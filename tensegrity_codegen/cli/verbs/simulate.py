@@ -277,7 +277,12 @@ def _run(
     data = trajectory.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
     data["inputs"] = given["arguments"]
     finding = f"{trajectory.status}: {describe_extremes(data, trajectory.find_flaws())}"
-    output.result(data, finding, lambda: build_run_table(data), *_list_events(trajectory.log))
+    readable: list[Any] = [finding, lambda: build_run_table(data), *_list_events(trajectory.log)]
+    if trajectory.feet and not output.as_json:
+        from tensegrity_codegen.report.tables import touched_table
+
+        readable.append(touched_table(model.manifest.name, trajectory.feet))
+    output.result(data, *readable)
     if trajectory.status != "ok":
         output.warn(f"{trajectory.status}: {trajectory.message}")
         raise typer.Exit(3)
@@ -285,7 +290,16 @@ def _run(
 
 def _list_events(log: "EventLog") -> list[str]:
     """Return the first events of a motion as a line: time, what, and which way."""
-    words = {("cable", 1): "taut", ("cable", -1): "slack"}
+    words = {
+        ("cable", 1): "taut",
+        ("cable", -1): "slack",
+        ("ground", 1): "touches",
+        ("ground", -1): "lifts",
+        ("stick", 1): "sticks",
+        ("stick", -1): "slips",
+        ("collision", 1): "press",
+        ("collision", -1): "part",
+    }
     shown = [
         f"{time:.6g} s {name} {words.get((kind, sign), kind)}"
         for time, kind, name, sign in zip(log.time, log.kind, log.name, log.direction.tolist(), strict=True)

@@ -19,6 +19,8 @@ from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.model.own_tension import put_own_tensions
 from tensegrity_codegen.runtime.trajectory.balance import balance_energy, find_energy_flow
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
+from tensegrity_codegen.runtime.trajectory.feet import ContactSamples
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import CONTACT_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
@@ -66,6 +68,22 @@ def evaluate_trajectory(
         input=inputs,
         input_name=model.manifest.input_name,
         node_load=apply_loads(model, *given),
+        contacts=_find_contacts(samples, found),
+    )
+
+
+def _find_contacts(samples: "_Samples", motion: Trajectory) -> ContactSamples | None:
+    """Return the contacts with the ground at the samples of one motion, None where nothing tells of them."""
+    manifest = samples.model.manifest
+    if not manifest.contact_name or not all(samples.model.has(name) for name in CONTACT_QUANTITIES):
+        return None
+    count = len(motion.time)
+    force, depth = (samples.compute(name)[0, :count] for name in CONTACT_QUANTITIES)
+    whole = np.zeros((*force.shape[:2], 3))
+    whole[..., list(manifest.axes)] = force
+    nodes = [manifest.node_name.index(name) for name in manifest.contact_name]
+    return ContactSamples(
+        motion.time, manifest.contact_name, motion.node_position[:, nodes], whole, depth.reshape(count, -1)
     )
 
 

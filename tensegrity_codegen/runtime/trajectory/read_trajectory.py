@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays
+from tensegrity_codegen.runtime.trajectory.feet import ContactSamples
 from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, WORDS
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_names
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, StructureError
 
-DRIVEN = ("input", "node_load", "internal")  # what only files of motions with some of these hold
+CONTACTS = ("contact_force", "penetration")
+DRIVEN = ("input", "node_load", "internal", *CONTACTS)  # what only files of motions with some of these hold
 
 
 def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
@@ -49,6 +51,11 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
     fields = {name: np.asarray(item, float) for name, item in fields.items()}
     driven = {name: np.asarray(item, float) for name, item in driven.items()}
     position, velocity = fields["node_position"], fields["node_velocity"]
+    contacts = None
+    if structure.ground is not None and all(name in driven for name in CONTACTS):
+        touching = position[:, structure.ground.node]
+        given = (driven[name] for name in CONTACTS)
+        contacts = ContactSamples(fields["time"], structure.contact_name, touching, *given)
     return Trajectory(
         coordinate=position[:, places[:, 0], places[:, 1]],
         velocity=velocity[:, places[:, 0], places[:, 1]],
@@ -61,6 +68,7 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
         input_name=input_name,
         input=driven.get("input"),
         node_load=driven.get("node_load"),
+        contacts=contacts,
         internal=driven.get("internal"),
         internal_name=structure.internal_name if "internal" in driven else (),
         **fields,
@@ -75,6 +83,8 @@ def _check_shapes(
     nodes, members = (n_t, structure.n_nodes, 3), (n_t, structure.n_members)
     shapes = {"node_position": nodes, "node_velocity": nodes, "member_tension": members}
     shapes |= {"input": (n_t, n_inputs), "node_load": nodes, "internal": (n_t, len(structure.internal_name))}
+    shapes["penetration"] = n_t, len(structure.contact_name)
+    shapes["contact_force"] = *shapes["penetration"], 3
     for name, array in fields.items():
         shape = shapes.get(name, (n_t,))
         if n_t == 0 or array.shape != shape or array.dtype.kind != "f" or not np.isfinite(array).all():

@@ -6,6 +6,7 @@ from tensegrity_codegen.tables.formulations import find_formulation
 
 # In any formulation; the integrators come besides.
 SIMULATION_QUANTITIES = ("acceleration", "member_tension", "kinetic_energy", "total_energy")
+CONTACT_QUANTITIES = ("contact_force", "penetration")  # of structures on the ground
 
 
 def simulation_quantities(formulation: str) -> tuple[str, ...]:

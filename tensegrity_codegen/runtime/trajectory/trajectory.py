@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, EventLog
+from tensegrity_codegen.runtime.trajectory.feet import ContactSamples, Foot, find_feet
 from tensegrity_codegen.runtime.trajectory.sampled import Sampled
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import Fact, count_names, describe_number
@@ -83,6 +84,9 @@ class Trajectory(Sampled):
         Internal states, such as the deflections of contacts with friction; None without any.
     internal_name : tuple of str
         Their names.
+    contacts : ContactSamples or None
+        Forces of the ground and penetrations at the samples; None without contacts, or where the library does
+        not compute them.
     structure : Structure, BodySystem or None
         What moves, for pictures and units; None in motions of a library that was loaded alone.
 
@@ -105,6 +109,15 @@ class Trajectory(Sampled):
     input: FloatArray | None = None
     input_name: tuple[str, ...] = ()
     node_load: FloatArray | None = None
+    contacts: ContactSamples | None = None
+
+    @property
+    def feet(self) -> tuple[Foot, ...]:
+        """Contacts with the ground that touched, those with the largest force first."""
+        ground = None if self.structure is None else self.structure.ground
+        if self.contacts is None or ground is None:
+            return ()
+        return find_feet(self.contacts, ground, self.log)
 
     def headline(self) -> str:
         """Return status and reason."""
@@ -136,6 +149,7 @@ class Trajectory(Sampled):
             "largest_kinetic_energy": float(np.max(self.kinetic_energy)),
             "events": [event.as_dict() for event in self.events],
             "n_events": self.log.count,
+            **({} if self.contacts is None else {"feet": [foot.as_dict() for foot in self.feet]}),
             **self.extremes(),
         }
 
@@ -143,6 +157,13 @@ class Trajectory(Sampled):
         """Return what a result file holds, name -> array; event_*: a row for each name of each event."""
         inputs = {} if self.input is None else {"input": self.input, "input_name": np.array(self.input_name)}
         loads = {} if self.node_load is None else {"node_load": self.node_load}
+        contacts = {}
+        if self.contacts is not None:
+            contacts = {
+                "contact_name": np.array(self.contacts.node),
+                "contact_force": self.contacts.force,
+                "penetration": self.contacts.penetration,
+            }
         rows = [(event.time, event.kind, name) for event in self.events for name in event.names]
         return {
             **super().arrays(),
@@ -152,4 +173,5 @@ class Trajectory(Sampled):
             **self.log.arrays(),
             **inputs,
             **loads,
+            **contacts,
         }
