@@ -175,12 +175,15 @@ class Contact:
 
     @cached_property
     def friction(self) -> Vector:
-        """F along the basis [N]; |T| divides only where the contact slips, and is not zero."""
+        """F along the basis [N]; |T| divides only where the contact slips, and is not zero.
+
+        An open contact whose T is zero has the derivatives of any open one: its factor is 0, as its limit.
+        """
         if not self.bristle:
             return []
         slips = self.trial_size > self.friction_limit
         ratio = self.friction_limit / ca.if_else(slips, self.trial_size, 1)
-        factor = ca.if_else(slips, ratio, 1)
+        factor = ca.if_else(slips, ratio, self.friction_limit > 0)
         return [factor * t for t in self.trial_force]
 
     @cached_property

@@ -177,6 +177,32 @@ def test_the_state_jacobian_of_a_prism_is_the_derivative_of_its_rates(formulatio
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("static_friction", [None, 0.7])
+def test_an_open_foot_at_rest_is_not_taken_to_stick(static_friction: float | None) -> None:
+    """T = N = 0: the force stays zero under every small change, and the bristle has s' = -(kt / ct) s."""
+    prism = make_prism(static_friction=static_friction)
+    prism = prism.with_changes(node_position=prism.node_position - [0.0, 0.0, 0.502])
+    more, events = (
+        ("state_jacobian", "state_derivative"),
+        None if static_friction is None else ("ground", "stick"),
+    )
+    model = simulator(prism, "rodas", more=more, formulation="rigid_bar", events=events)
+    internal = np.zeros(len(prism.internal_name))
+    internal[12:] = 1.0  # with a static friction: all slip
+    jacobian = model.compute("state_jacobian", internal=internal).toarray()
+    ends = np.split(jacobian[36:48], 6)
+    assert prism.ground is not None
+    rate = prism.ground.stick_stiffness / prism.ground.stick_damping
+    for foot, rows in enumerate(ends):  # the last three are in the air
+        expected = np.zeros_like(rows)
+        if foot >= 3:
+            expected[:, 36 + 2 * foot : 38 + 2 * foot] = -rate * np.eye(2)
+            np.testing.assert_allclose(rows, expected, rtol=1e-14)
+            np.testing.assert_array_equal(jacobian[18:36, 36 + 2 * foot : 38 + 2 * foot], 0.0)
+        else:
+            np.testing.assert_allclose(rows[:, 18 + 3 * foot : 20 + 3 * foot], np.eye(2), rtol=1e-14)
+
+
 def test_friction_never_exceeds_its_limit_and_never_adds_energy() -> None:
     rng = np.random.default_rng(5)
     structure, model = build()
