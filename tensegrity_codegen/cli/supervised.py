@@ -13,10 +13,12 @@ only waits:
 Systems without fork, and calls in which Ctrl-C is ignored, do the work in this process.
 """
 
+import atexit
 import os
 import select
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -68,11 +70,33 @@ def run_supervised(work: Callable[[], object]) -> NoReturn:
         report_to(notes_end)
         _become_worker(life)
         signal.pthread_sigmask(signal.SIG_SETMASK, usual)
-        work()
-        sys.exit(0)
+        _end_quickly(work)
     os.close(notes_end)
     os.close(life)
     _Waiting(worker, notes).wait(passed_on, usual)
+
+
+def _end_quickly(work: Callable[[], object]) -> NoReturn:
+    """Call `work` and end this process as Python does, but leave its memory to the system.
+
+    Python itself ends it where threads are still at work or a stream cannot be written.
+    """
+    code: object = None
+    try:
+        work()
+    except SystemExit as end:
+        code = end.code
+    # The work is done: from here on Ctrl-C only starts the time after which this process is killed.
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))
+    others = [thread for thread in threading.enumerate() if thread is not threading.main_thread()]
+    if isinstance(code, int | None) and all(thread.daemon for thread in others):
+        atexit._run_exitfuncs()
+        with suppress(OSError, ValueError):
+            for stream in (sys.stdout, sys.stderr):
+                if stream is not None:
+                    stream.flush()
+            os._exit(code or 0)
+    sys.exit(code)  # type: ignore[arg-type]
 
 
 # may_raise: whether KeyboardInterrupt is caught; before, nothing is written that needs cleaning up.
@@ -87,8 +111,6 @@ def allow_interruption() -> None:
 
 def _become_worker(life: int) -> None:
     """Answer the signal of the waiting process, not Ctrl-C itself, and end when that process is gone."""
-    import threading
-
     signal.signal(signal.SIGINT, lambda number, frame: None)  # a terminal sends it to both processes
     signal.signal(signal.SIGUSR1, _interrupt)
     sys.unraisablehook = _report_unraisable

@@ -4,13 +4,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, FixedBody, RigidBody
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
+from tensegrity_codegen.system.root import find_root
 
 Subject = Structure | BodySystem
 
@@ -188,8 +188,7 @@ def find_dissipation(value: float, speed: float) -> float:
     largest = (1.0 - 2.0**-50) / value
     if value < 0.01 or excess(largest) >= 0.0:  # 1 - a w is below the rounding error of 1
         return largest / speed
-    root = scipy.optimize.brentq(excess, 0.0, largest, xtol=1e-300, rtol=4 * np.finfo(float).eps, maxiter=500)
-    return float(root) / speed
+    return find_root(excess, 0.0, largest, 0.0) / speed
 
 
 def _reduced_log(u: float) -> float:

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import tensegrity_codegen
 
 ROOT = Path(tensegrity_codegen.__file__).parent.parent
@@ -57,6 +59,20 @@ def test_a_motion_with_a_cached_library_imports_no_generator_and_no_part_of_scip
     words = ("simulate", str(prism), "--t-end", "0.01", "--json")
     find_loaded(*words)  # builds the library, unless it is in the cache
     assert sorted({*FOR_OTHERS} & {*find_loaded(*words)}) == []
+
+
+@pytest.mark.parametrize(
+    ("verb", "unused"),
+    [
+        ("equilibrium", ("scipy.optimize", "scipy.spatial", "scipy.special")),
+        ("linearize", ("jinja2", "scipy.linalg", "scipy.optimize", "scipy.spatial", "scipy.special")),
+    ],
+)
+def test_statics_with_a_cached_library_imports_no_part_of_scipy_that_it_does_not_call(
+    verb: str, unused: tuple[str, ...], prism: Path
+) -> None:
+    find_loaded(verb, str(prism), "--json")  # builds the library, unless it is in the cache
+    assert sorted({*unused, "casadi"} & {*find_loaded(verb, str(prism), "--json")}) == []
 
 
 def test_a_verb_is_imported_without_the_others() -> None:

@@ -133,6 +133,19 @@ def test_the_exit_code_is_that_of_the_work(code: str) -> None:
     assert process.returncode == {"sys.exit(7)": 7, "sys.exit(0)": 0}.get(code, 1)
 
 
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("import atexit; atexit.register(print, 'handled'); print('done')", "done\nhandled\n"),
+        ("import threading; threading.Timer(0.2, print, ('late',)).start()", "late\n"),
+    ],
+)
+def test_exit_handlers_buffers_and_threads_come_to_their_end(code: str, said: str) -> None:
+    process = start(f"{code}; sys.exit(3)")
+    assert process.communicate(timeout=PATIENCE)[0] == said
+    assert process.returncode == 3
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_other_signals_are_passed_on(number: signal.Signals) -> None:
     process = start(SWALLOWING)

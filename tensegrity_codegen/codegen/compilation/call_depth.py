@@ -5,8 +5,7 @@ from collections.abc import Iterable, Mapping
 from graphlib import TopologicalSorter
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
 _STRING = re.compile(r'"(?:[^"\\\n]|\\.)*"' + r"|'(?:[^'\\\n]|\\.)*'")
@@ -96,8 +95,8 @@ def deepest_stack(frames: Mapping[str, int], sources: Iterable[str]) -> dict[str
     at = {name: place for place, name in enumerate(names)}
     calls = [(at[name], at[word]) for name, words in mentions.items() for word in words if word in at]
     ends = np.array(calls, dtype=np.int64).reshape(-1, 2)
-    graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(at), len(at)))
-    _, label = connected_components(graph, connection="strong")
+    graph = scipy.sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(at), len(at)))
+    _, label = scipy.sparse.csgraph.connected_components(graph, connection="strong")
     circle = np.asarray(label).tolist()
     count = 1 + max(circle, default=-1)
     weight = np.bincount(circle, weights=[own.get(name, 0) for name in names], minlength=count)

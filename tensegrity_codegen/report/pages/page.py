@@ -6,9 +6,8 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import jinja2
 import numpy as np
 from markupsafe import Markup, escape
 from pydantic import TypeAdapter, ValidationError
@@ -18,6 +17,9 @@ from tensegrity_codegen.report.number_text import lower_indices
 from tensegrity_codegen.report.pages.diagram import Diagram, draw_diagram
 from tensegrity_codegen.report.pages.page_table import HINT_WIDTHS, Table
 from tensegrity_codegen.report.pages.picture import THEME, Picture, draw_picture
+
+if TYPE_CHECKING:
+    import jinja2
 
 Verdict = Literal["agrees", "differs", "wrong", "unstated", "new", "plain"]
 VERDICTS: Mapping[str, str] = {
@@ -269,11 +271,13 @@ def _plain(value: Any) -> Any:
 
 
 @functools.cache
-def html_template(folder: str, name: str, **filters: Callable[[str], object]) -> jinja2.Template:
+def html_template(folder: str, name: str, **filters: Callable[[str], object]) -> "jinja2.Template":
     """Return the template `name` in `folder`, a folder of templates/, which may use the given filters.
 
     A name that it uses and nobody gave is an error; values are escaped unless they are Markup.
     """
+    import jinja2  # tables of the command line need no templates
+
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(template_folder() / folder),
         undefined=jinja2.StrictUndefined,

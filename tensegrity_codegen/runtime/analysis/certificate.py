@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg, sparse
 
 from tensegrity_codegen.runtime.analysis.linear_program import find_least_norm, find_optimum
 from tensegrity_codegen.runtime.analysis.rank import Rank, find_rank
@@ -182,7 +182,7 @@ def _find_most_work(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
     if free == 0:
         return None
     limit = np.repeat([0.0, 1.0], count)
-    part = find_optimum(pull @ basis, sparse.csr_array(sparse.vstack([-basis, basis])), limit)
+    part = find_optimum(pull @ basis, scipy.sparse.csr_array(scipy.sparse.vstack([-basis, basis])), limit)
     return None if part is None else np.asarray(np.clip(basis @ part, 0.0, None))
 
 
@@ -196,7 +196,9 @@ def _find_support(modes: FloatArray, pull: FloatArray) -> FloatArray:
     found = np.zeros(count)
     if free == 0:
         return found
-    rows = sparse.csr_array(sparse.vstack([-basis, basis, sparse.coo_array((pull @ basis)[None, :])]))
+    rows = scipy.sparse.csr_array(
+        scipy.sparse.vstack([-basis, basis, scipy.sparse.coo_array((pull @ basis)[None, :])])
+    )
     limit = np.append(np.repeat([0.0, 1.0], count), 0.0)
     for _ in range(count):
         missing = found <= CHOSEN[0]
@@ -215,10 +217,14 @@ def _find_even(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
     if free == 0:
         return None
     column = np.ones((count, 1))
-    blocks: Any = [[-basis, column], [basis, 0 * column], [sparse.coo_array((pull @ basis)[None, :]), None]]
+    blocks: Any = [
+        [-basis, column],
+        [basis, 0 * column],
+        [scipy.sparse.coo_array((pull @ basis)[None, :]), None],
+    ]
     limit = np.append(np.repeat([0.0, 1.0], count), 0.0)
     cost = np.append(np.zeros(free), -1.0)
-    found = find_optimum(cost, sparse.csr_array(sparse.block_array(blocks)), limit)
+    found = find_optimum(cost, scipy.sparse.csr_array(scipy.sparse.block_array(blocks)), limit)
     if found is None:
         return None
     best: FloatArray = basis @ found[:-1]
@@ -243,12 +249,12 @@ def _find_null_space(modes: FloatArray) -> Any:
     """
     count = modes.shape[1]
     if modes.size == 0:
-        return sparse.csc_array(sparse.eye_array(count))
-    _, upper, order = linalg.qr(modes, mode="economic", pivoting=True)
+        return scipy.sparse.csc_array(scipy.sparse.eye_array(count))
+    _, upper, order = scipy.linalg.qr(modes, mode="economic", pivoting=True)
     rank = int((np.abs(np.diagonal(upper)) > NULL_SPACE_TOLERANCE).sum())
-    dependent = -linalg.solve_triangular(upper[:rank, :rank], upper[:rank, rank:])
-    blocks: Any = [sparse.coo_array(dependent), sparse.eye_array(count - rank)]
-    return sparse.csc_array(sparse.csr_array(sparse.vstack(blocks))[np.argsort(order)])
+    dependent = -scipy.linalg.solve_triangular(upper[:rank, :rank], upper[:rank, rank:])
+    blocks: Any = [scipy.sparse.coo_array(dependent), scipy.sparse.eye_array(count - rank)]
+    return scipy.sparse.csc_array(scipy.sparse.csr_array(scipy.sparse.vstack(blocks))[np.argsort(order)])
 
 
 def _describe(

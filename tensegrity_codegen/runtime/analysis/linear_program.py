@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linprog, nnls
+import scipy
 
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
@@ -72,7 +72,9 @@ def _solve(cost: FloatArray, rows: Any, limit: FloatArray, most: float | None) -
     bounds: Any = (None, None) if most is None else (-most, most)
     for tolerance in TOLERANCES:
         options: Any = {"primal_feasibility_tolerance": tolerance, "dual_feasibility_tolerance": tolerance}
-        result = linprog(cost, A_ub=rows, b_ub=limit, bounds=bounds, method="highs", options=options)
+        result = scipy.optimize.linprog(
+            cost, A_ub=rows, b_ub=limit, bounds=bounds, method="highs", options=options
+        )
         if result.status == 0:
             return np.asarray(result.x, dtype=float)
         if result.status == INFEASIBLE or most is not None:
@@ -108,7 +110,7 @@ def find_least_norm(rows: FloatArray, least: FloatArray) -> FloatArray | None:
     target = np.zeros(size + 1)
     target[-1] = 1.0
     try:
-        weight, _ = nnls(system, target)
+        weight, _ = scipy.optimize.nnls(system, target)
     except RuntimeError:  # too many iterations
         return None
     residual = system @ weight - target

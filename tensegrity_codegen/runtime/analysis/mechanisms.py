@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from tensegrity_codegen.runtime.analysis.rank import Rank
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
@@ -43,8 +43,8 @@ def find_parts(manifest: Manifest) -> tuple[tuple[int, ...], ...]:
     """Return the nodes of each part of a structure that no members join to the others, by index."""
     count = len(manifest.node_name)
     ends = np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)
-    graph = sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
-    _, label = sparse.csgraph.connected_components(graph, directed=False)
+    graph = scipy.sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
+    _, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
     free = np.zeros(count, dtype=bool)
     free[[node for node, _ in manifest.coordinate_node_axis]] = True
     parts = [np.flatnonzero(label == k) for k in range(int(label.max(initial=-1)) + 1)]

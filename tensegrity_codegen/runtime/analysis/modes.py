@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from tensegrity_codegen.runtime.analysis.configuration import Configuration
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
@@ -65,12 +65,12 @@ def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None
     mass = _find_mass(at)
     if len(mass) and mass.diagonal().min() <= 0.0:
         return None
-    basis = linalg.null_space(rigid.T @ mass) if rigid.shape[1] else np.eye(len(stiffness))
+    basis = scipy.linalg.null_space(rigid.T @ mass) if rigid.shape[1] else np.eye(len(stiffness))
     total = basis.shape[1]
     if total == 0:
         return Modes(np.zeros(0), np.zeros(0), np.zeros((len(at.position), 3, 0)), rigid.shape[1], 0)
     k, m = (basis.T @ (matrix + matrix.T) @ basis / 2 for matrix in (stiffness, mass))
-    value, vector = linalg.eigh(k, m)
+    value, vector = scipy.linalg.eigh(k, m)
     chosen = slice(0, min(count, total))
     square = np.where(np.abs(value) > ZERO_FREQUENCY_TOLERANCE * np.abs(value).max(), value, 0.0)[chosen]
     shape = problem.node_velocities(at.coordinate, basis @ vector[:, chosen])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq, linprog
+import scipy
 
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
@@ -100,7 +100,7 @@ def find_foot_forces(problem: FootProblem, friction: float) -> FootForces:
             row[i * width] = -friction
             row[i * width + 1 : (i + 1) * width] = direction
             row[-1] = -1.0
-        found = linprog(
+        found = scipy.optimize.linprog(
             cost, rows, np.zeros(len(cuts)), equal, -load / scale, bounds, method="highs", options=OPTIONS
         )
         if found.status != 0:
@@ -133,7 +133,7 @@ def find_least_friction(problem: FootProblem) -> float:
     low, high = 0.0, 1.0
     while excess(high) > 0.0:
         low, high = high, 10 * high
-    return float(brentq(excess, low, min(high, LARGEST_FRICTION), xtol=1e-13, rtol=1e-12))
+    return float(scipy.optimize.brentq(excess, low, min(high, LARGEST_FRICTION), xtol=1e-13, rtol=1e-12))
 
 
 def _find_tip(problem: FootProblem) -> FloatArray:
@@ -143,7 +143,7 @@ def _find_tip(problem: FootProblem) -> FloatArray:
     """
     velocity = np.array([problem.velocities(unit) for unit in np.eye(len(problem.load))])  # (k, n_feet, n)
     still = velocity[:, :, 1:].reshape(len(velocity), -1).T
-    found = linprog(
+    found = scipy.optimize.linprog(
         -problem.load, -velocity[:, :, 0].T, np.zeros(len(problem.place)), still, np.zeros(len(still)),
         (-1.0, 1.0), method="highs", options=OPTIONS,
     )  # fmt: skip

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull
+import scipy
 
 from tensegrity_codegen.runtime.contacts.foot_forces import (
     GAP,
@@ -332,7 +332,7 @@ def _find_margin(place: FloatArray, at: FloatArray, size: float) -> tuple[float,
         span = float((last - first) @ (last - first))
         part = float(np.clip((at - first) @ (last - first) / span, 0.0, 1.0)) if span else 0.0
         return -float(np.linalg.norm(at - first - part * (last - first))), tuple(dict.fromkeys(ends))
-    hull = ConvexHull(place)
+    hull = scipy.spatial.ConvexHull(place)
     inside = -(hull.equations[:, :2] @ at + hull.equations[:, 2])
     k = int(inside.argmin())
     return float(inside[k]), tuple(int(i) for i in np.sort(hull.simplices[k]))

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_model
@@ -77,8 +77,8 @@ class BarPath(ModelPath):
         """Return P A P + sigma (1 - P), sparse (n, n) [N/m]."""
         problem, placed = self._at(coordinate, load_factor)
         along = problem.directions(placed)
-        held = sparse.eye_array(self.size) - along @ along.T
-        return sparse.csc_array(along @ problem.stiffness(placed) @ along.T + self._sigma * held)
+        held = scipy.sparse.eye_array(self.size) - along @ along.T
+        return scipy.sparse.csc_array(along @ problem.stiffness(placed) @ along.T + self._sigma * held)
 
     def load_vector(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
         """Return the part of the pattern that bars leave free, (n,) [N]."""

@@ -13,6 +13,7 @@ from tensegrity_codegen.runtime.paths.path_solver import MOST_EIGENVALUES, PathS
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.system.root import find_root
 
 CROSSING_TOLERANCE = 1e-8  # of a value's change over the step: values this near zero cross at the same place
 # Part of the load along a mode of zero stiffness, below which the mode is a bifurcation.
@@ -253,7 +254,7 @@ def _first_root(function: Callable[[float], float], least: float, most: float) -
     """Return a root of a function that is negative at `most`; `least` where it is not positive there."""
     if function(least) <= 0:
         return least
-    return float(scipy.optimize.brentq(function, least, most, xtol=1e-15 * most, rtol=1e-14))
+    return find_root(function, least, most, 1e-14 * most)
 
 
 def _least_of_cubic(ends: tuple[float, float], slopes: tuple[float, float], length: float) -> float:

@@ -13,8 +13,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import linalg as sparse_linalg
+import scipy
 
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem
 from tensegrity_codegen.runtime.statics.curvature import find_lowest_curvature
@@ -70,7 +69,7 @@ class PathState:
         """
         size = self.stiffness.shape[0]
         if size > DENSE_LIMIT:
-            value, vector = find_lowest_curvature(sparse.csc_array(self.stiffness), self.neutral)
+            value, vector = find_lowest_curvature(scipy.sparse.csc_array(self.stiffness), self.neutral)
             return np.array([value]), vector[:, None]
         matrix, basis = _dense(self.stiffness), np.eye(size)
         if self.neutral.shape[1]:
@@ -240,11 +239,11 @@ class PathSolver:
             matrix[:size, size + 1 :], matrix[size + 1 :, :size] = neutral, neutral.T
             solution = _solve_dense(matrix, right)
         else:
-            upper: list[Any] = [sparse.csc_array(stiffness) * factor, column, neutral]
+            upper: list[Any] = [scipy.sparse.csc_array(stiffness) * factor, column, neutral]
             middle: list[Any] = [normal[None, :-1], normal[None, -1:], None]
             blocks: list[list[Any]] = [upper, middle, [neutral.T, None, None]]
             rows = blocks if held else [row[:2] for row in blocks[:2]]
-            solution = _solve_sparse(sparse.csc_array(sparse.block_array(rows)), right)
+            solution = _solve_sparse(scipy.sparse.csc_array(scipy.sparse.block_array(rows)), right)
         if solution is None or not np.isfinite(solution).all():
             return None
         return solution[: size + 1]
@@ -269,11 +268,11 @@ def _solve_dense(matrix: FloatArray, right: FloatArray) -> FloatArray | None:
 def _solve_sparse(matrix: Any, right: FloatArray) -> FloatArray | None:
     """Return the solution; an exactly singular matrix is solved with its diagonal moved by rounding."""
     try:
-        return np.asarray(sparse_linalg.splu(matrix).solve(right))
+        return np.asarray(scipy.sparse.linalg.splu(matrix).solve(right))
     except RuntimeError:
         size = float(abs(matrix).sum(axis=0).max())
-        moved = matrix + sparse.diags_array(np.full(len(right), SINGULAR_TOLERANCE * size))
+        moved = matrix + scipy.sparse.diags_array(np.full(len(right), SINGULAR_TOLERANCE * size))
     try:
-        return np.asarray(sparse_linalg.splu(sparse.csc_array(moved)).solve(right))
+        return np.asarray(scipy.sparse.linalg.splu(scipy.sparse.csc_array(moved)).solve(right))
     except RuntimeError:
         return None

@@ -11,8 +11,7 @@ orthogonal to J and R: its largest eigenvalue is one over the eigenvalue of the 
 from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import linalg as sparse_linalg
+import scipy
 
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import FloatArray
@@ -28,10 +27,10 @@ class Bordered:
         self.size, n_border = stiffness.shape[0], border.shape[0]
         self.unit = float(abs(stiffness).max()) if stiffness.nnz else 1.0  # of the border's rows [N/m]
         self.unit = self.unit or 1.0
-        rows = sparse.csc_array(self.unit * border)
-        corner = sparse.csc_array((n_border, n_border))
-        self._matrix = sparse.block_array([[stiffness, rows.T], [rows, corner]], format="csc")
-        self._factor = sparse_linalg.splu(self._matrix)
+        rows = scipy.sparse.csc_array(self.unit * border)
+        corner = scipy.sparse.csc_array((n_border, n_border))
+        self._matrix = scipy.sparse.block_array([[stiffness, rows.T], [rows, corner]], format="csc")
+        self._factor = scipy.sparse.linalg.splu(self._matrix)
 
     def solve(self, right: FloatArray, border: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Return dx (n, k), multipliers of the border (n_border, k) and what one refinement changed.
@@ -56,11 +55,11 @@ class Bordered:
             last = int(np.abs(values).argmax())
             value, vector = float(values[last]), vectors[:, last]
         else:
-            operator = sparse_linalg.LinearOperator(
+            operator = scipy.sparse.linalg.LinearOperator(
                 (size, size), matvec=lambda v: self._flexibility(np.ravel(v)[:, None])[:, 0], dtype=float
             )
             start = np.random.default_rng(0).normal(size=size)
-            found, columns = sparse_linalg.eigsh(operator, k=1, which="LM", v0=start, tol=1e-6)
+            found, columns = scipy.sparse.linalg.eigsh(operator, k=1, which="LM", v0=start, tol=1e-6)
             value, vector = float(found[0]), columns[:, 0]
         return (1.0 / value if value else float("inf")), vector
 
@@ -88,7 +87,7 @@ def factorise(stiffness: Any, border: Any, held: FloatArray, rounding: float) ->
 
 def _factorise_raised(stiffness: Any, border: Any, held: FloatArray, raised: float) -> Bordered:
     try:
-        whole = stiffness + raised * sparse.eye_array(stiffness.shape[0])
-        return Bordered(sparse.csc_array(whole), border, held)
+        whole = stiffness + raised * scipy.sparse.eye_array(stiffness.shape[0])
+        return Bordered(scipy.sparse.csc_array(whole), border, held)
     except RuntimeError:  # a pivot is still zero, as where rounding takes away what was added
         return _factorise_raised(stiffness, border, held, 100 * raised)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.system.checks import check_names
@@ -41,7 +41,7 @@ def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ..
     """
     member_name = model.manifest.member_name
     if columns is None:
-        return tuple(member_name), sparse.eye_array(len(member_name), format="csc")
+        return tuple(member_name), scipy.sparse.eye_array(len(member_name), format="csc")
     names = check_names(columns, "columns")
     if not names:
         raise InvalidValueError(
@@ -62,7 +62,7 @@ def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ..
     rows = np.concatenate([np.array(item, dtype=np.int64) for item in members])
     places = np.repeat(np.arange(len(names)), [len(item) for item in members])
     shape = (len(member_name), len(names))
-    return names, sparse.csc_array((np.ones(len(rows)), (rows, places)), shape=shape)
+    return names, scipy.sparse.csc_array((np.ones(len(rows)), (rows, places)), shape=shape)
 
 
 def _find_group(name: str, given: Sequence[str], member_name: Sequence[str]) -> tuple[int, ...]:

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import sparse
 
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
@@ -162,7 +162,7 @@ def _solve(
 ) -> Sensitivity:
     # Hold the motions that cost no force (gauge) and the lengths of rigid bars, by rows beside the stiffness.
     gauge, rounding = find_gauge(problem, point, system)
-    constraint_rows = sparse.vstack([system.constraint, system.build_gauge_rows(gauge)], format="csc")
+    constraint_rows = scipy.sparse.vstack([system.constraint, system.build_gauge_rows(gauge)], format="csc")
     factors, is_regular = factorise(system.stiffness, constraint_rows, gauge, max(rounding, 1e-300))
     eigenvalue, direction = factors.find_softest()
     if not is_regular or abs(eigenvalue) <= rounding:
@@ -177,7 +177,7 @@ def _solve(
     # Tensions: of elastic members by their laws, of rigid bars the multipliers of their lengths.
     tension = np.asarray(
         system.tension_jacobian @ displacement
-        + sparse.diags_array(system.tension_rest_length_derivative) @ column_members
+        + scipy.sparse.diags_array(system.tension_rest_length_derivative) @ column_members
     )
     tension[system.bar] = multiplier[: len(system.bar)]
     manifest = problem.model.manifest
