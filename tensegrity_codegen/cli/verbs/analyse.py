@@ -19,6 +19,7 @@ from tensegrity_codegen.cli.options import (
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import check_result, write_page
 from tensegrity_codegen.cli.verb import Verb, quote_command
+from tensegrity_codegen.structure.ground_support import require_no_ground
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.tables.request import ModelRequest
 
 
-SETTLED = 1e-12  # tolerance of the equilibrium to analyse
 NO_PRESTRESS = "no prestress with every cable in tension was found without loads"
 TRY_SETTLING = (
     "a shape that is rounded, as on a drawing, is only near one with prestress: give members an approximate "
@@ -99,6 +99,7 @@ def analyse(
             output.warn("this is the configuration in the scene; --settle analyses the equilibrium instead")
         tense = None
         if prestress is not None and scene_out is not None:
+            require_no_ground(subject, "a prestress that is written to a scene")
             from tensegrity_codegen.cli.prestressed_scene import write_prestressed
 
             tense = write_prestressed(
@@ -136,7 +137,7 @@ def _analyse(
     from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
     from tensegrity_codegen.runtime.analysis.analyse import analyse as run
-    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+    from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance, find_equilibrium
 
     subject, request = output.load(scene, settles=settle)
     arguments = read_inputs(texts, subject, output)
@@ -146,9 +147,9 @@ def _analyse(
     model = build_library(near, wanted, compiler=compiler, calls=FEW_CALLS).load()
     start = None
     if settle:
-        settled = find_equilibrium(model, arguments=arguments, tolerance=SETTLED)
+        settled = find_equilibrium(model, arguments=arguments, tolerance=choose_tolerance(subject))
         output.warn(*settled.warnings)
-        start = settled.coordinate
+        start, arguments = settled.coordinate, arguments | settled.internal_argument
     with output.progress("analysing"):
         found = run(model, coordinate=start, arguments=arguments, **options)
     return subject, replace(found, node_position=found.node_position + offset), start, request
