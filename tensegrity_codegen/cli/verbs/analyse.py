@@ -140,7 +140,7 @@ def _analyse(
     from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance, find_equilibrium
 
     subject, request = output.load(scene, settles=settle)
-    arguments = read_inputs(texts, subject, output)
+    arguments: dict[str, Any] = dict(read_inputs(texts, subject, output))
     statics = with_statics(subject, request)
     near, offset = move_near_origin(subject, request)
     wanted = find_needs("analyse", near, statics).alone(statics)

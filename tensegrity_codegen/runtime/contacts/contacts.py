@@ -97,7 +97,7 @@ class Contacts:
     def find_held(self, position: FloatArray) -> FloatArray:
         """Return what closed contacts hold: rows over the coordinates, along n and where they do not slip."""
         depth, (bristle, slips), rows = self.depth(position), self.bristles(position), []
-        for c in np.flatnonzero(depth > 0):
+        for c in np.flatnonzero(depth > 0).tolist():
             size = np.linalg.norm(bristle[c])
             along = bristle[c] / size if slips[c] and size else 0.0 * bristle[c]
             across = (np.eye(len(along)) - np.outer(along, along)) @ self.tangents
