@@ -19,7 +19,6 @@ from tensegrity_codegen.cli.options import (
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import check_result, write_page
 from tensegrity_codegen.cli.verb import Verb, quote_command
-from tensegrity_codegen.structure.ground_support import require_no_ground
 
 if TYPE_CHECKING:
     import numpy as np
@@ -99,6 +98,8 @@ def analyse(
             output.warn("this is the configuration in the scene; --settle analyses the equilibrium instead")
         tense = None
         if prestress is not None and scene_out is not None:
+            from tensegrity_codegen.structure.ground_support import require_no_ground
+
             require_no_ground(subject, "a prestress that is written to a scene")
             from tensegrity_codegen.cli.prestressed_scene import write_prestressed
 

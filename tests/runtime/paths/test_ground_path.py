@@ -21,15 +21,16 @@ def test_a_block_slides_at_its_friction() -> None:
     assert follow_ground_path(build_path(model, [[1.0, 0.0, 0.0]]), most=4.0).status == "completed"
 
 
-def test_a_frame_of_stiff_bars_tips_about_its_foot() -> None:
-    """F h = m g b of a triangle, b from its centre to the foot: 3 kg, 0.5 m, 1 m high."""
+@pytest.mark.parametrize(("friction", "end", "push"), [(2.0, "tips", 0.5), (0.3, "slides", 0.3)])
+def test_a_frame_of_stiff_bars_slides_or_tips_about_its_foot(friction: float, end: str, push: float) -> None:
+    """F = mu m g, or F h = m g b of a triangle, b from its centre to the foot: 3 kg, 0.5 m, 1 m high."""
     corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 1.0]]
     members = [bar(i, j, length, 1e6) for i, j, length in ((0, 1, 1.0), (0, 2, 1.25**0.5), (1, 2, 1.25**0.5))]
     frame = make_structure(corners, members, gravity=(0.0, 0.0, -GRAVITY), axes="xz")
-    stiff = {"stiffness": 1e6, "stick_stiffness": 1e6, "friction": 2.0, "stick_damping": 1e3}
+    stiff = {"stiffness": 1e6, "stick_stiffness": 1e6, "friction": friction, "stick_damping": 1e3}
     frame = frame.with_changes(ground=make_ground(3, **stiff))
     model = load(frame, *equilibrium_quantities("node_position"), parameters={"node_load": (2,)})
     found = follow_ground_path(build_path(model, [[1.0, 0.0]]), most=30.0)
     assert found.status == "stopped"
-    assert found.events[-1].kind == "tips"
-    assert found.events[-1].load_factor == pytest.approx(3 * GRAVITY * 0.5, rel=1e-4)
+    assert found.events[-1].kind == end
+    assert found.events[-1].load_factor == pytest.approx(3 * GRAVITY * push, rel=1e-4)
