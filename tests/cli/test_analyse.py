@@ -8,7 +8,7 @@ import pytest
 
 from tensegrity_codegen.cli.scene_files import read_example
 from tests.cli.conftest import Run
-from tests.cli.scenes import GOOD, HANGING, write
+from tests.cli.scenes import FRAME, GOOD, HANGING, write
 
 PRISM = """\
 name = "prism9"
@@ -143,3 +143,12 @@ def test_a_scene_in_node_distances_far_away(run: Run, folder: Path) -> None:
     assert (ended.data["rank"]["rank"], ended.data["n_selfstress"]) == (5, 1)
     with np.load("a.npz", allow_pickle=False) as file:
         assert file["node_position"][:, 0].min() == pytest.approx(1000.0)
+
+
+def test_on_the_ground_it_analyses_the_equilibrium(run: Run, folder: Path) -> None:
+    """With the frequencies of the linear model; a prestress that feet hold is not written."""
+    path = write(folder / "frame.toml", FRAME.replace("[0, -9.81]", "[1, -9.81]"))
+    data = run.good("analyse", path, "--settle", "--json").data
+    assert (data["status"], data["n_rigid_motions"], data["n_mechanisms"]) == ("stable", 0, 0)
+    assert data["is_balanced"]
+    assert run("analyse", path, "--prestress", 10, "--scene-out", "b.toml").code == 2

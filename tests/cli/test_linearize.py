@@ -7,7 +7,7 @@ from scipy import sparse
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tests.cli.conftest import Run
-from tests.cli.scenes import HANGING, write
+from tests.cli.scenes import FRAME, HANGING, write
 from tests.reference import ReferenceModel
 
 INPUT = '\n[[inputs]]\nname = "u1"\nkind = "rest_length"\nmembers = ["s1"]\n'
@@ -108,3 +108,13 @@ def test_a_scene_that_equilibrium_writes_is_at_rest_and_in_balance(run: Run, fol
     structure, _ = load_scene(folder / "settled.toml")
     assert not structure.node_velocity.any()
     assert run("linearize", "settled.toml", "--json").data.get("warnings", []) == []
+
+
+def test_on_the_ground_it_settles_with_its_bristles(run: Run, folder: Path) -> None:
+    """A frame pushed sideways within friction: at rest, its feet springs and dampers."""
+    path = write(folder / "frame.toml", FRAME.replace("[0, -9.81]", "[1, -9.81]"))
+    data = run.good("linearize", path, "--settle", "--json").data
+    assert data["largest_residual_rate"] < 1e-9
+    assert data["state_name"][-3:] == ["left_stick1", "right_stick1", "top_stick1"]
+    assert data["growing_eigenvalues"] == 0
+    assert run("linearize", path, "--json").data["largest_residual_rate"] > 1.0

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Run, write_example
-from tests.cli.scenes import GOOD, TRUSS_REST, write, write_truss
+from tests.cli.scenes import FRAME, GOOD, TRUSS_REST, write, write_truss
 
 DOWN = ("--load", "t1=0,0,-1")
 
@@ -240,3 +240,11 @@ def test_a_scene_without_loads_of_its_own_names_the_ramp(run: Run, folder: Path)
         assert (ended.code, ended.data["where"]) == (2, "--ramp")
         assert problem in ended.data["problem"]
         assert "--load" in ended.data["hint"]
+
+
+def test_on_the_ground_a_frame_tips(run: Run, folder: Path) -> None:
+    """F h = m g b, 3 kg, 0.5 m, 1 m high; much friction."""
+    path = write(folder / "frame.toml", FRAME.replace("friction = 0.5", "friction = 2"))
+    data = run.good("load-path", path, "--load", "top=1,0", "--most", 30, "--json").data
+    assert (data["status"], data["events"][-1]["kind"]) == ("stopped", "tips")
+    assert data["events"][-1]["load_factor"] == pytest.approx(1.5 * 9.81, rel=0.01)

@@ -7,7 +7,7 @@ import pytest
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model import library
 from tests.cli.conftest import Run
-from tests.cli.scenes import GOOD, HANGING, write
+from tests.cli.scenes import FRAME, GOOD, HANGING, write
 
 SCIPY_METHODS = ("scipy_dop853", "scipy_rk45", "scipy_lsoda", "scipy_radau")
 
@@ -201,3 +201,12 @@ def test_samples_that_do_not_show_single_contacts_are_warned_of(run: Run, folder
     words = ["simulate", path, "--t-end", 0.32, "--json", "--samples"]
     assert "samples are 0.032 s apart" in run.good(*words, 11).err
     assert "single contacts" not in run.good(*words, 12).err
+
+
+def test_on_the_ground_a_settled_motion_stays_at_rest(run: Run, folder: Path) -> None:
+    path = write(folder / "frame.toml", FRAME.replace("[0, -9.81]", "[1, -9.81]"))
+    data = run.good("simulate", path, "--settle", "--t-end", 1, "--out", "a.npz", "--json").data
+    assert data["inputs"] == {}
+    with np.load("a.npz", allow_pickle=False) as file:
+        assert np.abs(file["node_velocity"]).max() < 1e-12
+        assert file["internal"][0].sum() == pytest.approx(3e-5, rel=1e-9)  # 3 kg 1 m/s2 / kt

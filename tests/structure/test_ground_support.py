@@ -50,7 +50,7 @@ def test_quantities_without_the_ground_are_refused(quantity: str) -> None:
 @pytest.mark.parametrize(
     "analysis",
     [
-        *("equilibria", "load_path", "analyse"),
+        "equilibria",
         *("plan", "time_motion", "control"),
     ],
 )

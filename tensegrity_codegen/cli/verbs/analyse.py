@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.tables.request import ModelRequest
 
 
-SETTLED = 1e-12  # tolerance of the equilibrium to analyse
 NO_PRESTRESS = "no prestress with every cable in tension was found without loads"
 TRY_SETTLING = (
     "a shape that is rounded, as on a drawing, is only near one with prestress: give members an approximate "
@@ -99,6 +98,9 @@ def analyse(
             output.warn("this is the configuration in the scene; --settle analyses the equilibrium instead")
         tense = None
         if prestress is not None and scene_out is not None:
+            from tensegrity_codegen.structure.ground_support import require_no_ground
+
+            require_no_ground(subject, "a prestress that is written to a scene")
             from tensegrity_codegen.cli.prestressed_scene import write_prestressed
 
             tense = write_prestressed(
@@ -136,19 +138,19 @@ def _analyse(
     from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
     from tensegrity_codegen.runtime.analysis.analyse import analyse as run
-    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+    from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance, find_equilibrium
 
     subject, request = output.load(scene, settles=settle)
-    arguments = read_inputs(texts, subject, output)
+    arguments: dict[str, Any] = dict(read_inputs(texts, subject, output))
     statics = with_statics(subject, request)
     near, offset = move_near_origin(subject, request)
     wanted = find_needs("analyse", near, statics).alone(statics)
     model = build_library(near, wanted, compiler=compiler, calls=FEW_CALLS).load()
     start = None
     if settle:
-        settled = find_equilibrium(model, arguments=arguments, tolerance=SETTLED)
+        settled = find_equilibrium(model, arguments=arguments, tolerance=choose_tolerance(subject))
         output.warn(*settled.warnings)
-        start = settled.coordinate
+        start, arguments = settled.coordinate, arguments | settled.internal_argument
     with output.progress("analysing"):
         found = run(model, coordinate=start, arguments=arguments, **options)
     return subject, replace(found, node_position=found.node_position + offset), start, request

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.tables.request import ModelRequest
 
 
-SETTLED = 1e-12  # tolerance of the equilibrium to linearize about
 ROUNDING = 64 * sys.float_info.epsilon  # of lengths, over lengths and coordinates
 SETTLED_ROUNDING = 1e-11  # the same, of lengths that the equilibrium gives
 # Acceleration, over extent and square of the lowest angular frequency, that counts as none.
@@ -70,7 +69,7 @@ def _linearize(
     from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.runtime.linear.kinks import find_kinks
     from tensegrity_codegen.runtime.linear.linearize import linearize as run
-    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+    from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance, find_equilibrium
 
     rounding = SETTLED_ROUNDING if settle else ROUNDING
     structure, request, values, settle = _read(scene, settle, compiler, output, inputs)
@@ -79,13 +78,13 @@ def _linearize(
     wanted = find_needs("equilibrium", structure, request).besides(wanted) if settle else wanted
     model = build_library(structure, wanted, compiler=compiler, calls=FEW_CALLS).load()
     # What is left of the forces turns neutral motions into slow ones.
-    found = find_equilibrium(model, arguments=values, tolerance=SETTLED) if settle else None
+    found = (
+        find_equilibrium(model, arguments=values, tolerance=choose_tolerance(structure)) if settle else None
+    )
     if found is not None:
         output.warn(*found.warnings)
-    start = None if found is None else found.coordinate
-    velocity = None if start is None else 0.0 * start
     with output.progress("linearizing"):
-        linear = run(model, coordinate=start, velocity=velocity, arguments=values)
+        linear = run(model, found, arguments=values)
         return linear, find_kinks(model, cables, linear.state, rounding, values) if cables else {}
 
 

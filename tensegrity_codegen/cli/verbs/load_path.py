@@ -36,6 +36,7 @@ EVENTS = {
     "limit": ("limit", "stability"),
     "bifurcation": ("bifurcation",),
     "members": ("exceeded", "met"),
+    "feet": ("lift", "touch", "slip", "stick", "slides", "tips", "lifts_off"),
 }
 ALL_EVENTS = ",".join(EVENTS)
 FORMATS = (".csv", ".json")
@@ -107,7 +108,9 @@ def load_path(
 
     Events: cables that go slack or taut, switches of member laws, the first contact of bars (which ends the
     path), limit points (where the load factor turns back), bifurcations, members that buckle or exceed a
-    limit of the scene. Exit code 3 if neither the load factor nor a contact was reached.
+    limit of the scene. On the ground: feet that lift, touch, slip or stick, and where the structure no longer
+    stands, which ends the path; no other events. Exit code 3 if neither the load factor nor an end of the
+    path was reached.
 
     Example: tensegrity-codegen load-path prism.toml --load t1=0,0,-1 --most 20 --json
     """
@@ -249,9 +252,12 @@ def _follow(
 ) -> "LoadPath":
     """Return the path from the equilibrium without the load; raises ConvergenceError if there is none."""
     from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
+    from tensegrity_codegen.runtime.paths.ground_path import follow_ground_path
     from tensegrity_codegen.runtime.paths.ramp import find_pushed_start
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
+    if path.model.manifest.contact_name:
+        return follow_ground_path(path, most=most, largest_step=step)
     given = {name: value for name, value in path.arguments.items() if name != "velocity"}
     begun = find_equilibrium(path.model, arguments={**given, **path.loads(0.0)})
     for text in begun.warnings:
@@ -282,7 +288,7 @@ def _follow(
 
 def _advise(path: "LoadPath") -> str | None:
     """Return how to go on where the contact of bars has ended the path, None where nothing is to be said."""
-    if path.status != "stopped":
+    if path.status != "stopped" or not path.find_events("contact"):
         return None
     touching = path.find_events("contact")[-1].names
     if len(path.load_factor) > 1:

@@ -275,7 +275,7 @@ def _run(
     if out is not None:
         trajectory.write(out, overwrite=overwrite)
     data = trajectory.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
-    data["inputs"] = given["arguments"]
+    data["inputs"] = {name: value for name, value in given["arguments"].items() if name != "internal"}
     finding = f"{trajectory.status}: {describe_extremes(data, trajectory.find_flaws())}"
     readable: list[Any] = [finding, lambda: build_run_table(data), *_list_events(trajectory.log)]
     if trajectory.feet and not output.as_json:
@@ -343,6 +343,7 @@ def _build(
 
     found = find_equilibrium(built.load(), arguments=settled_with)
     output.warn(*found.warnings)
+    given["arguments"] = given["arguments"] | found.internal_argument
     return built, {"coordinate": found.coordinate, **given}
 
 

@@ -52,7 +52,8 @@ def analyse(
     coordinate : array_like, shape (n_coordinates,), optional
         The configuration [m]; by default that of the scene.
     arguments : mapping, optional
-        Inputs and parameters by name, where they differ from the scene.
+        Inputs and parameters by name, where they differ from the scene; of feet on the ground also
+        ``internal``, shape (n_internal,) [m], by default zero.
     rank_tolerance : float
         Singular values of the equilibrium matrix above this part of the largest one never count as zero.
     n_modes : int
@@ -161,7 +162,7 @@ def _find_stability(
 
     Self-stress does not hold rigid motions that the supports allow; there the loads decide.
     """
-    none = np.zeros((len(at.coordinate), 0))
+    none = np.zeros((len(at.load), 0))
     if loaded is not None and not (prestress.is_found and prestress.tension.any()):
         return find_prestress_stability(at, motions, loaded.tension, loaded=True)
     own = FreeMotions(none, motions.mechanism)

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.analysis.mechanisms import build_part_motions, find_parts
@@ -27,6 +28,7 @@ Subject = Structure | BodySystem
 
 EPSILON = float(np.finfo(float).eps)
 LOAD_TOLERANCE = 1e-12  # loads below this part of the forces from which they are computed are rounding
+HELD = 1e-9  # part of the motion of contacts, below which a rigid motion does not move them
 DIFFERENCE_STEP = 1e-3  # of the extent of the structure: step of differences of fourth order
 
 
@@ -116,6 +118,51 @@ class Configuration:
         relative_velocity = velocity[ends[:, 0]] - velocity[ends[:, 1]]
         axial_velocity = np.einsum("ea,eak->ek", unit, relative_velocity)
         return np.asarray(relative_velocity - unit[:, :, None] * axial_velocity[:, None, :])
+
+
+class GroundConfiguration(Configuration):
+    """A configuration on the ground: directions are combinations of those that closed contacts leave free.
+
+    The forces of the ground along what contacts hold are those of supports; its friction on feet that slip
+    counts with the loads. The tangent stiffness has the contacts as springs.
+    """
+
+    @cached_property
+    def free(self) -> FloatArray:
+        """Orthonormal directions that no contact holds, (n_coordinates, n_directions)."""
+        contacts = self.problem.contacts
+        assert contacts is not None
+        held = contacts.find_held(self.position)
+        return np.asarray(scipy.linalg.null_space(held)) if len(held) else np.eye(len(self.coordinate))
+
+    @cached_property
+    def equilibrium_matrix(self) -> FloatArray:
+        """Equilibrium matrix A, (n_directions, n_members)."""
+        return np.asarray(self.free.T @ self._whole_matrix)
+
+    @cached_property
+    def load(self) -> FloatArray:
+        """Weight, loads and friction that slips, (n_directions,) [N]; exactly zero where there are none."""
+        force = self.point.residual + self._whole_matrix @ self.tension
+        size = np.abs(self._whole_matrix) @ np.abs(self.tension) + np.abs(self.point.residual)
+        load: FloatArray = self.free.T @ force
+        return load if np.linalg.norm(load) > LOAD_TOLERANCE * np.linalg.norm(size) else np.zeros_like(load)
+
+    @cached_property
+    def rigid_motions(self) -> FloatArray:
+        """Orthonormal rigid motions of each part that anchors and contacts allow, (n_directions, k)."""
+        rigid = build_part_motions(self.manifest, self.position, self.separate_parts)
+        held = rigid - self.free @ (self.free.T @ rigid)
+        kept = scipy.linalg.null_space(held, rcond=HELD) if rigid.shape[1] else np.zeros((0, 0))
+        return np.asarray(self.free.T @ rigid @ kept)
+
+    def node_velocities(self, directions: FloatArray) -> FloatArray:
+        """Return the node velocities (n_nodes, 3, k) of unit rates along directions (n_directions, k)."""
+        return super().node_velocities(self.free @ directions)
+
+    @cached_property
+    def _whole_matrix(self) -> FloatArray:
+        return np.asarray(self.problem.compute("equilibrium_matrix", self.coordinate).toarray())
 
 
 class BodyConfiguration(Configuration):
@@ -212,7 +259,10 @@ def read_configuration(
     of_bodies = find_formulation(model.manifest.formulation).of_bodies
     if not of_bodies:
         _check_lengths(problem, start)
-    point = problem.find_point(problem.to_search_coordinate(start))
+    place = problem.to_search_coordinate(start)
+    if problem.contacts is not None:
+        problem.contacts.rest(problem.node_position(place), problem.arguments.get("internal"))
+    point = problem.find_point(place)
     if point is None:
         raise FormulationError(
             "the forces in this configuration are not finite",
@@ -221,7 +271,8 @@ def read_configuration(
             allowed="finite lengths and forces",
             hint="move coincident nodes apart, or give the body another polar_axis",
         )
-    kind = BodyConfiguration if of_bodies else Configuration
+    on_ground = GroundConfiguration if problem.contacts is not None else Configuration
+    kind = BodyConfiguration if of_bodies else on_ground
     return kind(problem, point, _find_structure(model))
 
 

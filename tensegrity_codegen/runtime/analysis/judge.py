@@ -86,6 +86,12 @@ def _find_flaws(found: Analysis) -> list[str]:
 def _find_warnings(found: Analysis, at: Configuration) -> tuple[str, ...]:
     """Return what a careful engineer would ask about, in sentences."""
     said = [found.rank.warning] if found.rank.warning else []
+    contacts = at.problem.contacts
+    if contacts is not None and (slips := contacts.bristles(at.position)[1]).any():
+        feet = ", ".join(
+            name for name, slip in zip(contacts.structure.contact_name, slips, strict=True) if slip
+        )
+        said.append(f"the feet {feet} are at the limit of friction, which holds them only across their slip")
     if len(found.parts) > 1:
         said.append(describe_pieces([part[0] for part in found.parts]))
     if found.load_note:

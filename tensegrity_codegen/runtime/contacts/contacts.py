@@ -22,6 +22,7 @@ from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
+ON_LIMIT = 1e-9  # part of mu N within which the friction of a state at rest is at its limit
 LONG = 1e6  # [m]: deflection of a bristle that is surely beyond its limit
 
 
@@ -46,6 +47,7 @@ class Contacts:
         self.limited = False
         self.exact = False
         self.limit: FloatArray | None = None
+        self.slack = 0.0  # part of a limit within which friction counts as at it
         self.dragged: FloatArray | None = None
         self.load_factor = 1.0
         self.external = compute_external_force(self.structure, model, arguments)
@@ -87,6 +89,22 @@ class Contacts:
         shape = self.start_bristle.shape
         self.start_bristle = np.zeros(shape) if bristle is None else np.reshape(bristle, shape)
 
+    def rest(self, position: FloatArray, bristle: FloatArray | None) -> None:
+        """Take a state at rest, bristles zero if None; feet within rounding of their limit slip."""
+        self.begin(position, bristle)
+        self.limited, self.slack = True, ON_LIMIT
+
+    def find_held(self, position: FloatArray) -> FloatArray:
+        """Return what closed contacts hold: rows over the coordinates, along n and where they do not slip."""
+        depth, (bristle, slips), rows = self.depth(position), self.bristles(position), []
+        for c in np.flatnonzero(depth > 0).tolist():
+            size = np.linalg.norm(bristle[c])
+            along = bristle[c] / size if slips[c] and size else 0.0 * bristle[c]
+            across = (np.eye(len(along)) - np.outer(along, along)) @ self.tangents
+            held = np.vstack([self.ground.normal, across if self.friction else across[:0]])
+            rows.append(held @ self.motion[3 * c : 3 * c + 3])
+        return np.vstack([np.zeros((0, self.motion.shape[1])), *rows])
+
     def bristles(self, position: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the bristles s (n_contacts, n_tangents) [m], and which contacts slip (n_contacts,)."""
         trial, _ = self._find_trial(position)
@@ -94,7 +112,7 @@ class Contacts:
             return trial, np.zeros(len(trial), dtype=bool)
         limit = self.find_limit(position) / self.ground.stick_stiffness
         size = np.linalg.norm(trial, axis=1)
-        slips = size > limit
+        slips = size > limit * (1.0 - self.slack)
         return trial * np.where(slips, limit / np.where(slips, size, 1.0), 1.0)[:, None], slips
 
     def find_limit(self, position: FloatArray) -> FloatArray:

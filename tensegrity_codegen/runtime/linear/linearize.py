@@ -207,7 +207,7 @@ def linearize(
         Compiled for ``"linearize"``, see compile_scene.
     equilibrium : Equilibrium or array_like, shape (n_coordinates,), optional
         The equilibrium or its coordinates [m], in place of `coordinate`; at rest unless `velocity` is given.
-        Its inputs and parameters are to be given again.
+        Its inputs and parameters are to be given again, bristles of its feet on the ground are not.
     coordinate, velocity : array_like, shape (n_coordinates,), optional
         State [m, m/s]; by default that of the scene.
     input : array_like, shape (n_inputs,), optional
@@ -262,6 +262,8 @@ def linearize(
     q = _value(model, "coordinate", coordinate)
     v = _value(model, "velocity", velocity)
     given = merge_inputs(model.manifest, arguments)
+    if isinstance(equilibrium, Equilibrium):
+        given = {**equilibrium.internal_argument, **given}
     u = _value(model, "input", _choose_input(input, given)) if inputs else np.zeros(0)
     at = {**given, "coordinate": q, "velocity": v}
     if inputs:

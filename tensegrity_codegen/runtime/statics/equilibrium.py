@@ -272,6 +272,11 @@ def _start(problem: StaticProblem, coordinate: ArrayLike | None) -> FloatArray:
     return start
 
 
+def choose_tolerance(subject: Any) -> float:
+    """Return the tolerance where vibrations matter; on the ground the search goes on to rounding anyway."""
+    return 1e-12 if getattr(subject, "ground", None) is None else 1e-9
+
+
 def check_search_options(tolerance: float, max_iterations: int, method: str) -> None:
     """Raise InvalidValueError for options of a search that are out of range, UnknownNameError for methods."""
     check_choice(method, METHODS, "method", "method")

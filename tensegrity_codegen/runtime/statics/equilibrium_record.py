@@ -181,6 +181,11 @@ class Equilibrium(ByName, Summarised):
             )
         return (*sentences, *([] if self.members is None else self.members.describe()))
 
+    @property
+    def internal_argument(self) -> dict[str, FloatArray]:
+        """The bristles of feet on the ground as the argument `internal` [m]; empty where there are none."""
+        return {} if self.feet is None or not self.feet.internal.size else {"internal": self.feet.internal}
+
     def as_evidence(self) -> dict[str, Any]:
         """Return the scalar results by name, JSON-ready, for reports and errors."""
         names = (

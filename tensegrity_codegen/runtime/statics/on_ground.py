@@ -133,8 +133,10 @@ def continue_on_ground(
     problem: StaticProblem, start: FloatArray, search: Search, *, tolerance: float
 ) -> Outcome:
     """Return the next equilibrium from there; contacts go on from `problem.contacts`."""
-    outcome = _Loading(problem, start, search, held=False, tolerance=tolerance).take_step()
-    return _judge(problem, start, outcome)
+    assert problem.contacts is not None
+    held = _is_held(problem, problem.contacts.ground.normal)
+    outcome = _Loading(problem, start, search, held=held, tolerance=tolerance).take_step()
+    return outcome if held else _judge(problem, start, outcome)
 
 
 def describe_feet(problem: StaticProblem, coordinate: FloatArray) -> Feet:

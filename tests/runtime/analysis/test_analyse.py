@@ -5,12 +5,16 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.report.analysis_data import describe_analysis
 from tensegrity_codegen.runtime.analysis.analyse import analyse
-from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
+from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities, find_equilibrium
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tests.cases import thorough
+from tests.ground_cases import make_ground, make_prism
+from tests.models import simulator
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 from tests.runtime.rigid_reference import RigidReference
@@ -306,3 +310,61 @@ WRONG = [None, "x", b"x", float("nan"), -1e300, 1 + 2j, [], {}, object(), np.zer
 def test_wrong_options_raise_named_errors(name: str, value: object) -> None:
     with pytest.raises(InvalidValueError, match=name):
         of(prism(), **{name: value})
+
+
+# --- on the ground ---------------------------------------------------------------------------------
+
+
+def _analyse_standing(structure, **options):
+    """Return equilibrium, analysis and linear model of a structure of rigid bars on the ground."""
+    names = (*linearize_quantities("rigid_bar", with_inputs=False), "equilibrium_matrix", "mass_matrix")
+    names += equilibrium_quantities("rigid_bar")
+    model = simulator(structure, formulation="rigid_bar", more=names)
+    rest = find_equilibrium(model, tolerance=1e-13, **options)
+    found = analyse(model, coordinate=rest.coordinate, arguments=rest.internal_argument, n_modes=99)
+    return rest, found, linearize(model, rest)
+
+
+def test_frequencies_on_the_ground_are_those_of_the_linear_model() -> None:
+    """Feet are springs k and kt; almost without dampers lambda = i w to second order of their ratio."""
+    standing = make_prism(stick_damping=1e-4, dissipation=0.0)
+    rest, found, linear = _analyse_standing(standing.with_changes(damping=0 * standing.damping))
+    assert rest.feet.state == ("stick",) * 3 + ("open",) * 3
+    oscillating = linear.spectrum.eigenvalue.imag[linear.spectrum.eigenvalue.imag > 1e-3]
+    assert found.modes.frequency == pytest.approx(np.sort(oscillating) / (2 * np.pi), rel=1e-8)
+    assert (found.status, found.n_rigid_motions, found.n_mechanisms) == ("stable", 0, 0)
+    assert found.rank.n_coordinates == 9  # of the upper nodes
+    assert found.smallest_eigenvalue == pytest.approx(rest.smallest_eigenvalue, rel=1e-12)
+    assert found.is_balanced
+
+
+def test_a_structure_turned_on_the_ground_and_renumbered_is_analysed_alike() -> None:
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.7]).as_matrix()
+    tilt = Rotation.from_rotvec([0.3, -0.5, 0.2]).as_matrix()
+    order = np.array([3, 0, 5, 1, 2, 4])
+    plain, copied = make_prism(), make_prism(turn, order)
+    copied = copied.with_changes(
+        node_position=copied.node_position @ tilt.T,
+        gravity=tilt @ copied.gravity,
+        ground=make_ground(
+            6, normal=tilt[:, 2], stiffness=2e4, stick_stiffness=2e4, stick_damping=20.0, dissipation=0.3
+        ),
+    )
+    (_, found, _), (_, other, _) = _analyse_standing(plain), _analyse_standing(copied)
+    assert other.modes.frequency == pytest.approx(found.modes.frequency, rel=1e-10)
+    assert other.smallest_eigenvalue == pytest.approx(found.smallest_eigenvalue, rel=1e-10)
+    assert (other.status, other.n_selfstress, other.rank.rank) == (
+        found.status,
+        found.n_selfstress,
+        found.rank.rank,
+    )
+
+
+@pytest.mark.parametrize(("friction", "rigid", "directions"), [(0.2, 0, 12), (0.0, 3, 15)])
+def test_feet_that_slip_hold_less(friction: float, rigid: int, directions: int) -> None:
+    """Across their slip, and along the normal; without friction along the normal alone."""
+    rest, found, _ = _analyse_standing(make_prism(friction=friction))
+    assert set(rest.feet.state[:3]) == {"slip" if friction else "slide"}
+    assert (found.n_rigid_motions, found.rank.n_coordinates) == (rigid, directions)
+    assert any("at the limit of friction" in text for text in found.warnings) == bool(friction)
+    assert found.smallest_eigenvalue == pytest.approx(rest.smallest_eigenvalue, rel=1e-9)

@@ -1,0 +1,133 @@
+"""Load paths on the ground: steps of the load, each with the bristles of the one before, and their events."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent, PathPoint, collect_path
+from tensegrity_codegen.runtime.paths.model_path import ModelPath
+from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
+from tensegrity_codegen.runtime.statics.newton import Outcome, find_minimum, find_stability
+from tensegrity_codegen.runtime.statics.on_ground import Feet, continue_on_ground, describe_feet
+from tensegrity_codegen.runtime.statics.static_problem import Point
+from tensegrity_codegen.system.arrays import FloatArray
+
+LOCATED = 1e-7  # of the path: how closely events are located
+TOLERANCE = 1e-9
+MOST_ITERATIONS = 200  # of the search in a step
+KINDS = {"open": "lift", "slip": "slip", "stick": "stick"}  # kind of event by the state that begins
+FOUND = ("converged", "rounding_limited")
+
+
+@dataclass(frozen=True)
+class _State:
+    """An equilibrium of the path."""
+
+    load_factor: float
+    coordinate: FloatArray
+    position: FloatArray
+    feet: Feet
+    residual: float
+    eigenvalue: float
+
+
+def follow_ground_path(path: ModelPath, *, most: float = 1.0, largest_step: float = 0.1) -> LoadPath:
+    """Follow the equilibrium on the ground while loads grow, up to where the structure no longer stands.
+
+    Parameters
+    ----------
+    path : ModelPath
+        What `build_path` returns for a structure on the ground.
+    most : float
+        Load factor to reach.
+    largest_step : float
+        Largest step, as a part of `most`.
+
+    Returns
+    -------
+    LoadPath
+        Points and events: feet that `lift`, `touch`, `slip`, `stick`, and where it `slides` or `tips`, which
+        end the path with the status ``"stopped"``. Their load factors are located to 1e-7 of `most`.
+
+    Raises
+    ------
+    ConvergenceError
+        The structure does not stand at load factor 0.
+
+    Notes
+    -----
+    Friction depends on the way: a step starts from the bristles of the one before. A step in which a foot
+    changes its state is halved until that is located.
+    """
+    given = {name: value for name, value in path.arguments.items() if name != "velocity"}
+    begun = find_equilibrium(path.model, arguments={**given, **path.loads(0.0)})
+    assert begun.feet is not None
+    here = _State(
+        0.0, begun.coordinate, begun.node_position, begun.feet, begun.residual, begun.smallest_eigenvalue
+    )
+    points, events, part, iterations = [here], list[PathEvent](), largest_step, 0
+    status, message = "completed", "the load factor was reached"
+    while here.load_factor != most:
+        left = 1.0 - here.load_factor / most
+        last = part >= left
+        found = _take_step(path, given, here, most if last else here.load_factor + part * most)
+        iterations += 1
+        is_located = min(part, left) <= LOCATED
+        if isinstance(found, Outcome):
+            if is_located:
+                status, message = "stopped", found.message
+                kind = found.status if found.status in ("slides", "tips", "lifts_off") else "tips"
+                events.append(_record(kind, here.feet.node_name, here, len(points) - 1))
+                break
+            part = min(part, left) / 2
+            continue
+        changes = _find_changes(here.feet, found.feet)
+        if changes and not is_located:
+            part = min(part, left) / 2
+            continue
+        here = found
+        points.append(here)
+        events += [_record(kind, names, here, len(points) - 1) for kind, names in changes.items()]
+        part = largest_step if changes else min(2 * part, largest_step)
+    rows = [PathPoint(p.coordinate, p.load_factor, p.residual, p.eigenvalue, 1.0) for p in points]
+    return collect_path(rows, events, status, message, iterations)
+
+
+def _take_step(
+    path: ModelPath, given: Mapping[str, Any], here: _State, load_factor: float
+) -> _State | Outcome:
+    """Return the equilibrium at a load factor, or the outcome of a search that finds none."""
+    problem = build_problem(path.model, {**given, **path.loads(load_factor)})
+    contacts = problem.contacts
+    assert contacts is not None
+    contacts.begin(here.position, here.feet.internal if contacts.friction else None)
+    start = problem.to_search_coordinate(here.coordinate)
+    problem.watch_stiff_members(start)
+
+    def search(point: Point) -> Outcome:
+        return find_minimum(problem, point, tolerance=TOLERANCE, max_iterations=MOST_ITERATIONS)
+
+    outcome = continue_on_ground(problem, start, search, tolerance=TOLERANCE)
+    if outcome.status not in FOUND:
+        return outcome
+    point = outcome.point
+    eigenvalue = (outcome.stability or find_stability(problem, point)).model_eigenvalue
+    at, position = problem.to_model_coordinate(point.coordinate), problem.node_position(point.coordinate)
+    feet = describe_feet(problem, point.coordinate)
+    return _State(load_factor, at, position, feet, point.node_force, eigenvalue)
+
+
+def _find_changes(before: Feet, after: Feet) -> dict[str, tuple[str, ...]]:
+    """Return kind of event -> the feet whose state changes so."""
+    found: dict[str, tuple[str, ...]] = {}
+    for name, old, new in zip(before.node_name, before.state, after.state, strict=True):
+        if old != new:
+            kind = "touch" if old == "open" else KINDS.get(new, new)
+            found[kind] = (*found.get(kind, ()), name)
+    return found
+
+
+def _record(kind: str, names: tuple[str, ...], at: _State, point: int) -> PathEvent:
+    return PathEvent(kind, names, at.load_factor, at.coordinate, np.zeros(len(at.coordinate) + 1), point)
