@@ -145,11 +145,9 @@ def touched_table(name: str, feet: Sequence[Foot]) -> LongTable:
     def describe(k: int) -> list[str]:
         foot = feet[k]
         numbers = (foot.first_touch, foot.slide, foot.largest_force, foot.largest_use, foot.penetration)
-        return [foot.node, str(foot.touches), *(f"{x:.6g}" for x in numbers)]
+        return [foot.node, str(foot.touches), *(f"{x:.4g}" for x in numbers)]
 
-    heads = (
-        "node", "touches", "first at [s]", "slides [m]", "largest N [N]", "F / (mu N)", "penetration [m]",
-    )  # fmt: skip
+    heads = ("node", "touches", "first [s]", "slide [m]", "most N [N]", "F / (mu N)", "depth [m]")
     ranking = (("largest force", range(len(feet))),)
     return LongTable(f"{name}: feet", heads, "frrrrrr", len(feet), describe, "feet", ranking)
 

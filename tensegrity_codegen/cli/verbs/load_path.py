@@ -121,6 +121,7 @@ def load_path(
         from tensegrity_codegen.report.result_tables import events_table, tabulate_path, write_path
 
         subject, request = output.load(scene, settles=True)
+        _check_ground(subject, floor, past_contact)
         values = read_inputs(loading.input, subject, output)
         model = _build(subject, request, loading.ramp, loading.load or [], compiler, values)
         watches = _find_watches(model, subject, past_contact)
@@ -191,6 +192,15 @@ def _check_options(
             allowed=f"0 or a load factor {'below' if most > 0 else 'above'} it",
             hint="0 ends a path that has turned back at its start",
         )
+
+
+def _check_ground(subject: "Subject", floor: float | None, past_contact: bool) -> None:
+    """Raise FormulationError for options that load paths on the ground do not have."""
+    from tensegrity_codegen.structure.ground_support import require_no_ground
+
+    for name, is_given in (("--floor", floor is not None), ("--past-contact", past_contact)):
+        if is_given:
+            require_no_ground(subject, f"{name} of load-path")
 
 
 def _build(

@@ -18,6 +18,8 @@ LOCATED = 1e-7  # of the path: how closely events are located
 TOLERANCE = 1e-9
 MOST_ITERATIONS = 200  # of the search in a step
 KINDS = {"open": "lift", "slip": "slip", "stick": "stick"}  # kind of event by the state that begins
+ENDS = ("slides", "tips", "lifts_off")  # how structures cease to stand
+MOST_POINTS = 1000
 FOUND = ("converged", "rounding_limited")
 
 
@@ -48,8 +50,9 @@ def follow_ground_path(path: ModelPath, *, most: float = 1.0, largest_step: floa
     Returns
     -------
     LoadPath
-        Points and events: feet that `lift`, `touch`, `slip`, `stick`, and where it `slides` or `tips`, which
-        end the path with the status ``"stopped"``. Their load factors are located to 1e-7 of `most`.
+        Points and events: feet that `lift`, `touch`, `slip`, `stick`, and where it `slides`, `tips` or
+        `lifts_off`, which end the path with the status ``"stopped"``. Their load factors are located to 1e-7
+        of `most`. ``"stalled"`` where no equilibrium is found otherwise, ``"step_limit"`` after 1,000 steps.
 
     Raises
     ------
@@ -70,16 +73,24 @@ def follow_ground_path(path: ModelPath, *, most: float = 1.0, largest_step: floa
     points, events, part, iterations = [here], list[PathEvent](), largest_step, 0
     status, message = "completed", "the load factor was reached"
     while here.load_factor != most:
+        if len(points) > MOST_POINTS:
+            status, message = "step_limit", f"the load was not reached in {MOST_POINTS} steps"
+            break
         left = 1.0 - here.load_factor / most
         last = part >= left
         found = _take_step(path, given, here, most if last else here.load_factor + part * most)
         iterations += 1
         is_located = min(part, left) <= LOCATED
         if isinstance(found, Outcome):
-            if is_located:
+            if is_located and found.status in ENDS:
                 status, message = "stopped", found.message
-                kind = found.status if found.status in ("slides", "tips", "lifts_off") else "tips"
-                events.append(_record(kind, here.feet.node_name, here, len(points) - 1))
+                events.append(_record(found.status, here.feet.node_name, here, len(points) - 1))
+                break
+            if is_located:
+                status = "stalled"
+                message = (
+                    f"no equilibrium was found beyond load factor {here.load_factor:.10g}: {found.message}"
+                )
                 break
             part = min(part, left) / 2
             continue
