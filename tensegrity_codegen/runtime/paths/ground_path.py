@@ -72,15 +72,17 @@ def follow_ground_path(path: ModelPath, *, most: float = 1.0, largest_step: floa
     )
     points, events, part, iterations = [here], list[PathEvent](), largest_step, 0
     status, message = "completed", "the load factor was reached"
+    thorough = False  # Newton's method alone has found nothing since feet last changed their state
     while here.load_factor != most:
         if len(points) > MOST_POINTS:
             status, message = "step_limit", f"the load was not reached in {MOST_POINTS} steps"
             break
         left = 1.0 - here.load_factor / most
         last = part >= left
-        found = _take_step(path, given, here, most if last else here.load_factor + part * most)
-        iterations += 1
         is_located = min(part, left) <= LOCATED
+        load_factor = most if last else here.load_factor + part * most
+        found = _take_step(path, given, here, load_factor, at_any_cost=thorough or is_located)
+        iterations += 1
         if isinstance(found, Outcome):
             if is_located and found.status in ENDS:
                 status, message = "stopped", found.message
@@ -98,6 +100,7 @@ def follow_ground_path(path: ModelPath, *, most: float = 1.0, largest_step: floa
         if changes and not is_located:
             part = min(part, left) / 2
             continue
+        thorough = (thorough or is_located) and not changes
         here = found
         points.append(here)
         events += [_record(kind, names, here, len(points) - 1) for kind, names in changes.items()]
@@ -107,9 +110,12 @@ def follow_ground_path(path: ModelPath, *, most: float = 1.0, largest_step: floa
 
 
 def _take_step(
-    path: ModelPath, given: Mapping[str, Any], here: _State, load_factor: float
+    path: ModelPath, given: Mapping[str, Any], here: _State, load_factor: float, *, at_any_cost: bool
 ) -> _State | Outcome:
-    """Return the equilibrium at a load factor, or the outcome of a search that finds none."""
+    """Return the equilibrium at a load factor, or the outcome where none is found.
+
+    at_any_cost: search for a minimum too, which takes long, where Newton's method alone finds none.
+    """
     problem = build_problem(path.model, {**given, **path.loads(load_factor)})
     contacts = problem.contacts
     assert contacts is not None
@@ -120,7 +126,7 @@ def _take_step(
     def search(point: Point) -> Outcome:
         return find_minimum(problem, point, tolerance=TOLERANCE, max_iterations=MOST_ITERATIONS)
 
-    outcome = continue_on_ground(problem, start, search, tolerance=TOLERANCE)
+    outcome = continue_on_ground(problem, start, search if at_any_cost else None, tolerance=TOLERANCE)
     if outcome.status not in FOUND:
         return outcome
     point = outcome.point

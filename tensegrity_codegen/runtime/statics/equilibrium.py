@@ -273,7 +273,18 @@ def _start(problem: StaticProblem, coordinate: ArrayLike | None) -> FloatArray:
 
 
 def choose_tolerance(subject: Any) -> float:
-    """Return the tolerance where vibrations matter; on the ground the search goes on to rounding anyway."""
+    """Return the tolerance of an equilibrium about which vibrations are computed.
+
+    Parameters
+    ----------
+    subject : Structure or BodySystem
+        What rests; on the ground the search goes on to rounding anyway.
+
+    Returns
+    -------
+    float
+        Tolerance of `find_equilibrium`, a part of the forces.
+    """
     return 1e-12 if getattr(subject, "ground", None) is None else 1e-9
 
 

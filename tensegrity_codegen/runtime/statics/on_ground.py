@@ -130,9 +130,12 @@ def _judge(problem: StaticProblem, begun: FloatArray, outcome: Outcome) -> Outco
 
 
 def continue_on_ground(
-    problem: StaticProblem, start: FloatArray, search: Search, *, tolerance: float
+    problem: StaticProblem, start: FloatArray, search: Search | None, *, tolerance: float
 ) -> Outcome:
-    """Return the next equilibrium from there; contacts go on from `problem.contacts`."""
+    """Return the next equilibrium from there; contacts go on from `problem.contacts`.
+
+    search: for a minimum where Newton's method alone finds nothing; None to do without, in short steps.
+    """
     assert problem.contacts is not None
     held = _is_held(problem, problem.contacts.ground.normal)
     outcome = _Loading(problem, start, search, held=held, tolerance=tolerance).take_step()
@@ -233,7 +236,7 @@ class _Loading:
         self,
         problem: StaticProblem,
         touching: FloatArray,
-        search: Search,
+        search: Search | None,
         *,
         held: bool,
         tolerance: float,
@@ -272,6 +275,7 @@ class _Loading:
 
     def find_frictionless(self) -> Outcome:
         """Return the minimum of the energy without friction, its forces balanced to rounding."""
+        assert self.search is not None
         outcome = self.search(_find_point(self.problem, _press_in(self.problem, self.touching, self.held)))
         if outcome.status != "converged":
             return outcome
@@ -349,19 +353,19 @@ class _Loading:
     def _balance(self, start: FloatArray) -> Point | None:
         """Return the equilibrium with limited friction near `start`, from one with friction that holds."""
         found = self._solve(start)
-        if found is None:
+        if found is None and self.search is not None:
             self.contacts.limited = self.contacts.dragged is not None
             self.problem.forget()
             stuck = self.search(_find_point(self.problem, start))
             self.iterations += stuck.iterations
             self.problem.forget()
             if self._is_upright(stuck.point):
-                found = self._solve(self._slide(stuck.point.coordinate))
-        if found is None:
-            self.slips = self.contacts.bristles(self.problem.node_position(stuck.point.coordinate))[1]
+                found = self._solve(self._slide(stuck.point.coordinate, self.search))
+            if found is None:
+                self.slips = self.contacts.bristles(self.problem.node_position(stuck.point.coordinate))[1]
         return found
 
-    def _slide(self, coordinate: FloatArray) -> FloatArray:
+    def _slide(self, coordinate: FloatArray, search: Search) -> FloatArray:
         """Return where feet slide with constant limits of friction, which are brought up to date twice.
 
         Friction then has an energy, whose minimum is found where Newton's method alone fails.
@@ -372,7 +376,7 @@ class _Loading:
             contacts.limit = None
             contacts.limit = contacts.find_limit(self.problem.node_position(coordinate))
             self.problem.forget()
-            slid = self.search(_find_point(self.problem, coordinate))
+            slid = search(_find_point(self.problem, coordinate))
             self.iterations += slid.iterations
             if slid.status not in ("converged", "rounding_limited") or not self._is_upright(slid.point):
                 break
