@@ -1,6 +1,6 @@
 """The ground: a plane that nodes can stand on, slide on and bounce on."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -117,6 +117,15 @@ class Ground:
     def has_static_friction(self) -> bool:
         """Whether a contact sticks up to a larger friction than that with which it slips."""
         return self.static_friction is not None and self.static_friction > self.friction
+
+    def stiffen(self, factor: float) -> "Ground":
+        """Return the ground with all stiffnesses times a factor, and the same damping ratio along it."""
+        return replace(
+            self,
+            stiffness=factor * self.stiffness,
+            stick_stiffness=factor * self.stick_stiffness,
+            stick_damping=factor**0.5 * self.stick_damping,
+        )
 
     def compute_depth(self, position: FloatArray) -> FloatArray:
         """Return the penetrations (n_contacts,) [m] at positions of all nodes (n_nodes, 3)."""

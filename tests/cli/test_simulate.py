@@ -210,3 +210,48 @@ def test_on_the_ground_a_settled_motion_stays_at_rest(run: Run, folder: Path) ->
     with np.load("a.npz", allow_pickle=False) as file:
         assert np.abs(file["node_velocity"]).max() < 1e-12
         assert file["internal"][0].sum() == pytest.approx(3e-5, rel=1e-9)  # 3 kg 1 m/s2 / kt
+
+
+SLIDING = """name = "block"
+gravity = [0, 0, -9.81]
+[nodes.a]
+position = [0, 0, -5e-4]
+mass = 1
+[nodes.b]
+position = [0, 0, 1]
+anchored = true
+[members.cord]
+kind = "cable"
+nodes = ["a", "b"]
+rest_length = 100
+spring_constant = 1
+[ground]
+slope_deg = 30
+stiffness = STIFFNESS
+stick_damping = DAMPING
+dissipation = 0.5
+friction = 0.3
+"""
+
+
+def test_the_ground_check_compares_with_a_motion_on_a_ground_of_four_times_the_stiffness(
+    run: Run, folder: Path
+) -> None:
+    ends = []
+    for name, stiffness, damping in (("soft", 1e4, 50.0), ("stiff", 4e4, 100.0)):
+        text = SLIDING.replace("STIFFNESS", f"{stiffness}").replace("DAMPING", f"{damping}")
+        run("simulate", write(folder / f"{name}.toml", text), "--t-end", 0.5, "--out", f"{name}.npz")
+        with np.load(folder / f"{name}.npz") as file:
+            ends.append(file["node_position"])
+    apart = np.linalg.norm(ends[0] - ends[1], axis=2)[:, 0]
+    data = run("simulate", folder / "soft.toml", "--t-end", 0.5, "--ground-check", "--json").data
+    found = data["ground_check"]
+    assert (found["node"], found["status"], found["stiffness_factor"]) == ("a", "ok", 4.0)
+    assert found["largest_change"] == pytest.approx(apart.max(), rel=1e-12)
+    assert found["change_at_end"] == pytest.approx(apart[-1], rel=1e-12)
+    assert found["largest_change"] > 1e-4
+
+
+def test_a_ground_check_without_a_ground_is_refused(run: Run, two_nodes: Path) -> None:
+    ended = run.refused("simulate", two_nodes, "--t-end", 0.1, "--ground-check", "--json")
+    assert ended.data["where"] == "--ground-check: ground"

@@ -33,8 +33,13 @@ if TYPE_CHECKING:
     from tensegrity_codegen.pipeline.build_library import BuiltLibrary
     from tensegrity_codegen.runtime.integrate.event_log import EventLog
     from tensegrity_codegen.runtime.integrate.options import RunOptions
+    from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
+
+STIFFER = 4.0  # stiffness of the ground that a motion is compared with, over its own
+LARGE_CHANGE = 0.01  # part of the structure's size above which the comparison is a warning
 
 TEndOption = Annotated[float, typer.Option("--t-end", help="Simulated time [s].", show_default=False)]
 SamplesOption = Annotated[int, typer.Option("--samples", help="Number of equally spaced samples.")]
@@ -81,6 +86,13 @@ ProfileKindOption = Annotated[
     str, typer.Option("--profile-kind", help="Between the rows of --profile: linear or cubic.")
 ]
 SettleOption = Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")]
+GroundCheckOption = Annotated[
+    bool,
+    typer.Option(
+        "--ground-check",
+        help=f"Repeat with {STIFFER:g} times the ground's stiffness; say how far nodes are elsewhere.",
+    ),
+]
 UntilOption = Annotated[
     str | None,
     typer.Option("--until", help="End early: contact of two bars, or a condition: 'top.z < 0.1'."),
@@ -150,6 +162,14 @@ class MethodOptions:
 
 
 @dataclass(frozen=True)
+class AroundOptions:
+    """What is done before and after a motion."""
+
+    settle: SettleOption = False
+    ground_check: GroundCheckOption = False
+
+
+@dataclass(frozen=True)
 class InputOptions:
     """Inputs of a motion, constant and over time."""
 
@@ -180,7 +200,7 @@ def simulate(
     samples: SamplesOption = 101,
     *,
     integration: MethodOptions,
-    settle: SettleOption = False,
+    around: AroundOptions,
     until: UntilOption = None,
     given: InputOptions,
     many: BatchOptions,
@@ -209,6 +229,9 @@ def simulate(
     With --profile inputs change with time: a CSV file with the header time,motor (names of inputs) and rows
     from 0 to --t-end or later. Two rows with the same time are a jump.
 
+    With --ground-check a scene with [ground] is simulated a second time with four times the stiffness of its
+    contacts: where nodes then come to be elsewhere, the motion depends on a number that is seldom known.
+
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
     output = Output(json)
@@ -217,7 +240,9 @@ def simulate(
         from tensegrity_codegen.runtime.trajectory.write_motion import check_motion_file
 
         options = complete_run_options(**vars(integration))
-        asked = _Asked(options, *read_until(until), settle, given)
+        asked = _Asked(
+            options, *read_until(until), around.settle, given, 1.0 if around.ground_check else None
+        )
         check_options(options, t_end, samples)
         if out is not None:
             check_motion_file(out)
@@ -226,7 +251,7 @@ def simulate(
         if many.batch is not None:
             from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
 
-            check_no_other(settle=settle, until=until)
+            check_no_other(settle=around.settle, until=until, ground_check=around.ground_check)
             options = choose_batch_control(options, integration.control)
             built, values, schedule = build_for_batch(
                 output, scene, options, compilation.compiler, compilation.flags, given.input, given.profile,
@@ -237,55 +262,105 @@ def simulate(
                 threads=many.threads, schedule=schedule,
             )  # fmt: skip
             return
-        built, start = _build(scene, asked, t_end, compilation.compiler, compilation.flags, output)
-        _run(output, built, asked, out, overwrite, t_end=t_end, samples=samples, **start)
+        built, start = _build(scene, asked, t_end, compilation, output)
+        given_run = {"t_end": t_end, "samples": samples}
+        repeat = None
+        if around.ground_check:
+            stiff, begun = _build(scene, replace(asked, stiffer=STIFFER), t_end, compilation, output)
+            repeat = (stiff, given_run | begun)
+        _run(output, built, asked, out, overwrite, repeat, **given_run, **start)
 
 
 @dataclass(frozen=True)
 class _Asked:
-    """What is asked of one motion: options, what ends it early, whether it starts settled, its inputs."""
+    """What is asked of one motion: options, what ends it early, whether it starts settled, inputs, ground."""
 
     options: "RunOptions"
     until_contact: bool
     condition: str | None
     settle: bool
     inputs: InputOptions
+    stiffer: float | None  # factor of the stiffness of the ground, None where nothing is compared
 
 
 def _run(
-    output: Output, built: "BuiltLibrary", asked: _Asked, out: Path | None, overwrite: bool, **given: Any
+    output: Output,
+    built: "BuiltLibrary",
+    asked: _Asked,
+    out: Path | None,
+    overwrite: bool,
+    repeat: "tuple[BuiltLibrary, dict[str, Any]] | None",
+    **given: Any,
 ) -> None:
-    """Simulate the motion and say how it went; exit code 3 where it is not good."""
-    from tensegrity_codegen.runtime.simulate.simulate import simulate as run
-    from tensegrity_codegen.runtime.simulate.until import Until
+    """Simulate the motion and say how it went; exit code 3 where it is not good.
+
+    repeat: the library with a stiffer ground, and its arguments, to compare with.
+    """
     from tensegrity_codegen.scene.checks.plausible_ground import warn_of_sampled_contacts
 
     model = built.load()
     if built.structure is not None:
         interval = given["t_end"] / max(given["samples"] - 1, 1)
         output.warn(*warn_of_sampled_contacts(built.structure, interval))
-    with output.progress("simulating") as progress:
-        trajectory = run(
-            model,
-            until=Until(asked.condition, asked.until_contact),
-            progress=progress,
-            **given,
-            **asked.options.as_given(),
-        )
+    trajectory = _move(output, model, asked, given)
     if out is not None:
         trajectory.write(out, overwrite=overwrite)
     data = trajectory.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
     data["inputs"] = {name: value for name, value in given["arguments"].items() if name != "internal"}
     finding = f"{trajectory.status}: {describe_extremes(data, trajectory.find_flaws())}"
     readable: list[Any] = [finding, lambda: build_run_table(data), *_list_events(trajectory.log)]
+    second = None if repeat is None else _move(output, repeat[0].load(), asked, repeat[1])
+    if second is not None:
+        data["ground_check"] = compared = _compare(trajectory, second)
+        readable.append(_describe_change(compared))
+        if compared["change_over_size"] > LARGE_CHANGE:
+            output.warn("the motion depends on the stiffness of the ground, see ground check")
     if trajectory.feet and not output.as_json:
         from tensegrity_codegen.report.tables import touched_table
 
         readable.append(touched_table(model.manifest.name, trajectory.feet))
     output.result(data, *readable)
-    if trajectory.status != "ok":
-        output.warn(f"{trajectory.status}: {trajectory.message}")
-        raise typer.Exit(3)
+    for motion in (trajectory, second):
+        if motion is not None and motion.status != "ok":
+            where = "" if motion is trajectory else f"with {STIFFER:g} times the ground's stiffness: "
+            output.warn(f"{where}{motion.status}: {motion.message}")
+            raise typer.Exit(3)
+
+
+def _move(output: Output, model: "CompiledModel", asked: _Asked, given: dict[str, Any]) -> "Trajectory":
+    """Return the motion."""
+    from tensegrity_codegen.runtime.simulate.simulate import simulate as run
+    from tensegrity_codegen.runtime.simulate.until import Until
+
+    until = Until(asked.condition, asked.until_contact)
+    with output.progress("simulating") as progress:
+        return run(model, until=until, progress=progress, **given, **asked.options.as_given())
+
+
+def _compare(motion: "Trajectory", other: "Trajectory") -> dict[str, Any]:
+    """Return how far nodes are elsewhere in another motion, at the samples that both have."""
+    import numpy as np
+
+    count = min(len(motion.time), len(other.time))
+    apart = np.linalg.norm(motion.node_position[:count] - other.node_position[:count], axis=2)
+    sample, node = np.unravel_index(int(apart.argmax()), apart.shape)
+    return {
+        "stiffness_factor": STIFFER,
+        "status": other.status,
+        "largest_change": float(apart[sample, node]),
+        "change_over_size": float(apart[sample, node] / np.ptp(motion.node_position[0], axis=0).max()),
+        "node": motion.node_name[node],
+        "time": float(motion.time[sample]),
+        "change_at_end": float(apart[-1].max()),
+    }
+
+
+def _describe_change(found: dict[str, Any]) -> str:
+    return (
+        f"ground check: with {found['stiffness_factor']:g} times the stiffness node {found['node']} is "
+        f"{found['largest_change']:.4g} m elsewhere at {found['time']:.4g} s; "
+        f"at the end nodes are up to {found['change_at_end']:.4g} m elsewhere"
+    )
 
 
 def _list_events(log: "EventLog") -> list[str]:
@@ -309,7 +384,7 @@ def _list_events(log: "EventLog") -> list[str]:
 
 
 def _build(
-    scene: Path, asked: _Asked, t_end: float, compiler: str | None, flags: str | None, output: Output
+    scene: Path, asked: _Asked, t_end: float, compilation: CompileOptions, output: Output
 ) -> "tuple[BuiltLibrary, dict[str, Any]]":
     """Return the library that the run needs; its start (None: of the scene), inputs and schedule, by name."""
     from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
@@ -317,6 +392,13 @@ def _build(
     from tensegrity_codegen.structure.structure import Structure
 
     structure, request = output.load(scene, settles=asked.settle)
+    if asked.stiffer is not None:
+        from tensegrity_codegen.runtime.analysis.stand import require_ground
+
+        ground = require_ground(structure, "--ground-check").ground
+        assert ground is not None
+        structure = replace(structure, ground=ground.stiffen(asked.stiffer))
+    compiler, flags = compilation.compiler, compilation.flags
     given: dict[str, Any] = {"arguments": read_inputs(asked.inputs.input or [], structure, output)}
     schedule = read_schedule(
         asked.inputs.profile, asked.inputs.profile_kind, structure, t_end, given["arguments"]
