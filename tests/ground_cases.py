@@ -16,7 +16,7 @@ from tests.runtime.build import bar, cable, make_structure, spring
 
 Array = NDArray[np.float64]
 GRAVITY = 9.81
-METHODS = ("rk54", "rk853", "rodas")
+METHODS = ("rk54", "rk853", "rodas", "radau")
 
 
 def make_ground(nodes: int, **changes: Any) -> Ground:

@@ -419,7 +419,11 @@ static inline double method_attempt(double h, const method_motion *m)
   error = method_try((real)h, m->state, m->with, w->lost, w->rates, w->change, w->trial);
 #endif
 #endif
+#if METHOD_ITERATES
+  m->run->n_evaluations += w->own.n_evaluations;
+#else
   m->run->n_evaluations += METHOD_EVALUATIONS;
+#endif
   if (!(error < INFINITY)) {
     return error;
   }

@@ -24,6 +24,9 @@
 #ifndef WITH_INTERNAL
 #define WITH_INTERNAL 0 /* 1: the state has more than coordinates and velocities */
 #endif
+#ifndef METHOD_ITERATES
+#define METHOD_ITERATES 0 /* 1: trials iterate, and count their evaluations */
+#endif
 #define WITH_ENERGY (!WITH_FLOAT) /* steps can keep the energy */
 #define WITH_DIAGONAL_MASS 1
 #define WITH_RIGID_MOTION (CONFIG_N % 3 == 0) /* all nodes are free */

@@ -327,10 +327,11 @@ def request_play(subject: "Subject", request: "ModelRequest", method: str = "aut
 
 
 def _offers_stiff(subject: "Subject") -> bool:
-    """Return whether a page offers the implicit method: of many members only where they call for it."""
+    """Return whether a page offers the implicit method: not with contacts, of many members where due."""
     from tensegrity_codegen.live.engine import EXPLICIT, choose_method
+    from tensegrity_codegen.structure.ground_support import has_contacts
     from tensegrity_codegen.structure.outline import outline_bodies
 
-    if subject.n_members <= MOST_OFFERED:
-        return True
+    if has_contacts(subject) or subject.n_members <= MOST_OFFERED:
+        return not has_contacts(subject)
     return choose_method(outline_bodies(subject), (EXPLICIT, STIFF_INTEGRATOR)) == STIFF_INTEGRATOR

@@ -11,6 +11,7 @@ from tensegrity_codegen.codegen.lanes.kernel import BLOCKS
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.ground_support import has_contacts
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.tables.formulations import find_formulation
@@ -111,7 +112,7 @@ def list_candidates(structure: Subject, request: ModelRequest) -> tuple[str, ...
 
 def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return what is wanted, also by wanted integrators, and the emitter table does not serve."""
-    wanted = [*request.quantities, *called_quantities(request.integrators)]
+    wanted = [*request.quantities, *called_quantities(request.integrators, has_contacts(structure))]
     if request.integrators:
         # Quantities behind the events that integrators watch, see events.find_events.
         kinds = request.events

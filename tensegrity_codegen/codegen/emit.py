@@ -30,7 +30,7 @@ from tensegrity_codegen.codegen.unrolled import UNROLLED
 from tensegrity_codegen.scene.names import check_names, check_scene_name
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.collision import check_collision
-from tensegrity_codegen.structure.ground_support import check_ground
+from tensegrity_codegen.structure.ground_support import check_ground, has_contacts
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError, suggest
@@ -248,9 +248,10 @@ def _find_called(
     events, watched = find_events(request, lambda name: emitter.is_offered(model, name), model.subject)
     check_keep(request, model.name)
     kept = KEPT_QUANTITIES if request.keep else ()
-    has_forces = model.frame.contact_name or getattr(model.subject, "collision", None)
-    of_forces = ("state_derivative", "energy_rate") if has_forces else ()
-    called = (*PROJECTION, *kept, *of_forces, *called_quantities(request.integrators))
+    touches = has_contacts(model.subject)
+    of_forces = ("state_derivative", "energy_rate") if touches else ()
+    of_integrators = called_quantities(request.integrators, touches)
+    called = (*PROJECTION, *kept, *of_forces, *of_integrators)
     offered = [name for name in called if emitter.is_offered(model, name)]
     return (*stiffness, *offered, *watched), events
 

@@ -14,7 +14,7 @@ from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
-from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR, find_row
 from tensegrity_codegen.tables.manifest import STATUS, STATUS_TEXT, ArgumentSpec, Manifest
 
 # Factors of the values of the scene, by parameter; the others have no slider.
@@ -198,7 +198,7 @@ def add_engine(
                 "symbol": item.symbol,
                 "arguments": item.arguments,
                 "work_size": item.work_size,
-                "is_stiff": item.name == STIFF_INTEGRATOR,
+                "is_stiff": find_row(item.name, manifest.has_contacts).kind == "implicit",
                 "tensions": item.tensions,
             }
             for item in manifest.integrators
@@ -242,7 +242,7 @@ def add_engine(
         f"The compiled model runs in this page: {' or '.join(methods)} with error control, relative "
         f"tolerance {rtol:g} of each step. A pull is a spring and a damper between node and pointer, in the "
         "equations of motion.",
-        *((DAMPED_OUT,) if STIFF_INTEGRATOR in methods else ()),
+        *((DAMPED_OUT,) if any(item["is_stiff"] for item in engine["methods"]) else ()),
         *(fact for fact in scene.facts if not fact.startswith("Reactions")),
     )
     return replace(scene, data={**scene.data, "engine": engine}, channels=channels, facts=facts)

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-from tensegrity_codegen.structure.ground_support import FORMULATIONS_WITH_GROUND, INTEGRATORS_WITH_GROUND
+from tensegrity_codegen.structure.ground_support import FORMULATIONS_WITH_GROUND
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.request import ModelRequest
 
 EXPONENTS = (1.0, 1.5)
@@ -62,7 +63,7 @@ def require_no_collision(subject: Any, what: str) -> None:
         raise FormulationError(
             f"forces between bars are not supported here: {what}",
             where=f"{subject.name}: interference.stiffness",
-            allowed=f"motions by {', '.join(INTEGRATORS_WITH_GROUND)}, in node positions or with rigid bars",
+            allowed=f"motions by {', '.join(INTEGRATORS)}, in node positions or with rigid bars",
             hint="remove interference.stiffness for this: contacts are then only detected",
         )
 
@@ -80,7 +81,6 @@ def check_collision(subject: Any, request: ModelRequest) -> None:
         "energy that is kept": bool(request.keep),
         "single precision": request.precision != "double",
     }
-    foreign |= {f"integrator {name!r}": name not in INTEGRATORS_WITH_GROUND for name in request.integrators}
     foreign |= {f"quantity {name!r}": name in WITHOUT_COLLISION for name in request.quantities}
     for what, is_foreign in foreign.items():
         if is_foreign:

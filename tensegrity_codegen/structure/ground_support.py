@@ -8,7 +8,6 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 FORMULATIONS_WITH_GROUND = ("node_position", "rigid_bar")
 EMITTERS_WITH_GROUND = ("auto", "unrolled", "table")
-INTEGRATORS_WITH_GROUND = tuple(name for name, row in INTEGRATORS.items() if row.kind != "implicit")
 MOST_CONTACTS = 200  # that events serve: each has two, and every event ends a step
 # Forces of some members alone, and parts of the stiffness: the ground is not in them.
 WITHOUT_GROUND = (
@@ -20,9 +19,12 @@ ANCHOR = "remove the section [ground], and anchor the feet where `equilibrium` f
 ANALYSES_WITHOUT_GROUND = ("equilibria", "plan", "time_motion", "control")
 # Quantities of equilibria, which have one coefficient of friction.
 STATIC = ("node_residual", "tangent_stiffness")
-ADVICE = (
-    f'simulate with formulation "node_position" or "rigid_bar" and {" or ".join(INTEGRATORS_WITH_GROUND)}'
-)
+ADVICE = f'simulate with formulation "node_position" or "rigid_bar" and {" or ".join(INTEGRATORS)}'
+
+
+def has_contacts(subject: Any) -> bool:
+    """Return whether nodes of a structure or body system touch a ground, or its bars press each other."""
+    return bool(getattr(subject, "contact_name", ())) or getattr(subject, "collision", None) is not None
 
 
 def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
@@ -30,8 +32,7 @@ def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
     return FormulationError(
         f"the ground is not supported here: {what}",
         where=f"{name}: ground",
-        allowed=f"motions by {', '.join(INTEGRATORS_WITH_GROUND)}, and equilibria, "
-        "in node positions or with rigid bars",
+        allowed=f"motions by {', '.join(INTEGRATORS)}, and equilibria, in node positions or with rigid bars",
         hint=hint,
     )
 
@@ -74,9 +75,6 @@ def check_ground(subject: Any, request: ModelRequest) -> None:
         )
     if request.emitter not in EMITTERS_WITH_GROUND:
         raise refuse_ground(name, f"emitter {request.emitter!r}", 'choose emitter = "auto"')
-    for integrator in request.integrators:
-        if integrator not in INTEGRATORS_WITH_GROUND:
-            raise refuse_ground(name, f"integrator {integrator!r}")
     for quantity in request.quantities:
         if quantity in WITHOUT_GROUND:
             raise refuse_ground(name, f"quantity {quantity!r}, or an analysis that needs it")

@@ -25,7 +25,6 @@ def test_impossible_numbers_are_refused(numbers: tuple[float, float, float]) -> 
     [
         ModelRequest(("node_residual",)),
         ModelRequest(("acceleration",), formulation="node_distance"),
-        ModelRequest(("acceleration",), integrators=("radau",), formulation="rigid_bar"),
         ModelRequest(("acceleration",), emitter="table"),
     ],
 )

@@ -165,6 +165,7 @@ def implicit_context(
     return {
         **tables,
         "settings": {
+            "METHOD_ITERATES": False,
             f"WITH_{PREFIX}_DIAGONAL_MASS": tables["is_mass_diagonal"],
             f"WITH_{PREFIX}_DAMPED": bool(spec.damped),
         },

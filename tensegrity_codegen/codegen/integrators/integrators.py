@@ -16,10 +16,11 @@ from tensegrity_codegen.codegen.integrators.events import events_context, state_
 from tensegrity_codegen.codegen.integrators.implicit import implicit_context, implicit_spec
 from tensegrity_codegen.codegen.integrators.profiles import PULL, count_driven, driven_context, pull_size
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
+from tensegrity_codegen.structure.ground_support import has_contacts
 from tensegrity_codegen.structure.inertia_plan import find_massless, refuse_bare
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest
-from tensegrity_codegen.tables.integrators import INTEGRATORS, called_quantities
+from tensegrity_codegen.tables.integrators import INTEGRATORS, called_quantities, find_row
 from tensegrity_codegen.tables.integrators.integrator import Integrator
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
@@ -48,7 +49,7 @@ def integrator_spec(
         raise FormulationError(
             "unknown integrator", where="model.integrators", given=name, hint=suggest(name, INTEGRATORS)
         )
-    row = INTEGRATORS[name]
+    row = find_row(name, has_contacts(model.subject))
     watched = watched_events(model, functions, events if row.follows_events else ())
     if row.kind == "implicit":
         driven_size = count_driven(model, driven)
@@ -128,7 +129,7 @@ def _count_work(row: Integrator, sizes: Mapping[str, int]) -> int:
         "METHOD_HAS_MEMORY": int(row.tableau is None),
     }
     if row.kind == "adaptive" and row.tableau is None:
-        sizes["method_memory"] = count_bytes(f"{row.name}_memory", f"{row.name}.h", sizes)
+        sizes["method_memory"] = count_bytes(f"{row.c_files[-1]}_memory", f"{row.c_files[-1]}.h", sizes)
     has_internal = sizes["N_STATES"] > 2 * sizes["N"]
     is_stepped = row.kind == "adaptive" or bool(sizes["WITH_EVENTS"] or sizes["WITH_PROFILE"] or has_internal)
     structs = [(f"{row.name}_work", f"{row.name}.h")] if row.kind == "fixed" else []
@@ -146,7 +147,7 @@ def integrator_context(
     reach: quantity -> how many coordinates it depends on, see events_context.
     """
     functions = {spec.quantity: spec for spec in manifest.functions}
-    rows = {spec.name: INTEGRATORS[spec.name] for spec in manifest.integrators}
+    rows = {spec.name: find_row(spec.name, manifest.has_contacts) for spec in manifest.integrators}
     adaptive = [spec for spec in manifest.integrators if rows[spec.name].kind == "adaptive"]
     driven = driven_context(manifest, arguments)
     watching = [spec for spec in manifest.integrators if spec.events]
@@ -174,7 +175,7 @@ def integrator_context(
                 "arguments": functions[name].arguments,
                 "size": _count_entries(functions[name]),
             }
-            for name in called_quantities(explicit)
+            for name in called_quantities(explicit, manifest.has_contacts)
         ],
         "first_explicit": next(iter(explicit), ""),
         "first_adaptive": adaptive[0].name if adaptive else "",
@@ -210,11 +211,12 @@ def _motion_call(names: Iterable[str]) -> str:
 
 def _method_settings(spec: IntegratorSpec, row: Integrator, keeps_constraints: bool) -> dict[str, bool]:
     """Return what decides between the branches of templates/c/explicit.h."""
-    ends_late = row.tableau is None or row.tableau.ends_late
+    ends_late = row.tableau.ends_late if row.tableau else not row.iterates
     return {
         "METHOD_HAS_ERROR": row.has_step_control,
         "METHOD_HAS_DENSE": bool(row.dense_order),
         "METHOD_HAS_MEMORY": row.tableau is None,
+        "METHOD_ITERATES": row.iterates,
         "METHOD_KEEPS_ENERGY": bool(spec.keeps),
         "METHOD_HAS_LATE_END": ends_late or keeps_constraints,
         "METHOD_ENDS_WATCHED": ends_late and bool(spec.events),
@@ -255,7 +257,7 @@ def _context(
     functions: Mapping[str, FunctionSpec],
     arguments: Mapping[str, dict[str, Any]],
 ) -> dict[str, Any]:
-    row = INTEGRATORS[spec.name]
+    row = find_row(spec.name, manifest.has_contacts)
     if row.kind == "implicit":
         return {
             "name": spec.name,
@@ -277,6 +279,8 @@ def _context(
         "title": row.title[0].upper() + row.title[1:],
         "has_tensions": False,
         "template": row.kind,
+        "files": [f"{file}.h" for file in row.c_files],
+        "renamed": {row.c_files[-1]: spec.name},
         "symbol": spec.symbol,
         "work_size": spec.work_size,
         "arguments": [arguments[name] for name in spec.arguments],

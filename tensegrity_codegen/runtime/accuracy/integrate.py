@@ -10,7 +10,7 @@ from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_motion
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_by_doubling
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.implicit import integrate_implicit
-from tensegrity_codegen.runtime.integrate.methods import find_method
+from tensegrity_codegen.runtime.integrate.methods import Kind, find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import NOT_ESTIMATED, RawTrajectory
@@ -52,12 +52,18 @@ def integrate(motion: Motion, options: RunOptions) -> RawTrajectory:
             motion.model.manifest,
             find_fastest(motion),
         )
-    return TO_SAMPLES[find_method(options.method).kind](motion, options)
+    return TO_SAMPLES[_find_kind(motion, options)](motion, options)
 
 
 def integrate_once(motion: Motion, options: RunOptions) -> RawTrajectory:
     """Return one run of a method, its whole error unchecked unless the method checks it itself."""
-    return ONCE[find_method(options.method).kind](motion, options)
+    return ONCE[_find_kind(motion, options)](motion, options)
+
+
+def _find_kind(motion: Motion, options: RunOptions) -> Kind:
+    """Return the kind of the method; on the ground the implicit one is called as explicit ones are."""
+    kind = find_method(options.method).kind
+    return "adaptive" if kind == "implicit" and motion.model.manifest.has_contacts else kind
 
 
 def join_runs(progress: Progress | None) -> Progress | None:

@@ -43,6 +43,13 @@ INTEGRATORS = _find_integrators()
 STIFF_INTEGRATOR = next(name for name, item in INTEGRATORS.items() if item.kind == "implicit")
 
 
-def called_quantities(names: Iterable[str]) -> list[str]:
+def find_row(name: str, has_contacts: bool) -> Integrator:
+    """Return the record of an integrator, as it is for structures with or without contacts."""
+    row = INTEGRATORS[name]
+    return row.with_contacts if has_contacts and row.with_contacts else row
+
+
+def called_quantities(names: Iterable[str], has_contacts: bool) -> list[str]:
     """Return the quantities that these integrators call besides those that all do."""
-    return [item for name in names if name in INTEGRATORS for item in INTEGRATORS[name].quantities]
+    rows = [find_row(name, has_contacts) for name in names if name in INTEGRATORS]
+    return [item for row in rows for item in row.quantities]

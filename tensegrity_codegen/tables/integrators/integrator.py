@@ -1,5 +1,7 @@
 """The record of one time integrator in C."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Literal
 
@@ -50,6 +52,12 @@ class Integrator:
         Whether its steps end at events, and follow values that change with time.
     in_single : bool
         Whether it is there in single precision.
+    files : tuple of str
+        Names of its C files where it is not one called `name`; the last one's name stands for `name` in it.
+    iterates : bool
+        Whether its steps iterate, count their evaluations, and know the derivative at their end.
+    with_contacts : Integrator, optional
+        What this name stands for where nodes touch the ground or bars press each other, if not this.
     """
 
     name: str
@@ -68,6 +76,14 @@ class Integrator:
     keeps_energy: bool = False
     follows_events: bool = True
     in_single: bool = True
+    files: tuple[str, ...] = ()
+    iterates: bool = False
+    with_contacts: Integrator | None = None
+
+    @property
+    def c_files(self) -> tuple[str, ...]:
+        """Names of the files in templates/c/ of one without a tableau."""
+        return self.files or (self.name,)
 
     @property
     def dense_title(self) -> str:

@@ -9,6 +9,7 @@ from tests.codegen.plain_c.alone import options_for, run_c
 
 MAIN = r"""
 #include <stdio.h>
+#include "collocation.h"
 #include "explicit.h"
 #include "radau.h"
 #include "rk4.h"
@@ -17,7 +18,7 @@ int main(void)
 {
   printf("%zu %zu ", sizeof(event_memory), sizeof(energy_memory));
   printf("%zu %zu %zu ", sizeof(radau_work), sizeof(method_work), sizeof(rk4_work));
-  printf("%zu\n", sizeof(rodas_memory));
+  printf("%zu %zu\n", sizeof(rodas_memory), sizeof(collocation_memory));
   return 0;
 }
 """
@@ -55,7 +56,7 @@ def test_sizes_are_those_of_the_compiler(n: int, tmp_path: Path) -> None:
     sizes["event_memory"] = events
     sizes["energy_memory"] = energy = count_bytes("energy_memory", "energy.h", sizes)
     files = {"radau_work": "radau_work.h", "method_work": "explicit.h", "rk4_work": "rk4.h"}
-    files["rodas_memory"] = "rodas.h"
+    files |= {"rodas_memory": "rodas.h", "collocation_memory": "collocation.h"}
     expected = [events, energy, *(count_bytes(struct, file, sizes) for struct, file in files.items())]
     assert [int(word) for word in run_c(MAIN, tmp_path, *options_for(n, False)).split()] == expected
 

@@ -270,8 +270,9 @@ def test_a_block_rests_at_0_999_of_the_friction_cone(duration: float) -> None:
     np.testing.assert_allclose(force, [[0.0, 0.0, GRAVITY]], atol=1e-11)
 
 
+@pytest.mark.parametrize("method", ["rodas", "radau"])
 @pytest.mark.parametrize("stiffness", [1e4, 1e9])
-def test_implicit_steps_at_rest_do_not_depend_on_the_stiffness(stiffness: float) -> None:
+def test_implicit_steps_at_rest_do_not_depend_on_the_stiffness(stiffness: float, method: str) -> None:
     """1,000 s at 0.999 of the cone in a few steps; explicit methods take sqrt(k / m) of them a second."""
     angle = np.arctan(0.999 * 0.5)
     normal = np.array([np.sin(angle), 0.0, np.cos(angle)])
@@ -284,7 +285,7 @@ def test_implicit_steps_at_rest_do_not_depend_on_the_stiffness(stiffness: float)
     )
     stuck = GRAVITY * np.sin(angle) / stiffness
     at = {"internal": [stuck, 0.0]}
-    _, motion = move(block, "rodas", [0.0, 500.0, 1000.0], rtol=1e-8, atol=1e-12, arguments=at)
+    _, motion = move(block, method, [0.0, 500.0, 1000.0], rtol=1e-8, atol=1e-12, arguments=at)
     assert motion.status == "ok"
     assert motion.n_steps < 20
     assert np.abs(motion.velocity).max() < 1e-12
@@ -292,7 +293,8 @@ def test_implicit_steps_at_rest_do_not_depend_on_the_stiffness(stiffness: float)
 
 
 @pytest.mark.parametrize(
-    ("method", "loose", "order"), [("rk54", 1e-8, 4.8), ("rk853", 1e-7, 7.5), ("rodas", 1e-6, 4.5)]
+    ("method", "loose", "order"),
+    [("rk54", 1e-8, 4.8), ("rk853", 1e-7, 7.5), ("rodas", 1e-6, 4.5), ("radau", 1e-6, 4.5)],
 )
 def test_errors_fall_with_the_order_through_38_events(method: str, loose: float, order: float) -> None:
     prism = make_prism(rotate((0.0, 0.3, 0.2)))

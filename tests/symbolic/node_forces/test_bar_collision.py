@@ -57,7 +57,7 @@ def fall(speed: float) -> Array:
     return velocity
 
 
-@pytest.mark.parametrize("method", ["rk54", "rk853"])
+@pytest.mark.parametrize("method", ["rk54", "rk853", "radau"])
 def test_equal_bars_exchange_their_speeds(method: str) -> None:
     """Without dissipation; the contact takes pi sqrt(m / 2 k) (two masses on a spring)."""
     _, motion = move(make_crossed(), fall(1.0), [0.0, 0.1], method)
