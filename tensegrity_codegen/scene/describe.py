@@ -9,6 +9,7 @@ import numpy as np
 from tensegrity_codegen.scene.describe_control import describe_control
 from tensegrity_codegen.scene.describe_ground import describe_ground
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -114,7 +115,9 @@ def describe_request(
     parameters: dict[str, Any] = {}
     for name, targets in request.parameters.items():
         owners = node_name if name in _NODE_PARAMETERS else member_name
-        if name == "gravity" or len(targets) == len(owners):
+        if name == "ground":
+            parameters[name] = [CHANGEABLE[index] for index in targets]
+        elif name == "gravity" or len(targets) == len(owners):
             parameters[name] = "all"
         elif targets:
             parameters[name] = [owners[index] for index in targets]

@@ -8,6 +8,9 @@ from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
+# Numbers that can be run-time parameters; their places are those of the request's parameter "ground".
+CHANGEABLE = ("stiffness", "dissipation", "friction", "stick_stiffness", "stick_damping")
+
 
 @dataclass(frozen=True, eq=False)
 class Ground:

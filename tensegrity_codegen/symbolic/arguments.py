@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.model import ModelArgument
 from tensegrity_codegen.system.arrays import FloatArray
@@ -51,6 +52,7 @@ class SymbolicArguments:
         self.node_mass = self._members("node_mass", structure.node_mass)
         self.node_load = self._vectors("node_load", structure.node_load[:, axes])
         self.gravity = self._gravity(structure.gravity[axes])
+        self.ground = self._ground()
         self.position = self._positions(self._vectors("anchor_position", structure.node_position[:, axes]))
         self.velocity = self._velocities()
         self.add_inputs()
@@ -118,6 +120,12 @@ class SymbolicArguments:
             return [symbol[row] for row in range(len(values))]
         return [ca.SX(float(value)) for value in values]
 
+    def _ground(self) -> dict[str, Scalar]:
+        """Return the numbers of the ground that stay changeable."""
+        chosen = self.parameters.get("ground", ())
+        symbol = self._symbol("ground", len(chosen)) if chosen else None
+        return {CHANGEABLE[k]: symbol[i] for i, k in enumerate(chosen) if symbol is not None}
+
     def _positions(self, fixed: list[list[Scalar]]) -> list[list[Scalar]]:
         column = {axis: position for position, axis in enumerate(self.structure.axes)}
         result = [list(row) for row in fixed]
@@ -161,6 +169,9 @@ def nominal_value(
     if name == "gravity":
         return structure.gravity[axes], ()
     chosen = list(parameters[name])
+    if name == "ground":
+        numbers = tuple(CHANGEABLE[k] for k in chosen)
+        return np.array([getattr(structure.ground, number) for number in numbers]), numbers
     of_nodes = name in ("node_mass", "node_load", "anchor_position")
     names = structure.node_name if of_nodes else structure.member_name
     values = getattr(structure, "node_position" if name == "anchor_position" else name)[chosen]

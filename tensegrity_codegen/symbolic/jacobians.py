@@ -20,8 +20,8 @@ def by_inputs(acceleration: Matrix, arguments: SymbolicArguments) -> Matrix:
     return below_zeros(ca.jacobian(acceleration, arguments.symbols["input"]), _count_internal(arguments))
 
 
-def by_parameters(acceleration: Matrix, arguments: SymbolicArguments) -> Matrix:
-    """Return dx'/dp to all run-time parameters, sparse (n_states, n_parameters).
+def by_parameters(slopes: Matrix, arguments: SymbolicArguments) -> Matrix:
+    """Return dx'/dp to all run-time parameters, sparse (n_states, n_parameters); slopes: (q'', z').
 
     Raises FormulationError if the scene keeps none.
     """
@@ -32,7 +32,8 @@ def by_parameters(acceleration: Matrix, arguments: SymbolicArguments) -> Matrix:
             where=f"{arguments.structure.name}: model.quantities",
             hint='name some under [parameters], for example rest_length = "all"',
         )
-    return below_zeros(ca.jacobian(acceleration, stacked), _count_internal(arguments))
+    upper = ca.SX(slopes.numel() - _count_internal(arguments), stacked.numel())
+    return ca.vertcat(upper, ca.jacobian(slopes, stacked))
 
 
 def _count_internal(arguments: SymbolicArguments) -> int:

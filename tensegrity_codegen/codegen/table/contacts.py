@@ -12,9 +12,14 @@ from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import loop, only_where
 from tensegrity_codegen.codegen.table.members.writer import Writer
-from tensegrity_codegen.structure.ground import Ground
+from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
-from tensegrity_codegen.symbolic.node_forces.ground_contact import Contact, build_contact, count_bristles
+from tensegrity_codegen.symbolic.node_forces.ground_contact import (
+    Contact,
+    build_contact,
+    count_bristles,
+    put_numbers,
+)
 from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES
 
@@ -58,6 +63,11 @@ class ContactLoop:
         assert self.model.structure.ground is not None
         return self.model.structure.ground
 
+    @property
+    def changeable(self) -> tuple[int, ...]:
+        """Places in CHANGEABLE of the run-time numbers of the ground."""
+        return tuple(self.model.parameters.get("ground", ()))
+
     @cached_property
     def kernel(self) -> MemberKernel:
         """The results as a function of the node's position and velocity, its radius and its bristle."""
@@ -65,16 +75,17 @@ class ContactLoop:
         symbols["radius"] = ca.SX.sym("radius")
         count = count_bristles(self.model.structure)
         bristle = {f"bristle{k}": ca.SX.sym(f"bristle{k}") for k in range(count)}
+        changed = {CHANGEABLE[k]: ca.SX.sym(CHANGEABLE[k]) for k in self.changeable}
         contact = build_contact(
             self.ground,
+            put_numbers(self.ground, changed),
             self.model.structure.axes,
-            ca.vertsplit(symbols["position"]),
-            ca.vertsplit(symbols["velocity"]),
+            (ca.vertsplit(symbols["position"]), ca.vertsplit(symbols["velocity"])),
             symbols["radius"],
             list(bristle.values()),
         )
         result = ca.cse(ca.densify(ca.vertcat(*RESULTS[self.quantity](contact))))
-        symbols |= bristle
+        symbols |= bristle | changed
         inputs = tuple(name for name, symbol in symbols.items() if ca.depends_on(result, symbol))
         function = ca.Function(self.quantity, [symbols[name] for name in inputs], [result])
         return MemberKernel(self.quantity, function, inputs, int(result.numel()))
@@ -91,6 +102,7 @@ class ContactLoop:
         if "position" in inputs:
             used |= {"coordinate"} | held_arguments(self.model, self.place)
         used |= {"velocity"} if "velocity" in inputs else set()
+        used |= {"ground"} if set(CHANGEABLE).intersection(inputs) else set()
         return frozenset(
             used | ({"internal"} if any(name.startswith("bristle") for name in inputs) else set())
         )
@@ -112,6 +124,8 @@ class ContactLoop:
         for name in self.kernel.inputs:
             if name in ("position", "velocity"):
                 values += vector_texts(writer, "contact", self.place, is_rate=name == "velocity")
+            elif name in CHANGEABLE:
+                values.append(f"ground[{self.changeable.index(CHANGEABLE.index(name))}]")
             elif name == "radius":
                 values.append(writer.real_at("contact_radius", self.ground.radius, "n"))
             else:

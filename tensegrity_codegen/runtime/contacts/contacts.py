@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from tensegrity_codegen.runtime.model.arguments import apply_loads
+from tensegrity_codegen.runtime.model.arguments import apply_ground, apply_loads
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.structure.applied_inputs import find_input_force
 from tensegrity_codegen.structure.ground_support import refuse_ground
@@ -38,9 +38,9 @@ class Contacts:
 
     def __init__(self, model: Model, arguments: Mapping[str, Any]) -> None:
         self.model = model
-        self.structure = _find_structure(model)
-        ground, axes = self.structure.ground, self.structure.axes
+        structure, ground = _find_structure(model), apply_ground(model, arguments)
         assert ground is not None
+        self.structure, axes = structure.with_changes(ground=ground), structure.axes
         self.ground = ground
         self.tangents = ground.tangents(axes)
         self.friction = ground.friction > 0

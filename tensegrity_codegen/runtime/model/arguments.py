@@ -1,6 +1,7 @@
 """Names and values of arguments at run time: those that no scene has are refused; the loads that follow."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
+from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.quantities import ARGUMENTS
@@ -76,6 +78,16 @@ def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> 
                 given=float(value[at]),
                 allowed="above 0" if name in ABOVE_ZERO else "0 or more",
             )
+
+
+def apply_ground(model: Model, arguments: Mapping[str, Any]) -> Ground | None:
+    """Return the ground of a model under run-time arguments, None where it has none."""
+    ground: Ground | None = getattr(getattr(model, "structure", None), "ground", None)
+    given = arguments.get("ground")
+    if ground is None or given is None:
+        return ground
+    names = model.manifest.argument("ground").over
+    return replace(ground, **dict(zip(names, np.ravel(given).tolist(), strict=True)))
 
 
 def apply_loads(model: Model, *values: Mapping[str, Any]) -> NDArray[np.float64] | None:

@@ -3,7 +3,7 @@
 One motion is a batch of one, whose samples are computed one after the other.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.raw_results import RawBatch, RawTrajectory
-from tensegrity_codegen.runtime.model.arguments import apply_loads
+from tensegrity_codegen.runtime.model.arguments import apply_ground, apply_loads
 from tensegrity_codegen.runtime.model.charts import judge_charts
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -68,12 +68,14 @@ def evaluate_trajectory(
         input=inputs,
         input_name=model.manifest.input_name,
         node_load=apply_loads(model, *given),
-        contacts=_find_contacts(samples, found),
+        contacts=_find_contacts(samples, found, given),
     )
 
 
-def _find_contacts(samples: "_Samples", motion: Trajectory) -> ContactSamples | None:
-    """Return the contacts with the ground at the samples of one motion, None where nothing tells of them."""
+def _find_contacts(
+    samples: "_Samples", motion: Trajectory, given: Sequence[Mapping[str, Any]]
+) -> ContactSamples | None:
+    """Return the contacts at the samples of a motion, given its arguments; None where nothing tells."""
     manifest = samples.model.manifest
     if not manifest.contact_name or not all(samples.model.has(name) for name in CONTACT_QUANTITIES):
         return None
@@ -82,8 +84,14 @@ def _find_contacts(samples: "_Samples", motion: Trajectory) -> ContactSamples | 
     whole = np.zeros((*force.shape[:2], 3))
     whole[..., list(manifest.axes)] = force
     nodes = [manifest.node_name.index(name) for name in manifest.contact_name]
+    grounds = [apply_ground(samples.model, one) for one in given]
     return ContactSamples(
-        motion.time, manifest.contact_name, motion.node_position[:, nodes], whole, depth.reshape(count, -1)
+        motion.time,
+        manifest.contact_name,
+        motion.node_position[:, nodes],
+        whole,
+        depth.reshape(count, -1),
+        np.array([0.0 if ground is None else ground.friction for ground in grounds]),
     )
 
 

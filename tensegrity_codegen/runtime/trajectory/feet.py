@@ -50,7 +50,7 @@ class ContactSamples:
     """Contacts with the ground at the samples of a motion.
 
     time (n_t,) [s]; node: names of the contacts; position (n_t, n_contacts, 3) [m]; force (n_t, n_contacts,
-    3) [N]; penetration (n_t, n_contacts) [m].
+    3) [N]; penetration (n_t, n_contacts) [m]; friction: coefficients (n_t,), None: that of the ground.
     """
 
     time: FloatArray
@@ -58,6 +58,7 @@ class ContactSamples:
     position: FloatArray
     force: FloatArray
     penetration: FloatArray
+    friction: FloatArray | None = None
 
 
 def find_feet(samples: ContactSamples, ground: Ground, log: EventLog) -> tuple[Foot, ...]:
@@ -67,7 +68,7 @@ def find_feet(samples: ContactSamples, ground: Ground, log: EventLog) -> tuple[F
     """
     normal = samples.force @ ground.normal
     tangential = np.linalg.norm(samples.force - normal[..., None] * ground.normal, axis=2)
-    limit = ground.friction * normal
+    limit = (ground.friction if samples.friction is None else samples.friction[:, None]) * normal
     use = np.divide(tangential, limit, out=np.zeros_like(limit), where=limit > 0)
     moved = np.diff(samples.position, axis=0) - np.diff(samples.time)[:, None, None] * ground.velocity
     along = np.linalg.norm(moved - (moved @ ground.normal)[..., None] * ground.normal, axis=2)

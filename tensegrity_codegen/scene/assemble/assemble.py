@@ -12,7 +12,12 @@ from tensegrity_codegen.scene.assemble.interference import build_collision, find
 from tensegrity_codegen.scene.assemble.limits import build_limits
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
 from tensegrity_codegen.scene.assemble.nodes import build_node_arrays, spread_vectors
-from tensegrity_codegen.scene.assemble.targets import Targets, build_inputs, build_parameters
+from tensegrity_codegen.scene.assemble.targets import (
+    Targets,
+    build_inputs,
+    build_parameters,
+    find_ground_numbers,
+)
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.geometry import check_freedom
 from tensegrity_codegen.scene.names import key_path
@@ -156,6 +161,7 @@ def _build_request(scene: Scene, structure: Structure, targets: Targets) -> Mode
         anchored=structure.node_anchored,
         axes=structure.axes,
     )
+    parameters |= find_ground_numbers(scene.parameters.ground, structure.ground, targets.where)
     formulation = _choose_formulation(scene, structure)
     quantities = scene.model.quantities or _choose_quantities(structure, formulation)
     request = build_request(scene, quantities, parameters, formulation)

@@ -216,7 +216,7 @@ def _in_words_of_tendons() -> Iterator[None]:
 
 
 def _request(scene: Scene, system: BodySystem, targets: Targets) -> ModelRequest:
-    for key in ("node_mass", "anchor_position"):
+    for key in ("node_mass", "anchor_position", "ground"):
         if getattr(scene.parameters, key) is not None:
             raise InvalidValueError(
                 "bodies have no such run-time parameter",

@@ -12,9 +12,17 @@ from tensegrity_codegen.scene.checks.geometry import find_fully_anchored
 from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.scene.schema.model_schema import Parameters
 from tensegrity_codegen.scene.schema.part_schema import ForceInput, RestLengthInput
+from tensegrity_codegen.scene.schema.schema_types import Selection
+from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
 from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.system.arrays import BoolArray
-from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    UnknownNameError,
+    check_choice,
+    suggest,
+)
 
 
 class Targets:
@@ -183,6 +191,34 @@ def build_parameters(
             _refuse_empty(targets.where, place, chosen)
         built[key] = tuple(sorted(found))
     return built | ({"gravity": ()} if parameters.gravity else {})
+
+
+def find_ground_numbers(
+    given: Selection | None, ground: Ground | None, where: str
+) -> dict[str, tuple[int, ...]]:
+    """Return the places of the ground's numbers that stay changeable, as the parameter "ground".
+
+    Raises InvalidValueError without a ground, or for numbers of friction on a ground without friction, and
+    UnknownNameError for a number that the ground does not have.
+    """
+    if given is None:
+        return {}
+    place = key_path(where, "parameters", "ground")
+    if ground is None:
+        raise InvalidValueError("the scene has no ground", where=place, given=given, hint="add [ground]")
+    known = CHANGEABLE if ground.friction else CHANGEABLE[:2]
+    chosen = known if given == "all" else given
+    for name in chosen:
+        check_choice(name, CHANGEABLE, "number of the ground", place)
+        if name not in known:
+            raise InvalidValueError(
+                "the ground has no friction, so that nothing would follow this number",
+                where=place,
+                given=name,
+                allowed=", ".join(known),
+                hint="give the ground a friction above 0",
+            )
+    return {"ground": tuple(sorted({CHANGEABLE.index(name) for name in chosen}))}
 
 
 def normalise(vector: NDArray[np.float64], given: Sequence[float], where: str) -> tuple[float, float, float]:

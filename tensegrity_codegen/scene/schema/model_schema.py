@@ -16,6 +16,7 @@ from tensegrity_codegen.scene.schema.schema_types import (
     Selection,
     Table,
 )
+from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.manifest import EVENT_KINDS
@@ -139,3 +140,6 @@ class Parameters(Table):
         None, description='Positions of anchored nodes [m]: "all" or node names.'
     )
     gravity: Literal["all"] | None = Field(None, description='Gravity vector [m/s2]: "all" only.')
+    ground: Selection | None = Field(
+        None, description=f'Numbers of the ground: "all" or some of {", ".join(CHANGEABLE)}.'
+    )

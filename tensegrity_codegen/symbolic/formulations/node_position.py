@@ -136,7 +136,7 @@ class _NodePosition(NodeCoordinates):
                 yield number, node, [ca.SX(item.direction[axis]) for axis in self.structure.axes], 1
 
     def parameter_jacobian(self) -> ca.SX:
-        return by_parameters(self.acceleration(), self.arguments)
+        return by_parameters(ca.vertcat(self.acceleration(), self.internal_rate()), self.arguments)
 
 
 # What emitters may know: the class by its public name.

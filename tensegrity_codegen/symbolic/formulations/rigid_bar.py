@@ -128,7 +128,9 @@ class _RigidBar(NodeCoordinates):
             "mass_matrix": self.mass_matrix,
             "state_jacobian": self.state_jacobian,
             "input_jacobian": lambda: by_inputs(self.acceleration(), self.arguments),
-            "parameter_jacobian": lambda: by_parameters(self.acceleration(), self.arguments),
+            "parameter_jacobian": lambda: by_parameters(
+                ca.vertcat(self.acceleration(), self.internal_rate()), self.arguments
+            ),
             "constraint_residual": self.constraint_residual,
             "consistent_coordinate": self.consistent_coordinate,
             "consistent_velocity": self.consistent_velocity,

@@ -12,8 +12,9 @@ F . v - kt s . s' = ct s' . s' + |F| (|T| - |F|) / ct >= 0          is lost by f
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -28,6 +29,7 @@ from tensegrity_codegen.symbolic.node_forces.normal_force import NormalForce
 from tensegrity_codegen.system.arrays import FloatArray
 
 Scalar = Any
+ContactLaw = Any  # the fields of a Ground, numbers or symbols
 Vector = list[Scalar]
 
 
@@ -49,7 +51,9 @@ class GroundContact(NodeForce):
                 arguments.symbols["internal"][n_contacts * count + k] if ground.has_static_friction else None
             )
             at, rate = arguments.position[node], arguments.velocity[node]
-            self.contacts.append(build_contact(ground, structure.axes, at, rate, radius, bristle, slips))
+            law = put_numbers(ground, arguments.ground)
+            contact = build_contact(ground, law, structure.axes, (at, rate), radius, bristle, slips)
+            self.contacts.append(contact)
 
     def forces(self) -> Mapping[int, Vector]:
         """Return node -> force of the ground on it [N]."""
@@ -99,30 +103,38 @@ def count_bristles(structure: Structure) -> int:
     return len(structure.axes) - 1 if ground is not None and ground.friction else 0
 
 
+def put_numbers(ground: Ground, changed: Mapping[str, Scalar]) -> "ContactLaw":
+    """Return the numbers of a ground, some of them replaced by symbols."""
+    stated = {item.name: getattr(ground, item.name) for item in fields(ground)}
+    return SimpleNamespace(**stated | dict(changed))
+
+
 def build_contact(
     ground: Ground,
+    law: ContactLaw,
     axes: tuple[int, ...],
-    position: Vector,
-    velocity: Vector,
+    motion: tuple[Vector, Vector],
     radius: Scalar,
     bristle: Vector,
     slips: Scalar | None = None,
 ) -> "Contact":
-    """Return one contact; position, velocity: of its node over the modelled axes; bristle: one a tangent.
+    """Return one contact; law: see put_numbers; motion: position and velocity of its node.
+
+    These are over the modelled axes; bristle: one a tangent.
 
     slips: 1 where it slips and 0 where it sticks, with a static friction.
     """
     chosen = list(axes)
     basis = ground.tangents(axes)[: len(bristle), chosen]
     normal, belt = ground.normal[chosen], ground.velocity[chosen]
-    return Contact(ground, normal, basis, belt, position, velocity, radius, bristle, slips)
+    return Contact(law, normal, basis, belt, *motion, radius, bristle, slips)
 
 
 @dataclass
 class Contact:
     """One node on the ground; normal, basis, belt: over the modelled axes; bristle: its deflection s."""
 
-    ground: Ground
+    ground: ContactLaw
     normal: FloatArray
     basis: FloatArray
     belt: FloatArray

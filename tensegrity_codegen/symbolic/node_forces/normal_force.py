@@ -51,7 +51,7 @@ class NormalForce:
     @cached_property
     def force(self) -> Scalar:
         """N [N]."""
-        if not self.law.dissipation:
+        if not isinstance(self.law.dissipation, ca.SX) and not self.law.dissipation:
             return self.elastic_force
         return ca.if_else(self.impact_factor > 0, self.elastic_force * self.impact_factor, 0)
 

@@ -3,7 +3,7 @@
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 # Arguments that a scene allows only above zero, or from zero on.
-ABOVE_ZERO = ("rest_length", "spring_constant", "axial_stiffness")
+ABOVE_ZERO = ("rest_length", "spring_constant", "axial_stiffness", "ground")
 FROM_ZERO = ("damping", "node_mass")
 
 # Units of inputs by their kind.
@@ -24,4 +24,5 @@ ARGUMENT_ROWS = (
     Quantity("node_load", "F", "N", ("k", "n_axes"), "Loads on the changeable nodes, constant in direction."),
     Quantity("anchor_position", "r_a", "m", ("k", "n_axes"), "Positions of the changeable anchored nodes."),
     Quantity("gravity", "g", "m/s2", ("n_axes",), "Gravity vector."),
+    Quantity("ground", "k", "SI", ("k",), "Changeable numbers of the ground."),
 )

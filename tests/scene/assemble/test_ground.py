@@ -329,3 +329,30 @@ def test_bad_contacts_of_bodies(stated: dict[str, Any], error: type[SceneError] 
     with pytest.raises(error) as caught:
         body_ground(**table)
     assert words in str(caught.value)
+
+
+def read_numbers(numbers: Any, **stated: Any) -> tuple[int, ...]:
+    base = changed("ground", to=stated, base=ROUND) if stated else ROUND
+    return build(changed("parameters", "ground", to=numbers, base=base))[1].parameters["ground"]
+
+
+def test_numbers_of_the_ground_are_run_time_parameters() -> None:
+    assert read_numbers(["friction", "stiffness"], stiffness=1e4, friction=0.5) == (0, 2)
+    assert read_numbers("all", stiffness=1e4, friction=0.5) == (0, 1, 2, 3, 4)
+    assert read_numbers("all", stiffness=1e4, friction=0.0) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "stated", "error", "message"),
+    [
+        ("all", {}, InvalidValueError, "the scene has no ground"),
+        (["slope"], {"stiffness": 1e4}, UnknownNameError, "unknown number of the ground"),
+        (["friction"], {"stiffness": 1e4, "friction": 0.0}, InvalidValueError, "friction above 0"),
+    ],
+)
+def test_numbers_that_mean_nothing_are_refused(
+    numbers: Any, stated: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=r"parameters\.ground") as caught:
+        read_numbers(numbers, **stated)
+    assert message in str(caught.value)
