@@ -154,7 +154,7 @@ def move(
 ) -> tuple[CompiledModel, Trajectory]:
     """Return the library and the motion over these times, with errors of steps alone."""
     rigid = bool(structure.is_rigid.any())
-    names = ("contact_force", "penetration") + (("stick_margin",) if structure.internal_name else ())
+    names = ("contact_force", "penetration") + (("stick_margin",) if structure.ground.friction else ())
     formulation = "rigid_bar" if rigid else "node_position"
     model = simulator(structure, method, more=names, formulation=formulation)
     stepping = Stepping(atol=atol, control="steps")

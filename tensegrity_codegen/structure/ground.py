@@ -8,6 +8,8 @@ from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
+# Internal states [J], where they are asked for: what has changed the energy of a motion.
+ENERGY_STATES = ("friction_work", "impact_work", "damping_work", "belt_work")
 # Numbers that can be run-time parameters; their places are those of the request's parameter "ground".
 CHANGEABLE = ("stiffness", "dissipation", "friction", "stick_stiffness", "stick_damping")
 
@@ -42,6 +44,9 @@ class Ground:
         Tangential stiffness kt of a contact that sticks.
     stick_damping : float [N s/m]
         Tangential damping ct of a contact that sticks.
+    balances_energy : bool
+        Whether motions integrate the work of friction, impacts, damping and a belt, as internal states of
+        their own: their sum is the change of the total energy.
 
     Raises
     ------
@@ -74,6 +79,7 @@ class Ground:
     static_friction: float | None
     stick_stiffness: float
     stick_damping: float
+    balances_energy: bool = False
 
     def __post_init__(self) -> None:
         freeze_fields(self)

@@ -1,7 +1,7 @@
 """Shared parts of all formulations in free node coordinates: places, members, masses, energies."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import casadi as ca
@@ -73,6 +73,8 @@ class NodeCoordinates:
         if not self.node_forces:
             return {}
         found: dict[str, Callable[[], ca.SX]] = {"energy_rate": self.energy_rate}
+        for name in ("friction", "impact"):
+            found[f"{name}_power"] = partial(self.force_power, name)
         for part in self.node_forces:
             found |= part.builders()
         if self.structure.internal_name:
@@ -80,8 +82,14 @@ class NodeCoordinates:
         return found
 
     def internal_rate(self) -> ca.SX:
-        """Return the rates z' of the internal states, (n_internal, 1)."""
-        return ca.vertcat(ca.SX(0, 1), *[rate for part in self.node_forces for rate in part.internal_rate()])
+        """Return the rates z' of the internal states, (n_internal, 1); which contacts slip is constant."""
+        rates = [rate for part in self.node_forces for rate in part.internal_rate()]
+        ground = self.structure.ground
+        if ground is not None and ground.balances_energy:
+            powers = [self.force_power(name) for name in ("friction", "impact", "belt")]
+            rates += [*powers[:2], self.energy_rate() - sum(powers), powers[2]]
+        slips = len(self.structure.internal_name) - len(rates)
+        return ca.vertcat(ca.SX(0, 1), *rates, *[ca.SX(0.0)] * slips)
 
     def state(self) -> ca.SX:
         """Return the state (q, v, z), (n_states, 1)."""
@@ -103,8 +111,12 @@ class NodeCoordinates:
             law = self.members.laws[e]
             power = power - (law.tension() - law.static_tension()) * law.rate
         for part in self.node_forces:
-            power = power + part.power()
+            power = power + sum(part.powers().values())
         return power
+
+    def force_power(self, name: str) -> Scalar:
+        """Return the power of one kind of all forces on nodes, see NodeForce.powers [W]."""
+        return sum((part.powers().get(name, 0.0) for part in self.node_forces), ca.SX(0.0))
 
     def node_values(self) -> dict[str, Callable[[], Sequence[Any]]]:
         """Return what quantities of nodes may use -> function that returns it of all nodes."""

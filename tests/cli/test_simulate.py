@@ -6,8 +6,12 @@ import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model import library
+from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
+from tensegrity_codegen.structure.ground import ENERGY_STATES
+from tensegrity_codegen.structure.structure import Structure
 from tests.cli.conftest import Run
 from tests.cli.scenes import FRAME, GOOD, HANGING, write
+from tests.models import ROOT
 
 SCIPY_METHODS = ("scipy_dop853", "scipy_rk45", "scipy_lsoda", "scipy_radau")
 
@@ -250,6 +254,20 @@ def test_the_ground_check_compares_with_a_motion_on_a_ground_of_four_times_the_s
     assert found["largest_change"] == pytest.approx(apart.max(), rel=1e-12)
     assert found["change_at_end"] == pytest.approx(apart[-1], rel=1e-12)
     assert found["largest_change"] > 1e-4
+
+
+def test_motions_on_the_ground_tell_where_their_energy_goes(run: Run, folder: Path) -> None:
+    scene, out = ROOT / "docs/gallery/superball_drop.toml", folder / "drop.npz"
+    data = run.good("simulate", scene, "--t-end", 0.6, "--samples", 13, "--out", out, "--json").data
+    assert data["energy_drift"] < 1e-6
+    change = data["total_energy_end"] - data["total_energy_start"]
+    work = {name: data[name] for name in ENERGY_STATES}
+    assert sum(work.values()) == pytest.approx(change, rel=1e-6)
+    assert work["friction_work"] < 0.0
+    structure = load_scene(scene)[0]
+    assert isinstance(structure, Structure)
+    assert read_trajectory(out, structure).work == pytest.approx(work)
+    assert "work of friction" in run.good("simulate", scene, "--t-end", 0.1).out
 
 
 def test_a_ground_check_without_a_ground_is_refused(run: Run, two_nodes: Path) -> None:

@@ -86,7 +86,7 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
     if getattr(subject, "collision", None):
         counts["collision"] = subject.n_bar_pairs
     if ground := getattr(subject, "ground", None):
-        counts |= {"ground": ground.n_contacts, "stick": ground.n_contacts if subject.internal_name else 0}
+        counts |= {"ground": ground.n_contacts, "stick": ground.n_contacts if ground.friction else 0}
         if ground.has_static_friction and sum(counts.values()) > MOST_WATCHED:  # whose slips are events
             counts = {kind: counts[kind] for kind in ("ground", "stick")}
     if not 0 < sum(counts.values()) <= MOST_WATCHED or request.precision != "double":

@@ -43,7 +43,8 @@ def _build(structure: Structure | BodySystem, request: ModelRequest) -> TableMod
         ).unless_chosen_otherwise()
     served = served_quantities(request.formulation)
     if structure.ground is not None:
-        served = tuple(name for name in served if name not in WITHOUT_CONTACTS)
+        spent = ("internal_rate", "state_derivative") if structure.ground.balances_energy else ()
+        served = tuple(name for name in served if name not in (*WITHOUT_CONTACTS, *spent))
     return TableModel(structure, request, served)
 
 

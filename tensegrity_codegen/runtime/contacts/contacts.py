@@ -86,8 +86,9 @@ class Contacts:
         """Take node positions (n_nodes, 3) and bristles (n_internal,) for x0 and s0."""
         self.start = np.array(position[self.ground.node])
         self.start_depth = self.depth(position)
-        shape = self.start_bristle.shape
-        self.start_bristle = np.zeros(shape) if bristle is None else np.reshape(bristle, shape)
+        shape, size = self.start_bristle.shape, self.start_bristle.size
+        given = np.zeros(size) if bristle is None else np.ravel(bristle)[:size]
+        self.start_bristle = given.reshape(shape)
 
     def rest(self, position: FloatArray, bristle: FloatArray | None) -> None:
         """Take a state at rest, bristles zero if None; feet within rounding of their limit slip."""
@@ -125,9 +126,10 @@ class Contacts:
         """Return the argument `internal` of these positions, none where the ground has no friction."""
         if not self.structure.internal_name:
             return {}
-        if not self.friction or self.start is None:
-            return {"internal": np.zeros(self.start_bristle.size)}
-        return {"internal": self.bristles(position)[0].ravel()}
+        internal = np.zeros(len(self.structure.internal_name))
+        if self.friction and self.start is not None:
+            internal[: self.start_bristle.size] = self.bristles(position)[0].ravel()
+        return {"internal": internal}
 
     def forces(self, position: FloatArray) -> FloatArray:
         """Return the forces of the ground on the nodes of the contacts, (n_contacts, 3) [N]."""

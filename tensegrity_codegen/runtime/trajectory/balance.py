@@ -41,7 +41,7 @@ class EnergyBalance:
             when = time[int(np.argmax(grown))]
             return "unstable", f"the total energy has grown by t = {when:.6g} s: take a smaller step"
         if conservative and self.has_lost[place]:
-            return "inaccurate", "an undamped structure has lost energy: take a smaller step"
+            return "inaccurate", "energy is lost that nothing takes: take a smaller step"
         return "ok", message
 
 

@@ -22,6 +22,7 @@ from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajecto
 from tensegrity_codegen.runtime.trajectory.feet import ContactSamples
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import CONTACT_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.structure.ground import ENERGY_STATES
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
@@ -263,17 +264,29 @@ class _Samples:
         result[:, :, places[:, 0], places[:, 1]] = part
         return self._mask(result)
 
+    def _find_work(self) -> FloatArray | None:
+        """Return what has changed the energy by each sample, (n_batch, n_t) [J]; None where nothing tells."""
+        names, internal = self.model.manifest.internal_name, self.raw.internal
+        if internal is None or ENERGY_STATES[0] not in names:
+            return None
+        first = names.index(ENERGY_STATES[0])
+        work: FloatArray = internal[..., first : first + len(ENERGY_STATES)].sum(axis=-1)
+        return self._mask(work - work[:, :1])
+
     def _judge(self, kinetic: FloatArray, total: FloatArray) -> tuple[FloatArray, list[tuple[str, str]]]:
         """Return energy drift, and status and message, of every motion.
 
         Energy must not grow, and without damping must not shrink. Torques and turning forces may bring energy
-        in; then neither is asked, as under a schedule.
+        in; then neither is asked, as under a schedule. Work that a motion integrates is taken off.
         """
         raw, model = self.raw, self.model
         ends = list(zip(raw.status, raw.message, strict=True))
         drift = np.full(len(ends), np.nan)
         if self.schedule is None:
+            work = self._find_work()
+            total = total if work is None else total - work
             flow = find_energy_flow(model.manifest, lambda: np.nan_to_num(self.compute("energy_rate")))
+            flow = flow if work is None else (np.array(True), np.array(False))
             conservative, is_driven = (np.broadcast_to(word, len(ends)) for word in flow)
             balance = balance_energy(kinetic, total, self.coordinate)
             drift = np.where(conservative, balance.drift, np.nan)

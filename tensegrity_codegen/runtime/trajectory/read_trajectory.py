@@ -1,6 +1,7 @@
 """Result files of the verb `simulate`, read back."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,11 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
             given=f"{len(names[0])} nodes, {len(names[1])} members",
             allowed=f"the {structure.n_nodes} nodes and {structure.n_members} members of {structure.name}",
         )
+    ground = structure.ground
+    if ground is not None and driven.get("internal", np.zeros(0)).shape[-1:] > (
+        len(structure.internal_name),
+    ):
+        structure = structure.with_changes(ground=replace(ground, balances_energy=True))
     _check_shapes(fields | driven, structure, len(input_name), str(path))
     fields = {name: np.asarray(item, float) for name, item in fields.items()}
     driven = {name: np.asarray(item, float) for name, item in driven.items()}

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, EventLog
 from tensegrity_codegen.runtime.trajectory.feet import ContactSamples, Foot, find_feet
 from tensegrity_codegen.runtime.trajectory.sampled import Sampled
+from tensegrity_codegen.structure.ground import ENERGY_STATES
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import Fact, count_names, describe_number
 
@@ -119,6 +120,18 @@ class Trajectory(Sampled):
             return ()
         return find_feet(self.contacts, ground, self.log)
 
+    @property
+    def work(self) -> dict[str, float]:
+        """What has changed the total energy, by ENERGY_STATES [J]; empty where the motion does not tell.
+
+        `energy_drift` then says how well the balance closes.
+        """
+        if self.internal is None or ENERGY_STATES[0] not in self.internal_name:
+            return {}
+        first = self.internal_name.index(ENERGY_STATES[0])
+        change = (self.internal[-1] - self.internal[0])[first:]
+        return dict(zip(ENERGY_STATES, change.tolist(), strict=False))
+
     def headline(self) -> str:
         """Return status and reason."""
         return f"{self.status}, {self.message}" if self.message else self.status
@@ -147,6 +160,7 @@ class Trajectory(Sampled):
             "total_energy_end": float(self.total_energy[-1]),
             "energy_drift": self.energy_drift,
             "largest_kinetic_energy": float(np.max(self.kinetic_energy)),
+            **self.work,
             "events": [event.as_dict() for event in self.events],
             "n_events": self.log.count,
             **({} if self.contacts is None else {"feet": [foot.as_dict() for foot in self.feet]}),

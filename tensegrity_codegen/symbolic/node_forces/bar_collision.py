@@ -49,9 +49,9 @@ class BarCollision(NodeForce):
         """Return the energy of compressed bars [J]."""
         return sum((normal.energy() for _, _, normal in self.contacts), ca.SX(0.0))
 
-    def power(self) -> Scalar:
+    def powers(self) -> Mapping[str, Scalar]:
         """Return minus what impacts lose [W]."""
-        return sum((normal.power() for _, _, normal in self.contacts), ca.SX(0.0))
+        return {"impact": sum((normal.power() for _, _, normal in self.contacts), ca.SX(0.0))}
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of forces and margins."""

@@ -43,13 +43,11 @@ class GroundContact(NodeForce):
 
     def __init__(self, structure: Structure, ground: Ground, arguments: SymbolicArguments) -> None:
         self.ground = ground
-        count, n_contacts = count_bristles(structure), ground.n_contacts
+        count, first_slip = count_bristles(structure), len(structure.internal_name) - ground.n_contacts
         self.contacts: list[Contact] = []
         for k, (node, radius) in enumerate(zip(ground.node.tolist(), ground.radius.tolist(), strict=True)):
             bristle = [arguments.symbols["internal"][k * count + i] for i in range(count)]
-            slips = (
-                arguments.symbols["internal"][n_contacts * count + k] if ground.has_static_friction else None
-            )
+            slips = arguments.symbols["internal"][first_slip + k] if ground.has_static_friction else None
             at, rate = arguments.position[node], arguments.velocity[node]
             law = put_numbers(ground, arguments.ground)
             contact = build_contact(ground, law, structure.axes, (at, rate), radius, bristle, slips)
@@ -72,17 +70,16 @@ class GroundContact(NodeForce):
 
     def internal_rate(self) -> list[Scalar]:
         """Return the rates of the bristles, contact by contact [m/s]; whether one slips changes at events."""
-        rates = [rate for contact in self.contacts for rate in contact.bristle_rate]
-        constant = [ca.SX(0.0)] * len(self.contacts) if self.ground.has_static_friction else []
-        return [*rates, *constant]
+        return [rate for contact in self.contacts for rate in contact.bristle_rate]
 
     def stored_energy(self) -> Scalar:
         """Return the energy of compressed ground and deflected bristles [J]."""
         return sum((contact.energy() for contact in self.contacts), ca.SX(0.0))
 
-    def power(self) -> Scalar:
-        """Return minus what impacts and friction lose, plus what a belt does [W]."""
-        return sum((contact.power() for contact in self.contacts), ca.SX(0.0))
+    def powers(self) -> Mapping[str, Scalar]:
+        """Return minus what impacts and friction lose, and what a belt does [W]."""
+        found = [contact.powers() for contact in self.contacts]
+        return {name: sum((item[name] for item in found), ca.SX(0.0)) for name in found[0]}
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of forces, penetrations and margins."""
@@ -229,14 +226,14 @@ class Contact:
         bristle = sum(self.ground.stick_stiffness / 2.0 * s * s for s in self.bristle)
         return self.normal_force.energy() + bristle
 
-    def power(self) -> Scalar:
-        """Return minus what impact and friction lose, plus what a belt does [W]."""
-        ground, power = self.ground, self.normal_force.power()
-        for tangent, s, rate, f in zip(
-            self.basis, self.bristle, self.bristle_rate, self.friction, strict=True
-        ):
-            power = power + ground.stick_stiffness * s * rate - f * _along(tangent, self.velocity)
-        return power
+    def powers(self) -> Mapping[str, Scalar]:
+        """Return minus what impact and friction lose, and what a belt does [W]."""
+        friction = belt = ca.SX(0.0)
+        speeds, bristles = self.basis @ self.belt, zip(self.bristle, self.bristle_rate, strict=True)
+        for speed, (s, rate), f, v in zip(speeds, bristles, self.friction, self.slip_velocity, strict=True):
+            friction = friction + self.ground.stick_stiffness * s * rate - f * v
+            belt = belt - f * float(speed)
+        return {"impact": self.normal_force.power(), "friction": friction, "belt": belt}
 
     def contact_margin(self) -> Scalar:
         """Return a length that is positive where the ground presses."""

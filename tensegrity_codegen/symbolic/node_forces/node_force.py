@@ -22,8 +22,8 @@ class NodeForce(ABC):
         """Return the energy that it can give back [J]."""
 
     @abstractmethod
-    def power(self) -> Scalar:
-        """Return what it adds to the total energy of the structure, its own included [W]."""
+    def powers(self) -> Mapping[str, Scalar]:
+        """Return what it adds to the total energy, by "impact", "friction" and "belt" [W]."""
 
     def static_forces(self) -> Mapping[int, Vector]:
         """Return node -> force on it at rest, minus the gradient of `stored_energy` [N].

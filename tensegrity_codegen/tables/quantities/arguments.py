@@ -13,7 +13,7 @@ ARGUMENT_ROWS = (
     Quantity("coordinate", "q", "m", ("n_coordinates",), "Free node coordinates, node by node."),
     Quantity("velocity", "q'", "m/s", ("n_coordinates",), "Rates of the free node coordinates."),
     Quantity(
-        "internal", "z", "m", ("n_internal",), "Internal states: deflections of contacts with friction."
+        "internal", "z", "m or J", ("n_internal",), "Internal states: deflections of contacts with friction."
     ),
     Quantity("input", "u", "m or N", ("n_inputs",), "Rest-length changes and forces of the actuated inputs."),
     Quantity("rest_length", "rho", "m", ("k",), "Rest lengths of the changeable members."),

@@ -8,7 +8,7 @@ GROUND = (
     Quantity(
         "internal_rate",
         "z'",
-        "m/s",
+        "m/s or W",
         ("n_internal",),
         "Rates of the internal states.",
         SOURCE,
@@ -37,6 +37,17 @@ GROUND = (
         ("n_contacts",),
         "Margins of contacts, min(d, d (1 + a d')): the ground presses while one is positive.",
         SOURCE,
+    ),
+    *(
+        Quantity(
+            f"{name}_power",
+            f"P_{name[0]}",
+            "W",
+            (),
+            f"What {words} adds to the total energy, zero or less.",
+            SOURCE,
+        )
+        for name, words in (("friction", "friction on the ground"), ("impact", "dissipation in impacts"))
     ),
     Quantity(
         "stick_margin",
