@@ -8,7 +8,7 @@ GROUND = (
     Quantity(
         "internal_rate",
         "z'",
-        "m/s or W",
+        "m/s, W",
         ("n_internal",),
         "Rates of the internal states.",
         SOURCE,
