@@ -77,7 +77,6 @@ def check_collision(subject: Any, request: ModelRequest) -> None:
         "rigid bars with correction": request.options.get("correction", "none") != "none",
         f"emitter {request.emitter!r}": request.emitter not in ("auto", "unrolled"),
         "solvers": bool(request.solvers),
-        "interfaces": bool(request.interfaces),
         "energy that is kept": bool(request.keep),
         "single precision": request.precision != "double",
     }

@@ -80,7 +80,6 @@ def check_ground(subject: Any, request: ModelRequest) -> None:
             raise refuse_ground(name, f"quantity {quantity!r}, or an analysis that needs it")
     wanted = {
         "solvers": request.solvers,
-        "interfaces": request.interfaces,
         "energy that is kept": request.keep,
         "single precision": request.precision != "double",
     }
@@ -95,6 +94,7 @@ def _check_static_friction(ground: Any, request: ModelRequest, name: str) -> Non
     without = {
         f"emitter {request.emitter!r}": request.emitter == "table",
         "batch functions": bool(request.batch_width),
+        "interfaces": bool(request.interfaces),
         "equilibria": bool(set(request.quantities) & set(STATIC)),
         f"events of {ground.n_contacts} contacts": ground.n_contacts > MOST_CONTACTS,
         "model.events without ground and stick": request.events is not None

@@ -28,7 +28,6 @@ BLOCK = make_block([0.0, 0.0, 0.1])
     [
         {"formulation": "node_distance"},
         {"emitter": "lanes"},
-        {"interfaces": ("casadi",)},
         {"solvers": ("equilibrium",)},
         {"integrators": ("rk54",), "keep": ("energy",)},
         {"precision": "single"},

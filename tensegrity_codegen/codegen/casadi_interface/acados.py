@@ -1,8 +1,8 @@
 """The functions that acados' integrators call, by the names of its templates.
 
-The state is x = (q, q'), the control u the inputs, p all run-time parameters, stacked in argument order;
-there is no algebraic variable z and no time t. Arguments and results are those of the generators of acados
-of explicit ordinary and implicit differential-algebraic equations.
+The state is x = (q, q'), with internal states behind, the control u the inputs, p all run-time parameters,
+stacked in argument order; there is no algebraic variable z and no time t. Arguments and results are those of
+the generators of acados of explicit ordinary and implicit differential-algebraic equations.
 """
 
 from collections.abc import Mapping, Sequence
@@ -55,7 +55,7 @@ def build_acados(model: SymbolicModel) -> tuple[Derivative, ...]:
 
 def _find_equations(model: SymbolicModel) -> _Equations:
     symbols = {name: item.symbol for name, item in model.arguments.items()}
-    x = ca.vertcat(symbols["coordinate"], symbols["velocity"])
+    x = ca.vertcat(*[symbols[name] for name in ("coordinate", "velocity", "internal") if name in symbols])
     u = symbols.get("input", ca.SX(0, 1))
     given = [ca.vec(symbols[name]) for name in PARAMETERS if name in symbols]
     p = ca.vertcat(*given) if given else ca.SX(0, 1)

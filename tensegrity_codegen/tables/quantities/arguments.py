@@ -24,5 +24,5 @@ ARGUMENT_ROWS = (
     Quantity("node_load", "F", "N", ("k", "n_axes"), "Loads on the changeable nodes, constant in direction."),
     Quantity("anchor_position", "r_a", "m", ("k", "n_axes"), "Positions of the changeable anchored nodes."),
     Quantity("gravity", "g", "m/s2", ("n_axes",), "Gravity vector."),
-    Quantity("ground", "k", "SI", ("k",), "Changeable numbers of the ground."),
+    Quantity("ground", "k", "N/m, s/m, 1", ("k",), "Changeable numbers of the ground."),
 )

@@ -15,6 +15,8 @@ from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.build_c import STRICT, run, write_files
 from tests.codegen.subjects import everything
+from tests.ground_cases import make_belt
+from tests.models import load
 
 NAMES = (
     *("expl_ode_fun", "expl_vde_forw", "expl_vde_adj", "impl_dae_fun", "impl_dae_fun_jac_x_xdot_z"),
@@ -146,6 +148,21 @@ def test_derivatives_are_those_of_the_equations_of_motion() -> None:
     np.testing.assert_allclose(np.array(adjoint), np.array(expected), rtol=1e-9, atol=1e-6)
     zero = made["impl_dae_fun"](x, f, u, ca.DM(0, 1), ca.DM(0, 1), p)
     assert np.abs(np.array(zero)).max() == 0.0
+
+
+def test_states_on_the_ground_have_the_bristles_of_contacts() -> None:
+    request = ModelRequest(("acceleration",), parameters={"ground": (2,)}, interfaces=("acados",))
+    belt = make_belt(0.2)
+    made = {item.name: item.function for item in build_acados(build_model(belt, request))}
+    x, p = ca.DM([0.01, 0.1, 2e-4, -1e-4]), ca.DM([0.3])
+    model = load(belt, "state_derivative", parameters={"ground": (2,)})
+    expected = model.compute(
+        "state_derivative", coordinate=[0.01], velocity=[0.1], internal=[2e-4, -1e-4], ground=[0.3]
+    )
+    np.testing.assert_allclose(
+        np.array(made["expl_ode_fun"](x, ca.DM(0, 1), p)).ravel(), expected, rtol=1e-14
+    )
+    assert made["impl_dae_fun"].size1_in("xdot") == 4
 
 
 def test_acados_and_casadi_need_different_integers() -> None:

@@ -22,6 +22,7 @@ from tests.cases import thorough
 from tests.codegen.quickly import without_optimisation
 from tests.codegen.subjects import bare, everything
 from tests.codegen.table.subjects import served
+from tests.ground_cases import make_belt
 
 WANTED = ("member_tension", "force_density", "node_residual", "total_energy", "acceleration")
 MATRICES = ("mass_matrix", "equilibrium_matrix")
@@ -49,7 +50,18 @@ def in_plane() -> tuple[Structure, ModelRequest]:
     return structure, request.wanting(*WANTED)
 
 
-SUBJECTS = {"lanes": in_lanes, "table": in_tables, "bodies": of_bodies, "plane": in_plane}
+def on_ground() -> tuple[Structure, ModelRequest]:
+    wanted = ("acceleration", "state_derivative", "contact_force", "total_energy", "friction_power")
+    return make_belt(0.2), ModelRequest(wanted, parameters={"ground": (0, 2, 3)})
+
+
+SUBJECTS = {
+    "lanes": in_lanes,
+    "table": in_tables,
+    "bodies": of_bodies,
+    "plane": in_plane,
+    "ground": on_ground,
+}
 
 
 @dataclass(frozen=True)
@@ -70,7 +82,7 @@ class Pair:
         return [ca.DM((value + 0.01 * random.uniform(0.5, 1.0, value.shape)).T) for value in nominal]
 
 
-@pytest.fixture(scope="module", params=["plane", *thorough("bodies", "table", "lanes")])
+@pytest.fixture(scope="module", params=["plane", "ground", *thorough("bodies", "table", "lanes")])
 def pair(request: pytest.FixtureRequest) -> Pair:
     structure, wanted = SUBJECTS[request.param]()
     wanted = replace(wanted, interfaces=("casadi_hessian",), integrators=())
