@@ -9,10 +9,11 @@ from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
 from tensegrity_codegen.export.mjcf_model import WORLD_SITE, ModelParts, build_parts
 from tensegrity_codegen.export.rigid_parts import add, number, numbers, write_elements
 from tensegrity_codegen.structure.collision import require_no_collision
-from tensegrity_codegen.structure.ground_support import require_no_ground
+from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
+BALL = 1e-3  # m
 STEP = 1e-4  # s, a step of MuJoCo for stiff bars; its own default is 2e-3
 INTEGRATORS = ("RK4", "implicitfast", "implicit", "Euler")
 
@@ -25,7 +26,6 @@ def build_mjcf(
     step [s], integrator: of MuJoCo. Raises FormulationError for structures that MuJoCo cannot express,
     InvalidValueError and UnknownNameError for other steps and integrators.
     """
-    require_no_ground(structure, "MJCF")
     require_no_collision(structure, "MJCF")
     check_choice(integrator, INTEGRATORS, "integrator", "integrator")
     if not 0 < step < np.inf:
@@ -35,7 +35,10 @@ def build_mjcf(
     root.append(Comment(" written by tensegrity_codegen; SI units "))
     gravity = numbers(structure.gravity)
     option = add(root, "option", timestep=number(step), integrator=integrator, gravity=gravity)
-    add(option, "flag", contact="disable")
+    if structure.ground is None:
+        add(option, "flag", contact="disable")
+    else:
+        _add_ground(parts, structure.ground)
     classes = add(root, "default")
     for kind in ("bar", "cable"):
         add(classes, "default", **{"class": kind})
@@ -50,6 +53,22 @@ def build_mjcf(
         state = {"qpos": " ".join(map(number, parts.qpos)), "qvel": " ".join(map(number, parts.qvel))}
         add(frame, "key", name="start", **state)
     return root, [*parts.notes, *_list_losses(structure)]
+
+
+def _add_ground(parts: ModelParts, ground: Ground) -> None:
+    """Add the plane, BALL lower, and at each node that can touch it a ball, BALL larger: none is a point."""
+    friction = f"{number(ground.friction)} 0 0"
+    about = {"friction": friction, "condim": "3" if ground.friction else "1", "margin": "0"}
+    turned = {"pos": numbers((ground.offset - BALL) * ground.normal), "zaxis": numbers(ground.normal)}
+    plane = {"type": "plane", "size": "10 10 1", "contype": "2", "conaffinity": "1"}
+    add(parts.world, "geom", name="ground", **plane, **turned, **about)
+    names = parts.structure.contact_name
+    radius = dict(zip(names, ground.radius.tolist(), strict=True))
+    for body in [parts.world, *parts.world.iter("body")]:
+        for site in [item for item in body.findall("site") if item.get("name") in radius]:
+            name = str(site.get("name"))
+            ball = {"type": "sphere", "size": number(radius[name] + BALL), "contype": "1", "conaffinity": "2"}
+            add(body, "geom", name=f"{name}.foot", pos=str(site.get("pos")), mass="0", **ball, **about)
 
 
 def _build_actuators(parts: ModelParts) -> Element:
@@ -78,7 +97,16 @@ def _list_losses(structure: Structure) -> list[str]:
     """Return what of the structure the model does not have, or has otherwise, a sentence each."""
     loose = structure.tension_only & ~structure.is_rigid
     fixed = structure.node_anchored.all(axis=1)
+    ground = structure.ground
     facts = [
+        (
+            ground is not None,
+            "MuJoCo has its own contact law: of the ground plane and friction are in the file, and feet creep",
+        ),
+        (
+            ground is not None and bool(ground.velocity.any() or ground.has_static_friction),
+            "the belt and the static friction of the ground are not in the file",
+        ),
         (
             structure.node_mass[fixed].any() or structure.node_load[fixed].any(),
             "masses and loads of anchored nodes are not in the file",

@@ -110,6 +110,7 @@ def _list_losses(subject: Subject) -> list[str]:
         springs -= int(subject.is_rigid.sum())
     facts = [
         (springs > 0, f"the format has no springs: {springs} tendons are not in the file"),
+        (subject.ground is not None, "the ground is a property of the simulator, not of the file"),
         (bool(np.any(subject.gravity)), "gravity is a property of the simulator, not of the file"),
         (bool(subject.node_load.any()), "loads are not in the file"),
         (bool(subject.inputs), "inputs and actuators are not in the file"),

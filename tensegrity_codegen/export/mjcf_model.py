@@ -93,6 +93,7 @@ def build_node_tree(structure: Structure, carried: NDArray[np.bool_]) -> NodeTre
 
 
 WORLD_SITE = "world.origin"  # names with a point differ from all names of a scene
+THIN_WITH_FEET = 1e-3  # the same where feet turn a bar about itself, against next to nothing
 THIN = 1e-6  # inertia of a rigid bar about itself over that across it: MuJoCo requires one
 
 
@@ -260,7 +261,8 @@ def _add_rigid_bar(parts: ModelParts, member: int) -> None:
         parts.qpos += [1.0, 0.0, 0.0, 0.0]  # the rotation from the body's own orientation
         parts.qvel += local.tolist()
     if not held.all():
-        inertia = numbers(np.array([across, across, THIN * across]))
+        thin = THIN if structure.ground is None else THIN_WITH_FEET
+        inertia = numbers(np.array([across, across, thin * across]))
         add(body, "inertial", pos=f"0 0 {number(middle)}", mass=number(total), diaginertia=inertia)
     for node, place in zip(ends, along, strict=True):
         add(body, "site", name=structure.node_name[node], pos=f"0 0 {number(place)}", size="0.001")

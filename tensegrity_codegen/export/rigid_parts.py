@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
 from tensegrity_codegen.structure.collision import require_no_collision
-from tensegrity_codegen.structure.ground_support import require_no_ground
 from tensegrity_codegen.structure.kinematics import compute_node_position, euler_rotation
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
@@ -91,7 +90,6 @@ def find_parts(subject: Structure | BodySystem) -> tuple[list[RigidPart], dict[s
     if isinstance(subject, BodySystem):
         return _find_bodies(subject)
     structure = subject
-    require_no_ground(structure, "URDF")
     require_no_collision(structure, "URDF")
     _check(structure)
     ends = structure.connectivity[structure.is_rigid]

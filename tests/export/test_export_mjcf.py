@@ -14,6 +14,8 @@ from tensegrity_codegen.export.exporter import ExportSource, write_export
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, UnknownNameError
 from tests.cli.conftest import write_example
+from tests.ground_cases import make_prism, make_slope
+from tests.runtime.integrate.test_ground import rotate
 
 FloatArray = NDArray[np.float64]
 
@@ -252,3 +254,30 @@ def test_rigid_bars_move_as_ours() -> None:
         for step in (5e-4, 1e-4)
     ]
     assert errors[1] < min(errors[0] / 3, 5e-7), errors  # cables go slack, which costs order
+
+
+def test_the_ground_is_a_plane_that_the_feet_alone_touch() -> None:
+    prism = make_prism(rotate((0.0, 0.3, 0.2)))
+    root, notes = build_mjcf(prism)
+    geoms = {geom.get("name"): geom for geom in root.iter("geom")}
+    assert set(geoms) == {"ground", *(f"{name}.foot" for name in prism.contact_name)}
+    ground = geoms.pop("ground")
+    assert (ground.get("type"), ground.get("friction")) == ("plane", "0.5 0 0")
+    pairs = [(int(geom.get("contype", "")), int(geom.get("conaffinity", ""))) for geom in geoms.values()]
+    assert not any(first & other for first, _ in pairs for _, other in pairs)
+    assert all(int(ground.get("contype", "")) & affinity for _, affinity in pairs)
+    assert any("contact law" in note for note in notes)
+    assert not list(build_mjcf(prism.with_changes(ground=None))[0].iter("geom"))
+
+
+def test_mujoco_lets_a_block_fall_stick_and_slip() -> None:
+    mujoco = pytest.importorskip("mujoco", reason="needs the package mujoco")
+    for angle, far in ((20.0, 0.05), (30.0, 2.0)):
+        slope, down = make_slope(np.radians(angle))
+        model = mujoco.MjModel.from_xml_string(tostring(build_mjcf(slope, 1e-3)[0], encoding="unicode"))
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        mujoco.mj_step(model, data, nstep=2000)
+        place = data.site(slope.contact_name[0]).xpos
+        assert abs(place @ slope.ground.normal) < 1e-3
+        assert 0.3 * far < place @ down < far if angle > 26.6 else 0.0 <= place @ down < far

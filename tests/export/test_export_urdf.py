@@ -17,6 +17,7 @@ from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.system.errors import FormulationError
 from tests.body_scenes import EVERYTHING, assemble_document, example
+from tests.ground_cases import make_prism
 
 FloatArray = NDArray[np.float64]
 
@@ -188,3 +189,9 @@ def test_mujoco_reads_the_file_with_its_masses(number: int) -> None:
     bodies = getattr(subject, "bodies", ())
     total = sum(body.mass for body in bodies if isinstance(body, Bar | RigidBody)) if bodies else 1.4
     assert float(model.body_mass.sum()) == pytest.approx(total, rel=1e-5)
+
+
+def test_the_ground_is_named_among_the_losses() -> None:
+    prism = make_prism()
+    assert any("ground" in note for note in build_urdf(prism)[1])
+    assert not any("ground" in note for note in build_urdf(prism.with_changes(ground=None))[1])

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.export.export_mjcf import build_mjcf
 from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -82,9 +81,7 @@ def test_scipy_methods_and_conditions_on_friction_are_refused() -> None:
     assert motion.time[-1] == pytest.approx(np.sqrt(2 * 0.1 / 9.81), rel=1e-6)
 
 
-def test_exports_and_studies_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FormulationError, match=REFUSAL):
-        build_mjcf(BLOCK)
+def test_studies_are_refused(tmp_path: Path) -> None:
     with pytest.raises(FormulationError, match=REFUSAL):
         prepare_study([BLOCK], 1.0, tmp_path / "out", [], overwrite=False)
 
