@@ -101,7 +101,7 @@ def _list_losses(structure: Structure) -> list[str]:
     facts = [
         (
             ground is not None,
-            "MuJoCo has its own contact law: of the ground plane and friction are in the file, and feet creep",
+            "MuJoCo has its own contact law: of the ground plane and friction are in the file; feet creep",
         ),
         (
             ground is not None and bool(ground.velocity.any() or ground.has_static_friction),
