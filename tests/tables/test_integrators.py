@@ -37,6 +37,7 @@ def test_radau_is_an_explicit_call_with_the_jacobian_where_there_are_contacts() 
     row = find_row("radau", True)
     assert (row.kind, row.quantities) == ("adaptive", ("state_jacobian",))
     assert called_quantities(["radau"], True) == ["state_jacobian"]
+    assert called_quantities(["rodas", "radau"], True) == ["state_jacobian"]
 
 
 def test_only_those_without_a_tableau_call_more_than_the_others() -> None:

@@ -50,6 +50,6 @@ def find_row(name: str, has_contacts: bool) -> Integrator:
 
 
 def called_quantities(names: Iterable[str], has_contacts: bool) -> list[str]:
-    """Return the quantities that these integrators call besides those that all do."""
+    """Return the quantities that these integrators call besides those that all do, each once."""
     rows = [find_row(name, has_contacts) for name in names if name in INTEGRATORS]
-    return [item for row in rows for item in row.quantities]
+    return list(dict.fromkeys(item for row in rows for item in row.quantities))
