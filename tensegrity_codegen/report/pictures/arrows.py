@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.report.loads import compute_reactions
-from tensegrity_codegen.report.pictures.palette import LOAD, REACTION
+from tensegrity_codegen.report.pictures.palette import GROUND_FORCE, LOAD, REACTION
 from tensegrity_codegen.report.pictures.view import View, round_up
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
@@ -32,7 +32,7 @@ class Arrows:
     Attributes
     ----------
     name, color : str
-        ``"load"`` or ``"reaction"``, and the colour.
+        ``"load"``, ``"reaction"`` or ``"ground"``, and the colour.
     tail, tip : ndarray, shape (n_t, n_arrows, 3) [m]
         Where they start and end; NaN where there is none.
     largest : float [N]
@@ -61,8 +61,9 @@ def lay_out_arrows(
     tension: FloatArray | None,
     load: FloatArray,
     joints: NDArray[np.int64] | None = None,
+    contact: FloatArray | None = None,
 ) -> list[Arrows]:
-    """Return the arrows of loads and reactions; kinds without a force have no arrows.
+    """Return the arrows of loads, reactions and forces of the ground; kinds without a force have no arrows.
 
     Parameters
     ----------
@@ -76,11 +77,13 @@ def lay_out_arrows(
         Loads.
     joints : ndarray of int, optional
         Nodes whose reactions are unknown, see compute_reactions.
+    contact : ndarray, shape (n_t, n_contacts, 3) [N], optional
+        Forces of the ground.
 
     Returns
     -------
     list of Arrows
-        Loads and reactions, of one scale: 1, 2 or 5 times a power of ten. An arrow ends at its node where it
+        All of one scale: 1, 2 or 5 times a power of ten. An arrow ends at its node where it
         points towards the members there, and else starts there.
     """
     axes = list(structure.axes)
@@ -90,9 +93,11 @@ def lay_out_arrows(
         reaction = compute_reactions(structure, position, tension, held, load, joints)
     loaded = np.flatnonzero(np.any(load != 0.0, axis=(0, 2)))
     rows = [("load", LOAD, loaded, load[:, loaded]), ("reaction", REACTION, held, reaction)]
+    if contact is not None and structure.ground is not None:
+        rows.append(("ground", GROUND_FORCE, structure.ground.node, contact))
     largest = max(_largest(force) for _, _, _, force in rows)
     size = float(np.linalg.norm(np.ptp(position[0], axis=0))) or 1.0
-    count = len(loaded) + len(held)
+    count = sum(len(nodes) for _, _, nodes, _ in rows)
     force_per_length = largest / (LONGEST * size * find_crowd(count))
     scale = round_up(force_per_length) if force_per_length > 0 else 1.0
     found = []

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, PAPER
+from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, PAPER, SOIL
 from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, PlanarView, View
+from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.system.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -101,6 +102,20 @@ def _draw_ground(axes: "Axes", view: View, box: Box) -> None:
     axes.add_collection(
         LineCollection(list(place), colors=GRID, linewidths=0.8, zorder=0.5, clip_on=False), autolim=False
     )
+
+
+def draw_plane(axes: "Axes", view: View, box: Box, ground: Ground) -> None:
+    """Draw the plane of a ground above the foot of the box, or beside it where the plane is steep."""
+    from matplotlib.patches import Polygon
+
+    up = int(np.abs(ground.normal).argmax())
+    sides = [axis for axis in range(3) if axis != up]
+    corners = np.zeros((4, 3))
+    corners[:, sides[0]] = np.array([box.low, box.high, box.high, box.low])[:, sides[0]]
+    corners[:, sides[1]] = np.array([box.low, box.low, box.high, box.high])[:, sides[1]]
+    corners[:, up] = (ground.offset - corners @ ground.normal) / ground.normal[up]
+    place, _ = view.project(corners)
+    axes.add_patch(Polygon(place, facecolor=SOIL, edgecolor=MUTED, linewidth=0.8, zorder=0.4))
 
 
 def _draw_rulers(axes: "Axes", view: PerspectiveView, box: Box) -> None:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 INK = "#1f2933"  # text, and lines that are read first
 MUTED = "#5c6670"  # secondary text: axis ticks, notes
 GRID = "#d9dee3"  # grid lines, and areas without data
+SOIL = "#efe9df"  # the plane of a ground
 PAPER = "#ffffff"  # background
 
 BAR = "#33506e"
@@ -23,6 +24,7 @@ UNKNOWN = "#f2e2a0"  # a member whose tension is not known; on no scale of tensi
 
 LOAD = "#b0478a"  # as in live pages
 REACTION = "#00805c"
+GROUND_FORCE = "#8a5a00"
 BODY = "#46586b"  # edges and faces of rigid bodies
 
 # Lines of a diagram, in the order in which they are used: each has a contrast of at least 3 to white paper.

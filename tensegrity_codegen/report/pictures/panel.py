@@ -16,7 +16,7 @@ from tensegrity_codegen.report.pictures.drawing import (
     StructureDrawing,
     find_tension_limit,
 )
-from tensegrity_codegen.report.pictures.frame import draw_frame, panel_extent, picture_size
+from tensegrity_codegen.report.pictures.frame import draw_frame, draw_plane, panel_extent, picture_size
 from tensegrity_codegen.report.pictures.labels import NameWriter, choose_names
 from tensegrity_codegen.report.pictures.palette import (
     BAR,
@@ -31,6 +31,7 @@ from tensegrity_codegen.report.pictures.palette import (
 )
 from tensegrity_codegen.report.pictures.shown import COLOR_NAMES, Shown, compute_colors
 from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, View, choose_view, find_box
+from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
@@ -97,7 +98,9 @@ def set_up(shown: Shown, choices: PictureChoices) -> Setting:
     color = compute_colors(shown, choices.color)
     arrows = []
     if choices.forces:
-        arrows = lay_out_arrows(structure, position, shown.tension, shown.load, shown.parts.joints)
+        arrows = lay_out_arrows(
+            structure, position, shown.tension, shown.load, shown.parts.joints, shown.contact
+        )
     step = np.zeros((len(position), 3))
     if choices.follow:
         center = position.mean(axis=1)
@@ -106,6 +109,8 @@ def set_up(shown: Shown, choices: PictureChoices) -> Setting:
     ends = [end - step[:, None] for item in arrows for end in (item.tail, item.tip)]
     beyond = np.concatenate([end.reshape(-1, 3) for end in ends]) if ends else np.zeros((0, 3))
     beyond = beyond[np.isfinite(beyond).all(axis=1)]
+    if structure.ground is not None:
+        places = np.concatenate([places.reshape(-1, 3), _find_footprint(structure.ground, places)])
     is_flat = len(structure.axes) < 3 or (choices.view is not None and choices.view.is_along_axis)
     if is_flat:
         box = find_box(np.concatenate([places.reshape(-1, 3), beyond]), structure.axes[:2])
@@ -116,6 +121,14 @@ def set_up(shown: Shown, choices: PictureChoices) -> Setting:
     if limit is not None and choices.color == "tension" and limit < _find_rounding(structure):
         limit = None
     return Setting(shown, choices, box, view, step, arrows, color, limit)
+
+
+def _find_footprint(ground: Ground, places: FloatArray) -> FloatArray:
+    """Return the places (..., 3) along the normal on the plane of a ground, none where that is far below."""
+    flat = places.reshape(-1, 3)
+    height = flat @ ground.normal - ground.offset
+    near = bool(height.min() <= 2.0 * np.ptp(flat, axis=0).max())
+    return flat - height[:, None] * ground.normal if near else flat[:0]
 
 
 def _find_rounding(structure: Structure) -> float:
@@ -220,6 +233,9 @@ class Panel:
             artist.remove()
         before = set(self.axes.get_children())
         draw_frame(self.axes, view, box)
+        ground = self.setting.shown.structure.ground
+        if ground is not None:
+            draw_plane(self.axes, view, box, ground)
         self._frame = [artist for artist in self.axes.get_children() if artist not in before]
 
 

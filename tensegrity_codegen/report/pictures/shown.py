@@ -98,6 +98,8 @@ class Shown:
         Loads.
     parts : BodyParts
         What belongs to rigid bodies.
+    contact : ndarray, shape (n_t, n_contacts, 3) [N], or None
+        Forces of the ground; None where they are not known.
     """
 
     structure: Structure
@@ -105,6 +107,7 @@ class Shown:
     tension: FloatArray | None
     load: FloatArray
     parts: BodyParts
+    contact: FloatArray | None = None
 
     def __post_init__(self) -> None:
         check_array("node_position", self.position, self.position.shape, "samples, nodes, axes")
@@ -115,9 +118,9 @@ class Shown:
     def sample(self, number: int) -> "Shown":
         """Return one sample alone."""
         tension = None if self.tension is None else self.tension[number][None]
-        return Shown(
-            self.structure, self.position[number][None], tension, self.load[number][None], self.parts
-        )
+        contact = None if self.contact is None else self.contact[number][None]
+        load = self.load[number][None]
+        return Shown(self.structure, self.position[number][None], tension, load, self.parts, contact)
 
 
 def show_structure(
@@ -146,7 +149,7 @@ def show_motion(
     source = structure if subject is None else subject
     return Shown(
         structure, motion.node_position, motion.member_tension, compute_loads(source, motion),
-        BodyParts.of(source),
+        BodyParts.of(source), None if motion.contacts is None else motion.contacts.force,
     )  # fmt: skip
 
 

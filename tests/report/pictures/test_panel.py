@@ -2,18 +2,24 @@
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
+from tensegrity_codegen import simulate
 from tensegrity_codegen.report.pictures.animate import write_animation
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.choices import PictureChoices, read_view
+from tensegrity_codegen.report.pictures.palette import SOIL
 from tensegrity_codegen.report.pictures.panel import Panel, set_up
 from tensegrity_codegen.report.pictures.plots import plot_trajectory
 from tensegrity_codegen.report.pictures.shown import compute_colors, show_motion, show_structure
 from tensegrity_codegen.system.errors import InvalidValueError
 from tests.cases import thorough
+from tests.ground_cases import make_prism
+from tests.models import simulator
 from tests.report.pictures.test_animate import read_gif
 from tests.report.samples import draw_structure, frame, make_trajectory, plot_structure, png_size
 from tests.runtime.build import prism
+from tests.runtime.integrate.test_ground import rotate
 
 
 def travel(structure, distance):
@@ -131,3 +137,36 @@ def test_colours_are_tensions_force_densities_or_stresses():
     words = " ".join(item.get_text() for item in figure.findobj(Text))
     assert "stress [MPa]" in words
     assert "stress unknown" in words
+
+
+def make_drop():
+    prism_ = make_prism(rotate((0.0, 0.3, 0.2)))
+    model = simulator(prism_, "rk54", more=("contact_force", "penetration"), formulation="rigid_bar")
+    return prism_, simulate(model, 0.35, samples=8, method="rk54")
+
+
+def test_the_plane_of_a_ground_is_drawn_below_the_structure():
+    prism_ = make_prism()
+    for choices in (PictureChoices(), PictureChoices(view=read_view("front"))):
+        setting = set_up(show_structure(prism_, prism_.node_position, None), choices)
+        assert setting.box.low[2] <= 0.0 < prism_.node_position[:, 2].min()
+        panel = Panel(new_figure(4.0, 4.0).add_subplot(), setting, (3.0, 3.0))
+        (plane,) = [item for item in panel.axes.patches if item.get_facecolor()[:3] == to_rgb(SOIL)]
+        below = prism_.node_position * [1.0, 1.0, 0.0]
+        place, _ = setting.view.project(below)
+        assert plane.get_path().contains_points(place, radius=1e-6).all() or choices.view is not None
+    far = prism_.with_changes(node_position=prism_.node_position + np.array([0.0, 0.0, 50.0]))
+    assert set_up(show_structure(far, far.node_position, None), PictureChoices()).box.low[2] > 40.0
+
+
+def test_forces_of_the_ground_are_arrows_at_the_feet():
+    prism_, motion = make_drop()
+    assert motion.contacts is not None
+    arrows = {item.name: item for item in set_up(show_motion(prism_, motion), PictureChoices()).arrows}
+    ground, pressed = arrows["ground"], np.linalg.norm(motion.contacts.force, axis=2) > 1e-3
+    np.testing.assert_array_equal(~np.isnan(ground.tip[..., 0]), pressed)
+    assert pressed.any()
+    length = (ground.tip - ground.tail) * ground.scale
+    np.testing.assert_allclose(length[pressed], motion.contacts.force[pressed])
+    still = set_up(show_structure(prism_, prism_.node_position, None), PictureChoices())
+    assert "ground" not in {item.name for item in still.arrows}
