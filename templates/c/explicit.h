@@ -170,6 +170,11 @@ static inline int method_pass(double root, double near, double left, const metho
   motion_rate(m->state, m->with, w->rates);
 #if !WITH_SMOOTH_EVENTS
   event_correct_velocity(delay, w->old + N_STATES, w->rates + N, m->state + N, w->lost + N);
+#if WITH_COLUMN_JUMPS
+  if (w->events.found_margin < N_CABLE_MARGINS) {
+    motion_jump_columns(w->events.found_margin, w->old + N_STATES, w->rates + N, m->with, m->state);
+  }
+#endif
   motion_rate(m->state, m->with, w->rates);
   ++m->run->n_evaluations;
 #endif
@@ -184,6 +189,10 @@ static inline int method_pass(double root, double near, double left, const metho
 /* The extrapolation over an event must cost no accuracy, nor end a run late. */
 static inline double method_event_base(const method_motion *m)
 {
+#if WITH_COLUMNS
+  /* The slopes of derivatives jump at kinks too. */
+  return 1e-12 * m->run->pace + 1e-15 * fabs(*m->time);
+#else
 #if WITH_CONTACT_EVENTS
   /* Contacts are kinks, where forces do not jump. */
   if (!m->run->stop && event_is_kink(m->work->events.found_margin)) {
@@ -194,6 +203,7 @@ static inline double method_event_base(const method_motion *m)
   return (m->run->stop ? 1e-12 : 1e-8) * m->run->pace + 1e-15 * fabs(*m->time);
 #else
   return 1e-12 * m->run->pace + 1e-15 * fabs(*m->time);
+#endif
 #endif
 }
 

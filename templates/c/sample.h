@@ -1,5 +1,6 @@
 #ifndef SAMPLE_H
 #define SAMPLE_H
+#include "columns.h"
 #include "interpolate.h"
 
 /* Samples that a caller asks for: ascending times, one state of 2 * N a time, and how many are filled. */
@@ -21,6 +22,9 @@ static inline double motion_next_sample(const motion_samples *to)
 static inline void motion_rate(const real *state, const motion_arguments *with, real *rate)
 {
   motion_state_derivative(state, state + N, with, rate);
+#if WITH_COLUMNS
+  motion_add_columns(state, with, rate);
+#endif
 }
 #else
 /* Derivative (v, a) of the state (q, v). */

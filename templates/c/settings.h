@@ -27,6 +27,12 @@
 #ifndef METHOD_ITERATES
 #define METHOD_ITERATES 0 /* 1: trials iterate, and count their evaluations */
 #endif
+#ifndef WITH_COLUMNS
+#define WITH_COLUMNS 0 /* 1: states have derivatives of a motion behind them */
+#endif
+#define WITH_PARAMETER_COLUMNS 1
+#define WITH_MARGIN_PARAMETERS 1 /* margins of cables depend on parameters */
+#define WITH_COLUMN_JUMPS 1 /* forces jump at some events */
 #define WITH_ENERGY (!WITH_FLOAT) /* steps can keep the energy */
 #define WITH_DIAGONAL_MASS 1
 #define WITH_RIGID_MOTION (CONFIG_N % 3 == 0) /* all nodes are free */

@@ -77,6 +77,7 @@ def build_manifest(
         driven=driven,
         internal_name=frame.internal_name,
         contact_name=frame.contact_name,
+        column_name=frame.column_name,
         parts=list_parts(request, integrators, driven, int(np.count_nonzero(model.subject.tension_only))),
     )
 

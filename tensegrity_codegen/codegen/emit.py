@@ -18,6 +18,7 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import (
 )
 from tensegrity_codegen.codegen.choose_emitter import AUTO, EmitterChoice, choose_emitter, find_facts
 from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
+from tensegrity_codegen.codegen.integrators.columns import list_column_quantities
 from tensegrity_codegen.codegen.integrators.energy_keeping import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators.events import find_events
 from tensegrity_codegen.codegen.integrators.integrators import PROJECTION
@@ -141,11 +142,19 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     choice = EmitterChoice(request.emitter, "asked for by name")
     ground = getattr(structure, "ground", None)
     is_bound = getattr(structure, "collision", None) or (ground and ground.has_static_friction)
-    if request.emitter == AUTO and is_bound:
-        choice = EmitterChoice(UNROLLED.name, "the only emitter for collisions and static friction")
+    if request.emitter == AUTO and (is_bound or request.columns):
+        why = "the only emitter for collisions, static friction and derivatives of motions"
+        choice = EmitterChoice(UNROLLED.name, why)
     elif request.emitter == AUTO:
         choice = choose_emitter(find_facts(structure, request))
     emitter = EMITTERS[choice.name]
+    if request.columns and emitter is not UNROLLED:
+        raise FormulationError(
+            "motions are differentiated by unrolled code alone",
+            where=f"{structure.name}: model.emitter",
+            given=request.emitter,
+            hint='choose emitter = "auto"',
+        )
     model = emitter.build(structure, request)
     called, events = _find_called(model, emitter, request)
     settled = replace(request, emitter=choice.name, quantities=(*request.quantities, *called), events=events)
@@ -251,7 +260,8 @@ def _find_called(
     touches = has_contacts(model.subject)
     of_forces = ("state_derivative", "energy_rate") if touches else ()
     of_integrators = called_quantities(request.integrators, touches)
-    called = (*PROJECTION, *kept, *of_forces, *of_integrators)
+    of_columns = list_column_quantities(model.frame)
+    called = (*PROJECTION, *kept, *of_forces, *of_integrators, *of_columns)
     offered = [name for name in called if emitter.is_offered(model, name)]
     return (*stiffness, *offered, *watched), events
 

@@ -171,7 +171,7 @@ def _context(
         "members": len(manifest.member_name),
         "axes": len(manifest.axes),
         "coordinates": n_coordinates,
-        "states": 2 * n_coordinates + len(manifest.internal_name),
+        "states": 2 * n_coordinates + manifest.n_internal,
         "inputs": len(manifest.input_name),
     }
     if manifest.internal_name:

@@ -1,13 +1,20 @@
 """The symbolic model in any formulation."""
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import import_module
+
+import casadi as ca
 
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.collision import check_collision
-from tensegrity_codegen.structure.ground_support import check_ground
+from tensegrity_codegen.structure.ground_support import FORMULATIONS_WITH_GROUND, check_ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.model import SymbolicModel
+from tensegrity_codegen.system.errors import FormulationError, check_choice
 from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.integrators import INTEGRATORS
+from tensegrity_codegen.tables.quantities import PARAMETERS
 from tensegrity_codegen.tables.request import ModelRequest
 
 
@@ -21,4 +28,65 @@ def build_model(structure: Structure | BodySystem, request: ModelRequest) -> Sym
     check_collision(structure, request)
     module = import_module(f"tensegrity_codegen.symbolic.formulations.{name}")
     model: SymbolicModel = getattr(module, f"build_{name}")(structure, request)
+    if request.columns:
+        check_columns(model, request)
+        model.frame = replace(model.frame, column_name=name_columns(model, request.columns))
+        model.offer(_build_margin_jacobians(model))
     return model
+
+
+def _build_margin_jacobians(model: SymbolicModel) -> dict[str, Callable[[], ca.SX]]:
+    """Return the builders of the Jacobians of the margins of cables, at which forces may jump."""
+    if not model.subject.tension_only.any():
+        return {}
+    symbols = {name: ca.vec(item.symbol) for name, item in model.arguments.items()}
+    state = ca.vertcat(*[symbols[name] for name in ("coordinate", "velocity", "internal") if name in symbols])
+    parameters = ca.vertcat(*[symbols[name] for name in PARAMETERS if name in symbols])
+    return {
+        "margin_state_jacobian": lambda: ca.jacobian(model.expression("cable_margin"), state),
+        "margin_parameter_jacobian": lambda: ca.jacobian(model.expression("cable_margin"), parameters),
+    }
+
+
+def check_columns(model: SymbolicModel, request: ModelRequest) -> None:
+    """Raise FormulationError or UnknownNameError for derivatives of motions that no library integrates."""
+    where, ground = f"{model.name}: columns", getattr(model.subject, "ground", None)
+    starts = () if model.frame.rigid_bar else ("coordinate", "velocity")
+    for name in request.columns:
+        check_choice(name, (*starts, *request.parameters), "number to differentiate to", where)
+    foreign = {
+        f"formulation {request.formulation!r}": request.formulation not in FORMULATIONS_WITH_GROUND,
+        "rigid bars with correction": request.options.get("correction", "none") != "none",
+        f"emitter {request.emitter!r}": request.emitter not in ("auto", "unrolled"),
+        "batch functions": bool(request.batch_width),
+        "energy that is kept": bool(request.keep),
+        "single precision": request.precision != "double",
+        "static_friction above friction": ground is not None and ground.has_static_friction,
+    }
+    tableaus = {name: INTEGRATORS[name].tableau for name in request.integrators if name in INTEGRATORS}
+    foreign |= {f"integrator {name!r}": table is None or not table.errors for name, table in tableaus.items()}
+    for what, is_foreign in foreign.items():
+        if is_foreign:
+            raise FormulationError(
+                f"motions are not differentiated with {what}",
+                where=where,
+                allowed="node positions or rigid bars, emitter unrolled, rk54, tsit5 and rk853",
+                hint="build another library for this",
+            )
+
+
+def name_columns(model: SymbolicModel, columns: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the numbers that motions are differentiated to: starts, then parameters."""
+    names: list[str] = []
+    for argument in (name for name in model.arguments if name in columns):
+        item = model.arguments[argument]
+        axes = ["xyz"[axis] for axis in model.frame.axes]
+        if argument in ("coordinate", "velocity"):
+            names += [f"{argument}.{name}" for name in model.frame.coordinate_name]
+        elif argument == "gravity":
+            names += [f"gravity.{axis}" for axis in axes]
+        elif item.nominal.ndim == 2:
+            names += [f"{argument}.{name}_{axis}" for name in item.over for axis in axes]
+        else:
+            names += [f"{argument}.{name}" for name in item.over]
+    return tuple(names)

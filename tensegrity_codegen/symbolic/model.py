@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.manifest import count_internal
 from tensegrity_codegen.tables.quantities import find_quantity
 
 
@@ -37,7 +38,7 @@ class Frame:
     find_bar_pair: returns the names of the two bars of each pair whose distance can be asked for; a call,
     since n bars make n (n - 1) / 2 pairs that few models need. rigid_bar: the members that keep constant
     lengths, in the order of their multipliers. internal_name: of internal states; contact_name: of nodes that
-    can touch the ground.
+    can touch the ground; column_name: of numbers that motions are differentiated to.
     """
 
     axes: tuple[int, ...]
@@ -53,6 +54,12 @@ class Frame:
     rigid_bar: tuple[str, ...] = ()
     internal_name: tuple[str, ...] = ()
     contact_name: tuple[str, ...] = ()
+    column_name: tuple[str, ...] = ()
+
+    @property
+    def n_internal(self) -> int:
+        """Number of states behind the velocities: internal ones, then derivatives of the motion."""
+        return count_internal(len(self.coordinate_name), len(self.internal_name), len(self.column_name))
 
 
 def frame_structure(structure: Structure) -> Frame:
@@ -113,6 +120,10 @@ class SymbolicModel:
     def quantities(self) -> tuple[str, ...]:
         """Names of all quantities that the formulation offers."""
         return tuple(self._builders)
+
+    def offer(self, builders: Mapping[str, Callable[[], Any]]) -> None:
+        """Add quantities to those that the formulation offers."""
+        self._builders = {**self._builders, **builders}
 
     def expression(self, quantity: str) -> ca.SX:
         """Return the expression of `quantity`.

@@ -61,7 +61,12 @@ EVENT_KINDS = {
 JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick")
 
 # Fields of a manifest that stand in its file only where they hold something.
-ONLY_IF_ANY = ("internal_name", "contact_name")
+ONLY_IF_ANY = ("internal_name", "contact_name", "column_name")
+
+
+def count_internal(n_coordinates: int, n_internal: int, n_columns: int) -> int:
+    """Return the states behind the velocities: internal ones, and n_columns derivatives of each state."""
+    return n_internal + (2 * n_coordinates + n_internal) * n_columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +232,7 @@ class Manifest:
     declarations: str = ""  # types and functions of the header, as C
     internal_name: tuple[str, ...] = ()  # internal states, which follow the velocities in a state
     contact_name: tuple[str, ...] = ()  # nodes that can touch the ground
+    column_name: tuple[str, ...] = ()  # numbers that motions are differentiated to
 
     @cached_property
     def stated_position(self) -> NDArray[np.float64]:
@@ -252,6 +258,20 @@ class Manifest:
     def bar_pair_name(self) -> tuple[str, ...]:
         """Names of the pairs of bars, in the order of the quantities over them."""
         return name_bar_pairs(self.bar_pair)
+
+    @property
+    def n_internal(self) -> int:
+        """Number of states behind the velocities: internal ones, then derivatives of the motion."""
+        return count_internal(len(self.coordinate_name), len(self.internal_name), len(self.column_name))
+
+    @cached_property
+    def column_scale(self) -> tuple[float, ...]:
+        """What derivatives of a motion are times in the library: sizes of parameters, 1 for 0."""
+        wanted = {name.partition(".")[0] for name in self.column_name} - {"coordinate", "velocity"}
+        values = [
+            abs(value) or 1.0 for item in self.arguments if item.name in wanted for value in item.nominal
+        ]
+        return (*(1.0,) * (len(self.column_name) - len(values)), *values)
 
     @property
     def has_contacts(self) -> bool:

@@ -117,6 +117,9 @@ class ModelRequest:
     driven : tuple of str
         What profiles can change without inputs, too: ``"pull"``, a spring and a damper between one node and
         a point.
+    columns : tuple of str
+        What motions are differentiated to while they are integrated: run-time parameters by their names in
+        `parameters`; ``"coordinate"`` and ``"velocity"``, at the start.
 
     Raises
     ------
@@ -144,6 +147,7 @@ class ModelRequest:
     keep: tuple[str, ...] = ()
     interfaces: tuple[str, ...] = ()
     driven: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_batch_width(self.batch_width)

@@ -62,7 +62,7 @@ def watched_events(
 
 def state_sizes(model: EmittedModel) -> dict[str, int]:
     """Return the sizes of a state in C, by their names there."""
-    n, internal = len(model.frame.coordinate_name), len(model.frame.internal_name)
+    n, internal = len(model.frame.coordinate_name), model.frame.n_internal
     return {"N": n, "N_STATES": 2 * n + internal, "N_SLOPES": n + internal, "N_OLD": 3 * n + 2 * internal}
 
 

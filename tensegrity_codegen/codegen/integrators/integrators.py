@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
+from tensegrity_codegen.codegen.integrators.columns import columns_context, list_column_quantities
 from tensegrity_codegen.codegen.integrators.energy_keeping import (
     KEPT_QUANTITIES,
     keeper_context,
@@ -98,7 +99,7 @@ def integrator_spec(
 
 def moved_quantities(model: EmittedModel) -> tuple[str, ...]:
     """Return the quantities that move a state: one that has internal states takes all its rates at once."""
-    return ("acceleration", "state_derivative") if model.frame.internal_name else ("acceleration",)
+    return ("acceleration", "state_derivative") if model.frame.n_internal else ("acceleration",)
 
 
 def _check_called(model: EmittedModel, row: Integrator, functions: Iterable[FunctionSpec]) -> None:
@@ -151,7 +152,7 @@ def integrator_context(
     adaptive = [spec for spec in manifest.integrators if rows[spec.name].kind == "adaptive"]
     driven = driven_context(manifest, arguments)
     watching = [spec for spec in manifest.integrators if spec.events]
-    has_run = bool(driven or manifest.internal_name)
+    has_run = bool(driven or manifest.n_internal)
     counted = (
         [spec for spec in manifest.integrators if rows[spec.name].follows_events] if has_run else watching
     )
@@ -175,16 +176,22 @@ def integrator_context(
                 "arguments": functions[name].arguments,
                 "size": _count_entries(functions[name]),
             }
-            for name in called_quantities(explicit, manifest.has_contacts)
+            for name in dict.fromkeys(
+                (
+                    *called_quantities(explicit, manifest.has_contacts),
+                    *(name for name in list_column_quantities(manifest)[1:] if name in functions),
+                )
+            )
         ],
         "first_explicit": next(iter(explicit), ""),
         "first_adaptive": adaptive[0].name if adaptive else "",
         "has_step_control": any(row.has_step_control for row in rows.values()),
         "first_trial": tried[0].name if tried else "",
         "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *counted)), ""),
-        "n_internal": len(manifest.internal_name),
+        "n_internal": manifest.n_internal,
+        "columns": columns_context(manifest),
         "state_text": f"2 * {len(manifest.coordinate_name)}"
-        + (f" + {len(manifest.internal_name)}" if manifest.internal_name else ""),
+        + (f" + {manifest.n_internal}" if manifest.n_internal else ""),
         "has_run": bool(watching) or has_run,
         "driven": driven,
         "pull": _pull_context(manifest, functions) if PULL in manifest.driven else None,
@@ -233,6 +240,10 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
         "WITH_PROFILE": bool(context["driven"]),
         "WITH_EVENTS": bool(events),
         "WITH_INTERNAL": bool(context["n_internal"]),
+        "WITH_COLUMNS": bool(context["columns"]),
+        "WITH_PARAMETER_COLUMNS": bool(context["columns"] and context["columns"]["of_parameters"]),
+        "WITH_MARGIN_PARAMETERS": bool(context["columns"] and context["columns"]["of_margins"]),
+        "WITH_COLUMN_JUMPS": bool(context["columns"] and events and not events["is_smooth"]),
         "WITH_EVENT_FORECAST": any([events.get("is_smooth"), events.get("n_contacts")]),
         **{
             f"WITH_{word.upper()}_EVENTS": any(kind["word"] == word for kind in events.get("kinds", ()))
@@ -286,7 +297,7 @@ def _context(
         "arguments": [arguments[name] for name in spec.arguments],
         "argument_name": spec.arguments,
         "kernel_arguments": kernel,
-        "derivative_arguments": functions["state_derivative"].arguments if manifest.internal_name else (),
+        "derivative_arguments": functions["state_derivative"].arguments if manifest.n_internal else (),
         "uses_velocity": "velocity" in kernel,
         "keeps_constraints": keeps_constraints,
         "projection": [functions[name] for name in PROJECTION if name in functions],

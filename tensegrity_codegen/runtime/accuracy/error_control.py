@@ -272,13 +272,20 @@ class _Rounds:
         return self._give_up(run, "rounding error prevents convergence")
 
     def _accept_as_it_is(self, run: RawTrajectory) -> RawTrajectory:
-        message = f"{run.message}; estimated error {self.error:.2g} of the tolerance"
+        message, evidence = f"{run.message}; estimated error {self.error:.2g} of the tolerance", run.evidence
+        if run.columns is not None and self.previous.columns is not None:
+            counted = max(1.0, self.checks.min_counted)
+            evidence = {
+                **evidence,
+                "column_error": counted * _compare_columns(self.previous.columns, run.columns),
+            }
         return replace(
             run,
             method=_name(run),
             message=message,
             error_estimate=self.error,
             n_evaluations=self.n_evaluations,
+            evidence=evidence,
         )
 
     def _give_up(self, last: RawTrajectory, why: str, stopped: str = "not_converged") -> RawTrajectory:
@@ -300,6 +307,13 @@ def _note_bound(run: RawTrajectory, rounding: Rounding, bound: float) -> RawTraj
     whole = run.evidence.get("vibration_speed_error", 0.0) + bound
     evidence = {**run.evidence, "vibration_speed_error": whole, "rounding_speed_error": bound}
     return replace(run, evidence=evidence, message=f"{run.message}; {rounding.words(run, bound)}")
+
+
+def _compare_columns(loose: FloatArray, tight: FloatArray) -> float:
+    """Return the largest difference of derivatives (n_t, n_states, k) over the largest of a column."""
+    size = np.abs(tight).max(axis=(0, 1), initial=0.0)
+    apart = np.abs(tight - loose).max(axis=(0, 1), initial=0.0)
+    return float(np.divide(apart, size, out=np.zeros_like(size), where=size > 0.0).max(initial=0.0))
 
 
 def _find_power(before: float, difference: float, shrink: float) -> float:

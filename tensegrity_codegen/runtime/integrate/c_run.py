@@ -60,9 +60,11 @@ class CRun(ABC):
     def reached(self, time: float) -> dict[str, Any]:
         """Return times, states and internal states of the samples reached; `time` [s]: where the run is."""
         times, states = self.events.samples(self.motion.sample_time, time)
-        n = self.bound.n_moved
-        internal = states[:, n:] if states.shape[1] > n else None
-        return {"time": times, "state": states[:, :n], "internal": internal}
+        n, manifest = self.bound.n_moved, self.motion.model.manifest
+        last, count = n + len(manifest.internal_name), len(manifest.column_name)
+        internal = states[:, n:last] if last > n else None
+        columns = states[:, last:].reshape(len(times), last, count) / manifest.column_scale if count else None
+        return {"time": times, "state": states[:, :n], "internal": internal, "columns": columns}
 
     def finish(self) -> RawTrajectory:
         """Go on to the end; return the result. Raises what a condition raises."""

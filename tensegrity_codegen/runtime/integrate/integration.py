@@ -70,9 +70,23 @@ class BoundIntegrator:
 
 
 def read_internal(motion: Motion) -> FloatArray:
-    """Return the internal states that a motion starts from, (n_internal,); zeros unless its arguments say."""
-    count = len(motion.model.manifest.internal_name)
-    return to_sized(motion.arguments.get("internal", np.zeros(count)), (count,), "internal").copy()
+    """Return the internal states that a motion starts from, zeros unless its arguments say; derivatives."""
+    manifest = motion.model.manifest
+    count = len(manifest.internal_name)
+    own = to_sized(motion.arguments.get("internal", np.zeros(count)), (count,), "internal")
+    return np.concatenate([own, begin_columns(manifest).ravel()])
+
+
+def begin_columns(manifest: Manifest) -> FloatArray:
+    """Return the derivatives of a state to the numbers of columns at its start, (n_states, n_columns)."""
+    names = manifest.column_name
+    found = np.zeros((2 * len(manifest.coordinate_name) + len(manifest.internal_name), len(names)))
+    for row, start in enumerate(
+        f"{word}.{name}" for word in ("coordinate", "velocity") for name in manifest.coordinate_name
+    ):
+        if start in names:
+            found[row, names.index(start)] = 1.0
+    return found
 
 
 def find_integrator(manifest: Manifest, name: str) -> IntegratorSpec:

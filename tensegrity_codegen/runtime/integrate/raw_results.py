@@ -24,7 +24,7 @@ class RawTrajectory:
 
     tension (n_t, len(tension_member)) [N]: of members whose tension is an unknown of its own; evidence: what
     the method counted; why: why this method, where it was chosen; internal (n_t, n_internal): internal
-    states, None without any.
+    states, None without any; columns (n_t, n_states, n_columns): derivatives of states and internal states.
     """
 
     time: FloatArray
@@ -42,6 +42,7 @@ class RawTrajectory:
     evidence: Mapping[str, float] = field(default_factory=dict)
     why: str = ""
     internal: FloatArray | None = None
+    columns: FloatArray | None = None
 
 
 @dataclass(frozen=True)

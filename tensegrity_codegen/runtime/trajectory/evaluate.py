@@ -70,6 +70,8 @@ def evaluate_trajectory(
         input_name=model.manifest.input_name,
         node_load=apply_loads(model, *given),
         contacts=_find_contacts(samples, found, given),
+        columns=None if raw.columns is None else raw.columns[: len(found.time)],
+        column_name=() if raw.columns is None else model.manifest.column_name,
     )
 
 

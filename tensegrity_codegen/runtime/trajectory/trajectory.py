@@ -88,6 +88,12 @@ class Trajectory(Sampled):
     contacts : ContactSamples or None
         Forces of the ground and penetrations at the samples; None without contacts, or where the library does
         not compute them.
+    columns : ndarray or None, shape (n_t, n_states + n_internal, n_columns)
+        Derivatives of coordinates, velocities and internal states, through events, to the numbers that the
+        library was built to differentiate to (`ModelRequest.columns`); None without any. The evidence
+        `column_error` estimates their largest error over the largest derivative to the same number.
+    column_name : tuple of str
+        Names of these numbers, such as ``"ground.friction"``.
     structure : Structure, BodySystem or None
         What moves, for pictures and units; None in motions of a library that was loaded alone.
 
@@ -111,6 +117,8 @@ class Trajectory(Sampled):
     input_name: tuple[str, ...] = ()
     node_load: FloatArray | None = None
     contacts: ContactSamples | None = None
+    columns: FloatArray | None = None
+    column_name: tuple[str, ...] = ()
 
     @property
     def feet(self) -> tuple[Foot, ...]:
@@ -178,6 +186,9 @@ class Trajectory(Sampled):
                 "contact_force": self.contacts.force,
                 "penetration": self.contacts.penetration,
             }
+        columns = {}
+        if self.columns is not None:
+            columns = {"columns": self.columns, "column_name": np.array(self.column_name)}
         rows = [(event.time, event.kind, name) for event in self.events for name in event.names]
         return {
             **super().arrays(),
@@ -188,4 +199,5 @@ class Trajectory(Sampled):
             **inputs,
             **loads,
             **contacts,
+            **columns,
         }

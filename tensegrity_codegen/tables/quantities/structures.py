@@ -144,6 +144,22 @@ STRUCTURES = (
         sparse=True,
     ),
     Quantity(
+        "margin_state_jacobian",
+        "dg/dx",
+        "mixed",
+        ("n_tension_only", "n_states"),
+        "Jacobian of the margins of cables to the state.",
+        sparse=True,
+    ),
+    Quantity(
+        "margin_parameter_jacobian",
+        "dg/dp",
+        "mixed",
+        ("n_tension_only", "n_parameters"),
+        "Jacobian of the margins of cables to all run-time parameters.",
+        sparse=True,
+    ),
+    Quantity(
         "cable_margin",
         "g",
         "m",
