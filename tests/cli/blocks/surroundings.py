@@ -55,7 +55,10 @@ EXCLUDED = (
 )
 
 # Commands that end with another code than 0, as their page says.
-EXITS = {"tensegrity-codegen plan prism12.toml --to twist=165 --actuate v1 --actuate v2 --actuate v3": 3}
+EXITS = {
+    "tensegrity-codegen plan prism12.toml --to twist=165 --actuate v1 --actuate v2 --actuate v3": 3,
+    "tensegrity-codegen stand standing.toml --load t1=5,0,0": 3,
+}
 
 # Example scenes that a page presupposes in the folder; pages of the gallery presuppose their own.
 SCENES = {
