@@ -70,6 +70,7 @@ SCENES = {
     "docs/live.md": ("prism",),
     "docs/machines.md": ("prism",),
     "docs/pictures.md": ("prism",),
+    "docs/python.md": ("prism",),
     "docs/sweep.md": ("prism",),
 }
 
