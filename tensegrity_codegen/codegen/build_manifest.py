@@ -44,6 +44,7 @@ def build_manifest(
     specs = tuple(_function_spec(model, function) for function in functions)
     used = {name for function in functions for name in function.arguments}
     used |= {"coordinate", "velocity", "internal", "input"}
+    used |= set(request.parameters) if request.columns else set()  # the parameter_jacobian has them all
     frame = model.frame
     driven = find_driven(model, specs, request) if request.integrators else ()
     integrators = tuple(_integrator_spec(model, name, specs, request, driven) for name in request.integrators)

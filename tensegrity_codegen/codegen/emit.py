@@ -18,7 +18,7 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import (
 )
 from tensegrity_codegen.codegen.choose_emitter import AUTO, EmitterChoice, choose_emitter, find_facts
 from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
-from tensegrity_codegen.codegen.integrators.columns import list_column_quantities
+from tensegrity_codegen.codegen.integrators.columns import check_jumps, list_column_quantities
 from tensegrity_codegen.codegen.integrators.energy_keeping import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators.events import find_events
 from tensegrity_codegen.codegen.integrators.integrators import PROJECTION
@@ -256,6 +256,7 @@ def _find_called(
         return stiffness, request.events
     events, watched = find_events(request, lambda name: emitter.is_offered(model, name), model.subject)
     check_keep(request, model.name)
+    check_jumps(model.subject, request, events)
     kept = KEPT_QUANTITIES if request.keep else ()
     touches = has_contacts(model.subject)
     of_forces = ("state_derivative", "energy_rate") if touches else ()

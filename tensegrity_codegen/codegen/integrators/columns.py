@@ -1,10 +1,15 @@
 """Derivatives of motions as states: which functions they call, and what the templates read."""
 
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from tensegrity_codegen.symbolic.model import Frame
+from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.quantities import PARAMETERS
+from tensegrity_codegen.tables.request import ModelRequest
 
 STARTS = ("coordinate", "velocity")  # columns whose derivatives begin with one
 
@@ -17,6 +22,25 @@ def list_column_quantities(frame: Frame | Manifest) -> tuple[str, ...]:
     of_parameters = any(not name.startswith(starts) for name in frame.column_name)
     of_state = ("state_derivative", "state_jacobian", "margin_state_jacobian")
     return (*of_state, *(("parameter_jacobian", "margin_parameter_jacobian") if of_parameters else ()))
+
+
+def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> None:
+    """Raise FormulationError where derivatives would miss jumps of forces, since no event finds them.
+
+    A cable with damping, in the scene or at run time, pulls with a jump as it becomes taut. events: the kinds
+    that integrators watch.
+    """
+    changeable = np.isin(np.arange(subject.n_members), request.parameters.get("damping", ()))
+    jumps = subject.tension_only & ((subject.damping > 0) | changeable)
+    if request.columns and jumps.any() and "cable" not in events:
+        names = [subject.member_name[e] for e in np.flatnonzero(jumps)]
+        raise FormulationError(
+            "forces jump where damped cables become taut, and no event of the library finds that",
+            where=f"{subject.name}: columns",
+            given=", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else ""),
+            allowed='cables without damping, or the event "cable" among model.events',
+            hint='add "cable" to model.events',
+        )
 
 
 def columns_context(manifest: Manifest) -> dict[str, Any] | None:

@@ -224,3 +224,32 @@ def test_the_c_files_compile_alone_with_columns(tmp_path: Path) -> None:
     options = (*options_for(15, False), "-DWITH_COLUMNS=1", "-DWITH_INTERNAL=1")
     for language in ("c", "c++"):
         compile_alone(["explicit.h"], "gcc" if language == "c" else "g++", language, options, tmp_path)
+
+
+def test_parameters_that_nothing_depends_on_leave_the_columns_in_place() -> None:
+    """The mass of an anchored node is in no function of the library, and stands before loads."""
+    swing = make_structure(
+        [[0, 0, 0], [1.2, 0, 0]], [spring(0, 1, 1.0, 40.0)], anchored={0: "xyz", 1: "yz"}, mass=1.0
+    )
+    parameters = {"node_mass": (0,), "node_load": (1,)}
+    model = simulator(swing, "rk853", parameters=parameters, columns=("node_load", "node_mass"))
+    motion = simulate(model, 0.7, method="rk853", rtol=1e-10, stepping=STEPS)
+    assert motion.columns is not None
+    expected = dict.fromkeys(("node_mass.n0", "node_load.n1_x", "node_load.n1_y", "node_load.n1_z"), 0.0)
+    expected["node_load.n1_x"] = (1.0 - np.cos(np.sqrt(40.0) * 0.7)) / 40.0
+    assert dict(zip(motion.column_name, motion.columns[-1, 0], strict=True)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("events", [(), ("condition",)])
+@pytest.mark.parametrize("parameter", ["rest_length", "damping"])
+def test_jumps_that_no_event_finds_are_refused(events: tuple[str, ...], parameter: str) -> None:
+    structure = fall(0.0 if parameter == "damping" else 2.0)
+    request = ModelRequest(
+        ("acceleration",),
+        integrators=("rk54",),
+        parameters={parameter: (0,)},
+        columns=(parameter,),
+        events=events,
+    )
+    with pytest.raises(FormulationError, match="damped cables become taut"):
+        build_library(structure, request)
