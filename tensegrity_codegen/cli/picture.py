@@ -332,6 +332,8 @@ def _offers_stiff(subject: "Subject") -> bool:
     from tensegrity_codegen.structure.ground_support import has_contacts
     from tensegrity_codegen.structure.outline import outline_bodies
 
-    if has_contacts(subject) or subject.n_members <= MOST_OFFERED:
-        return not has_contacts(subject)
+    if has_contacts(subject):
+        return False
+    if subject.n_members <= MOST_OFFERED:
+        return True
     return choose_method(outline_bodies(subject), (EXPLICIT, STIFF_INTEGRATOR)) == STIFF_INTEGRATOR

@@ -13,7 +13,7 @@ from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
-BALL = 1e-3  # m
+BALL = 1e-3  # m, by which balls of feet are larger, since those of MuJoCo cannot be points
 STEP = 1e-4  # s, a step of MuJoCo for stiff bars; its own default is 2e-3
 INTEGRATORS = ("RK4", "implicitfast", "implicit", "Euler")
 
@@ -56,7 +56,7 @@ def build_mjcf(
 
 
 def _add_ground(parts: ModelParts, ground: Ground) -> None:
-    """Add the plane, BALL lower, and at each node that can touch it a ball, BALL larger: none is a point."""
+    """Add the plane, BALL lower, and a ball at each node that can touch it."""
     friction = f"{number(ground.friction)} 0 0"
     about = {"friction": friction, "condim": "3" if ground.friction else "1", "margin": "0"}
     turned = {"pos": numbers((ground.offset - BALL) * ground.normal), "zaxis": numbers(ground.normal)}

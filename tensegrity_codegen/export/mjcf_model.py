@@ -93,8 +93,8 @@ def build_node_tree(structure: Structure, carried: NDArray[np.bool_]) -> NodeTre
 
 
 WORLD_SITE = "world.origin"  # names with a point differ from all names of a scene
-THIN_WITH_FEET = 1e-3  # the same where feet turn a bar about itself, against next to nothing
 THIN = 1e-6  # inertia of a rigid bar about itself over that across it: MuJoCo requires one
+THIN_WITH_FEET = 1e-3  # the same of bars on the ground, whose feet turn them about themselves
 
 
 @dataclass

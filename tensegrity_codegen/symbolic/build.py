@@ -14,7 +14,8 @@ from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError, check_choice
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.integrators import INTEGRATORS
-from tensegrity_codegen.tables.quantities import PARAMETERS
+from tensegrity_codegen.tables.manifest import COLUMN_STARTS
+from tensegrity_codegen.tables.quantities import PARAMETERS, STATE
 from tensegrity_codegen.tables.request import ModelRequest
 
 
@@ -39,19 +40,17 @@ def _build_margin_jacobians(model: SymbolicModel) -> dict[str, Callable[[], ca.S
     """Return the builders of the Jacobians of the margins of cables, at which forces may jump."""
     if not model.subject.tension_only.any():
         return {}
-    symbols = {name: ca.vec(item.symbol) for name, item in model.arguments.items()}
-    state = ca.vertcat(*[symbols[name] for name in ("coordinate", "velocity", "internal") if name in symbols])
-    parameters = ca.vertcat(*[symbols[name] for name in PARAMETERS if name in symbols])
-    return {
-        "margin_state_jacobian": lambda: ca.jacobian(model.expression("cable_margin"), state),
-        "margin_parameter_jacobian": lambda: ca.jacobian(model.expression("cable_margin"), parameters),
-    }
+
+    def by(names: Sequence[str]) -> Callable[[], ca.SX]:
+        return lambda: ca.jacobian(model.expression("cable_margin"), model.stack(names))
+
+    return {"margin_state_jacobian": by(STATE), "margin_parameter_jacobian": by(PARAMETERS)}
 
 
 def check_columns(model: SymbolicModel, request: ModelRequest) -> None:
     """Raise FormulationError or UnknownNameError for derivatives of motions that no library integrates."""
     where, ground = f"{model.name}: columns", getattr(model.subject, "ground", None)
-    starts = () if model.frame.rigid_bar else ("coordinate", "velocity")
+    starts = () if model.frame.rigid_bar else COLUMN_STARTS
     for name in request.columns:
         check_choice(name, (*starts, *request.parameters), "number to differentiate to", where)
     foreign = {
@@ -81,7 +80,7 @@ def name_columns(model: SymbolicModel, columns: Sequence[str]) -> tuple[str, ...
     for argument in (name for name in model.arguments if name in columns):
         item = model.arguments[argument]
         axes = ["xyz"[axis] for axis in model.frame.axes]
-        if argument in ("coordinate", "velocity"):
+        if argument in COLUMN_STARTS:
             names += [f"{argument}.{name}" for name in model.frame.coordinate_name]
         elif argument == "gravity":
             names += [f"gravity.{axis}" for axis in axes]

@@ -1,6 +1,6 @@
 """A formulation's expressions of one structure, each built when first asked for."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -120,6 +120,11 @@ class SymbolicModel:
     def quantities(self) -> tuple[str, ...]:
         """Names of all quantities that the formulation offers."""
         return tuple(self._builders)
+
+    def stack(self, names: Iterable[str]) -> ca.SX:
+        """Return those of these arguments that the model has, stacked in this order, (n, 1)."""
+        chosen = [ca.vec(self.arguments[name].symbol) for name in names if name in self.arguments]
+        return ca.vertcat(ca.SX(0, 1), *chosen)
 
     def offer(self, builders: Mapping[str, Callable[[], Any]]) -> None:
         """Add quantities to those that the formulation offers."""

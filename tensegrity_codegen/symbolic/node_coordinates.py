@@ -6,6 +6,7 @@ from typing import Any
 
 import casadi as ca
 
+from tensegrity_codegen.structure.ground import ENERGY_STATES
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.geometry import dot, member_vector
@@ -18,6 +19,7 @@ from tensegrity_codegen.symbolic.node_forces import build_node_forces
 from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce
 from tensegrity_codegen.symbolic.node_quantities import build_node_quantities
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
+from tensegrity_codegen.tables.quantities import STATE
 
 Scalar = Any
 Vector = list[Scalar]
@@ -74,7 +76,7 @@ class NodeCoordinates:
             return {}
         found: dict[str, Callable[[], ca.SX]] = {"energy_rate": self.energy_rate}
         for name in ("friction", "impact"):
-            found[f"{name}_power"] = partial(self.force_power, name)
+            found[f"{name}_power"] = partial(self.force_powers.__getitem__, name)
         for part in self.node_forces:
             found |= part.builders()
         if self.structure.internal_name:
@@ -86,17 +88,15 @@ class NodeCoordinates:
         rates = [rate for part in self.node_forces for rate in part.internal_rate()]
         ground = self.structure.ground
         if ground is not None and ground.balances_energy:
-            powers = [self.force_power(name) for name in ("friction", "impact", "belt")]
-            rates += [*powers[:2], self.energy_rate() - sum(powers), powers[2]]
+            powers = {**self.force_powers, "damping": self.damping_power()}
+            rates += [powers[name.removesuffix("_work")] for name in ENERGY_STATES]
         slips = len(self.structure.internal_name) - len(rates)
         return ca.vertcat(ca.SX(0, 1), *rates, *[ca.SX(0.0)] * slips)
 
     def state(self) -> ca.SX:
         """Return the state (q, v, z), (n_states, 1)."""
         symbols = self.arguments.symbols
-        return ca.vertcat(
-            *[symbols[name] for name in ("coordinate", "velocity", "internal") if name in symbols]
-        )
+        return ca.vertcat(*[symbols[name] for name in STATE if name in symbols])
 
     def force_jacobian(self) -> ca.SX:
         """Return df/dx of the forces on nodes besides members and loads, (n_coordinates, n_states)."""
@@ -105,18 +105,24 @@ class NodeCoordinates:
         return ca.jacobian(self.map.free(total), self.state())
 
     def energy_rate(self) -> Scalar:
-        """Return what damping takes, -sum (t - t_static) l', and what forces on nodes add [W]."""
+        """Return what damping takes, and what forces on nodes add [W]."""
+        return sum(self.force_powers.values(), self.damping_power())
+
+    def damping_power(self) -> Scalar:
+        """Return what damping of members adds to the total energy, -sum (t - t_static) l' [W]."""
         power = ca.SX(0.0)
         for e in self.members.damped:
             law = self.members.laws[e]
             power = power - (law.tension() - law.static_tension()) * law.rate
-        for part in self.node_forces:
-            power = power + sum(part.powers().values())
         return power
 
-    def force_power(self, name: str) -> Scalar:
-        """Return the power of one kind of all forces on nodes, see NodeForce.powers [W]."""
-        return sum((part.powers().get(name, 0.0) for part in self.node_forces), ca.SX(0.0))
+    @cached_property
+    def force_powers(self) -> dict[str, Scalar]:
+        """What all forces on nodes add to the total energy, see NodeForce.powers [W]."""
+        found = {name: ca.SX(0.0) for name in ("friction", "impact", "belt")}
+        for part in self.node_forces:
+            found |= {name: found[name] + power for name, power in part.powers().items()}
+        return found
 
     def node_values(self) -> dict[str, Callable[[], Sequence[Any]]]:
         """Return what quantities of nodes may use -> function that returns it of all nodes."""

@@ -64,6 +64,10 @@ JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick")
 ONLY_IF_ANY = ("internal_name", "contact_name", "column_name")
 
 
+# What motions are differentiated to at their start; all else are run-time parameters.
+COLUMN_STARTS = ("coordinate", "velocity")
+
+
 def count_internal(n_coordinates: int, n_internal: int, n_columns: int) -> int:
     """Return the states behind the velocities: internal ones, and n_columns derivatives of each state."""
     return n_internal + (2 * n_coordinates + n_internal) * n_columns
@@ -267,7 +271,7 @@ class Manifest:
     @cached_property
     def column_scale(self) -> tuple[float, ...]:
         """What derivatives of a motion are times in the library: sizes of parameters, 1 for 0."""
-        wanted = {name.partition(".")[0] for name in self.column_name} - {"coordinate", "velocity"}
+        wanted = {name.partition(".")[0] for name in self.column_name} - set(COLUMN_STARTS)
         values = [
             abs(value) or 1.0 for item in self.arguments if item.name in wanted for value in item.nominal
         ]

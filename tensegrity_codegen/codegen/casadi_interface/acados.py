@@ -16,7 +16,7 @@ from tensegrity_codegen.codegen.unrolled import MOST_OPERATIONS, check_unrollabl
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.symbolic.operations import count_operations
 from tensegrity_codegen.system.errors import FormulationError
-from tensegrity_codegen.tables.quantities import PARAMETERS
+from tensegrity_codegen.tables.quantities import PARAMETERS, STATE
 
 
 @dataclass(frozen=True)
@@ -54,11 +54,7 @@ def build_acados(model: SymbolicModel) -> tuple[Derivative, ...]:
 
 
 def _find_equations(model: SymbolicModel) -> _Equations:
-    symbols = {name: item.symbol for name, item in model.arguments.items()}
-    x = ca.vertcat(*[symbols[name] for name in ("coordinate", "velocity", "internal") if name in symbols])
-    u = symbols.get("input", ca.SX(0, 1))
-    given = [ca.vec(symbols[name]) for name in PARAMETERS if name in symbols]
-    p = ca.vertcat(*given) if given else ca.SX(0, 1)
+    x, u, p = model.stack(STATE), model.stack(("input",)), model.stack(PARAMETERS)
     return _Equations(x, u, p, ca.densify(model.expression("state_derivative")))
 
 

@@ -7,19 +7,16 @@ import numpy as np
 
 from tensegrity_codegen.symbolic.model import Frame
 from tensegrity_codegen.system.errors import FormulationError
-from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.manifest import COLUMN_STARTS, Manifest
 from tensegrity_codegen.tables.quantities import PARAMETERS
 from tensegrity_codegen.tables.request import ModelRequest
-
-STARTS = ("coordinate", "velocity")  # columns whose derivatives begin with one
 
 
 def list_column_quantities(frame: Frame | Manifest) -> tuple[str, ...]:
     """Return the quantities that the rates of the columns call; none without columns."""
     if not frame.column_name:
         return ()
-    starts = tuple(f"{name}." for name in STARTS)
-    of_parameters = any(not name.startswith(starts) for name in frame.column_name)
+    of_parameters = any(name.partition(".")[0] not in COLUMN_STARTS for name in frame.column_name)
     of_state = ("state_derivative", "state_jacobian", "margin_state_jacobian")
     return (*of_state, *(("parameter_jacobian", "margin_parameter_jacobian") if of_parameters else ()))
 
@@ -49,7 +46,7 @@ def columns_context(manifest: Manifest) -> dict[str, Any] | None:
         return None
     parameters = [item for item in manifest.arguments if item.name in PARAMETERS]
     wanted = {name.partition(".")[0] for name in manifest.column_name}
-    first = sum(name.partition(".")[0] in STARTS for name in manifest.column_name)
+    first = sum(name.partition(".")[0] in COLUMN_STARTS for name in manifest.column_name)
     place: list[int] = []
     scale: list[float] = []
     for item in parameters:

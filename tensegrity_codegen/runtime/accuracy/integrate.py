@@ -16,6 +16,7 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import NOT_ESTIMATED, RawTrajectory
 from tensegrity_codegen.runtime.integrate.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.integrate.scipy_methods import integrate_scipy
+from tensegrity_codegen.tables.integrators import INTEGRATORS, find_row
 
 # By the kind of method: one run, and runs whose error at the samples is controlled.
 ONCE = {
@@ -61,9 +62,10 @@ def integrate_once(motion: Motion, options: RunOptions) -> RawTrajectory:
 
 
 def _find_kind(motion: Motion, options: RunOptions) -> Kind:
-    """Return the kind of the method; on the ground the implicit one is called as explicit ones are."""
-    kind = find_method(options.method).kind
-    return "adaptive" if kind == "implicit" and motion.model.manifest.has_contacts else kind
+    """Return the kind of the method; of one in C the kind that it has for this structure."""
+    method = find_method(options.method)
+    is_in_c = method.name in INTEGRATORS
+    return find_row(method.name, motion.model.manifest.has_contacts).kind if is_in_c else method.kind
 
 
 def join_runs(progress: Progress | None) -> Progress | None:

@@ -12,7 +12,7 @@ from tensegrity_codegen.runtime.profiles.driven import KnotsInC, follows_in_c
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.integrators import INTEGRATORS
-from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.manifest import COLUMN_STARTS, STATUS, IntegratorSpec, Manifest
 
 
 class BoundIntegrator:
@@ -82,7 +82,7 @@ def begin_columns(manifest: Manifest) -> FloatArray:
     names = manifest.column_name
     found = np.zeros((2 * len(manifest.coordinate_name) + len(manifest.internal_name), len(names)))
     for row, start in enumerate(
-        f"{word}.{name}" for word in ("coordinate", "velocity") for name in manifest.coordinate_name
+        f"{word}.{name}" for word in COLUMN_STARTS for name in manifest.coordinate_name
     ):
         if start in names:
             found[row, names.index(start)] = 1.0

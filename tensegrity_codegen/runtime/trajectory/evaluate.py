@@ -268,11 +268,10 @@ class _Samples:
 
     def _find_work(self) -> FloatArray | None:
         """Return what has changed the energy by each sample, (n_batch, n_t) [J]; None where nothing tells."""
-        names, internal = self.model.manifest.internal_name, self.raw.internal
-        if internal is None or ENERGY_STATES[0] not in names:
+        told = np.isin(self.model.manifest.internal_name, ENERGY_STATES)
+        if self.raw.internal is None or not told.any():
             return None
-        first = names.index(ENERGY_STATES[0])
-        work: FloatArray = internal[..., first : first + len(ENERGY_STATES)].sum(axis=-1)
+        work: FloatArray = self.raw.internal[..., told].sum(axis=-1)
         return self._mask(work - work[:, :1])
 
     def _judge(self, kinetic: FloatArray, total: FloatArray) -> tuple[FloatArray, list[tuple[str, str]]]:

@@ -134,11 +134,11 @@ class Trajectory(Sampled):
 
         `energy_drift` then says how well the balance closes.
         """
-        if self.internal is None or ENERGY_STATES[0] not in self.internal_name:
+        if self.internal is None:
             return {}
-        first = self.internal_name.index(ENERGY_STATES[0])
-        change = (self.internal[-1] - self.internal[0])[first:]
-        return dict(zip(ENERGY_STATES, change.tolist(), strict=False))
+        change = (self.internal[-1] - self.internal[0]).tolist()
+        named = zip(self.internal_name, change, strict=True)
+        return {name: value for name, value in named if name in ENERGY_STATES}
 
     def headline(self) -> str:
         """Return status and reason."""

@@ -30,7 +30,8 @@ def _table(*rows: Quantity) -> Mapping[str, Quantity]:
 
 ARGUMENTS = _table(*ARGUMENT_ROWS)
 
-PARAMETERS = tuple(name for name in ARGUMENTS if name not in ("coordinate", "velocity", "internal", "input"))
+STATE = ("coordinate", "velocity", "internal")
+PARAMETERS = tuple(name for name in ARGUMENTS if name not in (*STATE, "input"))
 
 QUANTITIES = _table(*MEMBERS, *NODES, *STRUCTURES, *BODIES, *INTERFERENCE, *DISTANCES, *GROUND)
 
