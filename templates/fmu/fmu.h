@@ -63,7 +63,7 @@ typedef struct {
   char token[40]; /* of the model description: bytes of other units are refused */
   int mode;
   int is_exchange; /* model exchange: 1, co-simulation: 0 */
-  int n_events;    /* cables that went slack or taut, members that switched */
+  int n_events;    /* margins that changed their sign */
   int is_stale;    /* the integration has to begin anew: a value has been set */
   double time;
   double rtol;

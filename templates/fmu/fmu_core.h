@@ -107,7 +107,7 @@ static int fmu_get_rates(fmu_instance *instance, double *rate)
   return status;
 }
 
-/* Margins of all events: each cable pulls while its margin is positive. */
+/* Margins of all events: each cable pulls, each node presses and sticks, while its margin is positive. */
 static int fmu_get_margins(fmu_instance *instance, double *margin)
 {
   int k, status = FMU_OK;
@@ -337,10 +337,12 @@ static void fmu_pass_events(fmu_instance *instance)
     if (event.time > m->time) {
       f->event[n_left++] = event;
     } else {
+      const char *name;
+      const int kind = fmu_find_kind(&event, &name);
       ++m->n_events;
       fmu_report(
-          instance, FMU_OK, "logEvents", "%s %s at t = %.17g s", fmu_member_name[event.which],
-          fmu_event_word[event.kind != FMU_EVENT_CABLE][event.direction > 0], event.time);
+          instance, FMU_OK, "logEvents", "%s %s at t = %.17g s", name, fmu_event_word[kind][event.direction > 0],
+          event.time);
     }
   }
   f->n_events = n_left;
@@ -470,7 +472,7 @@ static int fmu_compute_direction(
   const fmu_memory *m = &instance->now;
   int k;
   fmu_compute_tangent(m->argument, m->state, seed_argument, seed_state, acceleration, value);
-  for (k = 0; k < FMU_N_COORDINATES; ++k) {
+  for (k = 0; k < FMU_N_STATES - FMU_N_COORDINATES; ++k) {
     if (!(acceleration[k] - acceleration[k] == 0.0)) {
       fmu_report(instance, FMU_DISCARD, "logStatusDiscard", "a derivative is not finite at t = %.17g s", m->time);
       return FMU_DISCARD;
@@ -515,7 +517,7 @@ static int fmu_find_derivative(
     const double *seed, double *sensitivity)
 {
   double argument[FMU_N_ARGUMENTS + 1] = {0.0}, state[FMU_N_STATES] = {0.0};
-  double acceleration[FMU_N_COORDINATES], value[FMU_N_VALUES + 1];
+  double acceleration[FMU_N_STATES - FMU_N_COORDINATES], value[FMU_N_VALUES + 1];
   size_t k;
   int status = FMU_OK;
   for (k = 0; status == FMU_OK && k < n_known; ++k) {

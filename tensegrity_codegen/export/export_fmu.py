@@ -31,7 +31,7 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.collision import require_no_collision
-from tensegrity_codegen.structure.ground_support import require_no_ground
+from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.system.checks import (
     check_instance,
     check_names,
@@ -89,7 +89,7 @@ VERSIONS = ("2.0", "3.0")
 KINDS = {"me": ("me",), "cs": ("cs",), "both": ("me", "cs")}
 USUAL = (POSITION, "member_length", "member_tension")
 # What the states and their derivatives say already.
-SAME = ("acceleration", "state_derivative")
+SAME = ("acceleration", "state_derivative", "internal_rate")
 
 
 def export_fmu(
@@ -191,7 +191,7 @@ def _write(
     compiler: str | None = None,
 ) -> Exported:
     """Write the unit of a scene to `path`; see export_fmu."""
-    require_no_ground(source.structure, "a functional mock-up unit")
+    _check_ground(source.structure)
     require_no_collision(source.structure, "a functional mock-up unit")
     _check_options(fmi, kind, t_end, rtol)
     machines = check_targets(targets)
@@ -229,7 +229,7 @@ def _write(
         "method": integrator,
         "n_inputs": layout.n_inputs,
         "n_parameters": layout.n_arguments - layout.n_inputs,
-        "n_states": 2 * layout.n_coordinates,
+        "n_states": layout.n_states,
         "n_outputs": sum(item.causality == "output" for item in variables),
         "n_event_indicators": len(layout.margins),
         "has_derivatives": tangent is not None,
@@ -237,6 +237,17 @@ def _write(
         "binaries": sorted(name for name in files if name.startswith("binaries/")),
     }
     return Exported(facts, _list_notes(layout, tangent is not None))
+
+
+def _check_ground(structure: Subject) -> None:
+    """Raise FormulationError for friction whose states jump, which importers cannot follow."""
+    ground = getattr(structure, "ground", None)
+    if ground is not None and ground.has_static_friction:
+        raise refuse_ground(
+            structure.name,
+            "a functional mock-up unit with static_friction above friction",
+            "leave static_friction out",
+        )
 
 
 def _check_options(fmi: str, kind: str, t_end: float, rtol: float) -> None:
@@ -309,6 +320,8 @@ def _generate(
     """Return the C of the library, and the request that it was made from."""
     coordinates = _has_node_coordinates(structure, request)
     computed = [name for name in outputs if not (name == POSITION and coordinates)]
+    if getattr(structure, "internal_name", ()):
+        computed.append("internal_rate")
     own = request.wanting("acceleration", *computed, integrators=(integrator,))
     return emit(structure, own), own
 

@@ -17,12 +17,12 @@ from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.symbolic.operations import count_operations
 from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, IntegratorSpec, Manifest
-from tensegrity_codegen.tables.quantities import QUANTITIES
+from tensegrity_codegen.tables.quantities import QUANTITIES, STATE
 from tensegrity_codegen.tables.quantities.arguments import ABOVE_ZERO, FROM_ZERO, INPUT_UNITS
 from tensegrity_codegen.tables.request import ModelRequest
 
 POSITION = "node_position"
-MARGINS = ("cable_margin", "switch_margin")
+MARGINS = ("cable_margin", "switch_margin", "contact_margin", "stick_margin")
 LEAST = dict.fromkeys(ABOVE_ZERO, "above_zero") | dict.fromkeys(FROM_ZERO, "from_zero")
 Parts = tuple[str | int, ...]
 
@@ -92,6 +92,16 @@ class Layout:
         return len(self.manifest.coordinate_name)
 
     @property
+    def n_internal(self) -> int:
+        """Number of internal states, which stand behind the velocities."""
+        return len(self.manifest.internal_name)
+
+    @property
+    def n_states(self) -> int:
+        """Number of coordinates, velocities and internal states."""
+        return 2 * self.n_coordinates + self.n_internal
+
+    @property
     def axes(self) -> tuple[str, ...]:
         """Letters of the axes that the scene models."""
         return tuple("xyz"[axis] for axis in self.manifest.axes)
@@ -99,7 +109,7 @@ class Layout:
     @cached_property
     def arguments(self) -> tuple[Argument, ...]:
         """Inputs first, then parameters, in the library's order."""
-        specs = [item for item in self.manifest.arguments if item.name not in ("coordinate", "velocity")]
+        specs = [item for item in self.manifest.arguments if item.name not in STATE]
         found, place = [], 0
         for spec in sorted(specs, key=lambda item: item.name != "input"):
             if prod(spec.shape):
@@ -141,7 +151,9 @@ class Layout:
         return tuple(found)
 
     def manifest_margins(self, quantity: str) -> tuple[str, ...]:
-        """Return the names of the members that a margin is of."""
+        """Return the names of the members, or nodes that can touch the ground, that a margin is of."""
+        if quantity in MARGINS[2:]:
+            return self.manifest.contact_name
         names = self.manifest.member_name
         mask = self.structure.tension_only if quantity == MARGINS[0] else self.structure.has_switch
         return tuple(name for name, has in zip(names, mask.tolist(), strict=True) if has)
@@ -156,6 +168,8 @@ class Layout:
             "n_bar_pairs": lambda: self.manifest.bar_pair_name,
             "n_tension_only": lambda: self.manifest_margins(MARGINS[0]),
             "n_switches": lambda: self.manifest_margins(MARGINS[1]),
+            "n_contacts": lambda: self.manifest.contact_name,
+            "n_internal": lambda: self.manifest.internal_name,
         }
         lists: list[tuple[str | int, ...]] = []
         for k, word in enumerate(shape):
@@ -171,7 +185,7 @@ class Layout:
 
     @property
     def margins(self) -> tuple[tuple[str, int], ...]:
-        """Member and kind (0 slack, 1 switch) of each margin."""
+        """Member or node, and kind, the place among MARGINS, of each margin."""
         return tuple(
             (name, MARGINS.index(block.quantity))
             for block in self.blocks
@@ -217,8 +231,8 @@ class Tangent:
     """The statements of the function, and which unknowns depend on which knowns.
 
     inputs, outputs: names of its arrays in C, and where they are.
-    pattern: (n_unknowns, n_knowns) of accelerations and calculated values on arguments, coordinates and
-    velocities.
+    pattern: (n_unknowns, n_knowns) of accelerations, rates of internal states and calculated values on
+    arguments and states.
     """
 
     lines: tuple[str, ...]
@@ -256,14 +270,20 @@ def find_tangent(layout: Layout, request: ModelRequest) -> Tangent | None:
 
 def _find_arguments(layout: Layout) -> tuple[list[str], list[tuple[str, int]]]:
     """Return the names of all arguments, and array and place of each in C."""
-    names = [item.name for item in layout.arguments] + ["coordinate", "velocity"]
+    n = layout.n_coordinates
+    states = dict(zip(STATE, (0, n, 2 * n), strict=True))
+    own = [name for name in STATE if name != "internal" or layout.n_internal]
+    names = [item.name for item in layout.arguments] + own
     places = [("argument", item.place) for item in layout.arguments]
-    return names, [*places, ("state", 0), ("state", layout.n_coordinates)]
+    return names, [*places, *(("state", states[name]) for name in own)]
 
 
 def _find_unknowns(model: SymbolicModel, layout: Layout) -> list[tuple[str, str, ca.SX]]:
-    """Return name in C, place and expression (a column) of accelerations and of each block."""
+    """Return name in C, place and expression (a column) of the rates behind velocities, and of each block."""
     found = [("change_of_acceleration", "seed_acceleration", _column(model, "acceleration"))]
+    if layout.n_internal:
+        place = f"seed_acceleration + {layout.n_coordinates}"
+        found.append(("change_of_internal_rate", place, _column(model, "internal_rate")))
     for block in layout.blocks:
         if block.spec is not None:
             place = f"seed_value + {block.start}"
@@ -276,13 +296,13 @@ def _column(model: SymbolicModel, quantity: str) -> ca.SX:
 
 
 def _find_pattern(layout: Layout, known: ca.SX, unknowns: list[ca.SX]) -> NDArray[np.bool_]:
-    """Return which accelerations and values depend on which arguments and states."""
+    """Return which accelerations, rates and values depend on which arguments and states."""
     everything = ca.vertcat(*unknowns)
     sparsity = ca.Function("values", [known], [everything]).jac_sparsity(0, 0)
     rows, columns = sparsity.get_triplet()
     own = np.zeros((everything.numel(), known.numel()), dtype=np.bool_)
     own[rows, columns] = True
-    n = layout.n_coordinates
+    n = layout.n_coordinates + layout.n_internal
     pattern = np.zeros((n + layout.n_values, known.numel()), dtype=np.bool_)
     pattern[:n] = own[:n]
     at = n

@@ -18,13 +18,19 @@ from tensegrity_codegen.codegen.print.render import render, template_folder
 from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
 from tensegrity_codegen.export.fmu.layout import Argument, Layout, Tangent
 from tensegrity_codegen.system.errors import InvalidValueError
-from tensegrity_codegen.tables.integrators import INTEGRATORS
+from tensegrity_codegen.tables.integrators import INTEGRATORS, find_row
 from tensegrity_codegen.tables.manifest import STATUS, FunctionSpec
 from tensegrity_codegen.tables.targets import SHARED, TARGETS, Target, find_host, find_system, find_target
 
 ATOL_RATIO = 1e-3  # absolute over relative tolerance, for a structure of a metre: 1e-9 over 1e-6
 MOST_AHEAD, MOST_NUMBERS_AHEAD = 32, 65_536  # communication steps, and numbers of their states
-WATCHED = {"cable": "CABLE", "switch": "SWITCH"}
+# Kinds of events in the order of margins, and what happens as a margin becomes negative, positive.
+WATCHED = {
+    "cable": ("goes slack", "goes taut"),
+    "switch": ("switches down", "switches up"),
+    "ground": ("leaves the ground", "touches the ground"),
+    "stick": ("slips", "sticks"),
+}
 
 
 @dataclass(frozen=True)
@@ -120,19 +126,23 @@ def _context(layout: Layout, tangent: Tangent | None, experiment: Experiment) ->
             "inputs": layout.n_inputs,
             "arguments": layout.n_arguments,
             "coordinates": layout.n_coordinates,
+            "internal": layout.n_internal,
             "margin_blocks": sum(item.is_margin for item in layout.blocks),
             "margins": len(margins),
             "calculated": layout.n_values,
-            "ahead": max(1, min(MOST_AHEAD, MOST_NUMBERS_AHEAD // (2 * layout.n_coordinates))),
+            "ahead": max(1, min(MOST_AHEAD, MOST_NUMBERS_AHEAD // layout.n_states)),
         },
         "status_texts": [item.replace("_", " ") for item in STATUS],
         "member_names": _strings(manifest.member_name),
+        "contact_names": _strings(manifest.contact_name) if manifest.contact_name else [],
+        "event_words": list(WATCHED.values()) if manifest.contact_name else list(WATCHED.values())[:2],
         "margin_names": _strings([name for name, _ in margins]),
         "margin_kinds": [kind for _, kind in margins] or [0],
         "block_starts": [*(item.start for item in layout.blocks), layout.n_values],
         "arguments": [{"name": item.name, "place": item.place} for item in layout.arguments],
         "least": [word for item in layout.arguments for word in _find_least(item)] or ["FMU_ANY"],
         "acceleration": _call(layout, functions["acceleration"]),
+        "internal_rate": _call(layout, functions["internal_rate"]) if layout.n_internal else None,
         "blocks": [
             {"quantity": item.quantity, "start": item.start, "symbol": "", "passed": ""}
             | (_call(layout, item.spec) if item.spec is not None else {})
@@ -160,6 +170,7 @@ def _pass(layout: Layout, names: Sequence[str]) -> str:
     """Return arguments of a function of the library as they are passed, each followed by a comma."""
     places = {item.name: f"argument + {item.place}" for item in layout.arguments}
     places |= {"coordinate": "state", "velocity": "state + FMU_N_COORDINATES"}
+    places["internal"] = "state + 2 * FMU_N_COORDINATES"
     return "".join(f"{places[name]}, " for name in names)
 
 
@@ -179,8 +190,8 @@ def _describe_tangent(tangent: Tangent | None) -> dict[str, Any] | None:
 
 def _describe_integrator(layout: Layout, method: str) -> dict[str, Any]:
     spec, manifest = layout.integrator(method), layout.manifest
-    is_implicit = INTEGRATORS[spec.name].kind == "implicit"
-    kinds = [word for kind, word in WATCHED.items() if kind in spec.events]
+    is_implicit = find_row(spec.name, bool(manifest.contact_name)).kind == "implicit"
+    kinds = [kind.upper() for kind in WATCHED if kind in spec.events]
     return {
         "name": spec.name,
         "symbol": spec.symbol,

@@ -43,7 +43,13 @@ def quote_name(name: str) -> str:
     return f"'{''.join(letters)}'"
 
 
-KIND_WORDS = ("is_slack", "is_below_switch")
+# Of each kind of margin: the Boolean that is true while it is negative, and its description.
+KINDS = (
+    ("is_slack", "Whether the cable is slack."),
+    ("is_below_switch", "Whether the member is below the switch of its law."),
+    ("is_lifted", "Whether the ground does not press the node."),
+    ("is_sliding", "Whether the node does not stick to the ground."),
+)
 
 
 @dataclass(frozen=True)
@@ -121,6 +127,11 @@ def _list_states(layout: Layout) -> list[Variable]:
         for name, unit, start in names:
             words = ("local", "continuous", "exact", spec.sentence, unit + suffix)
             found.append(Variable(join_names(argument, (name,)), *words, start))
+    if layout.n_internal:
+        spec = layout.manifest.argument("internal")
+        words = ("local", "continuous", "exact", spec.sentence, "m")
+        named = zip(layout.manifest.internal_name, spec.nominal, strict=True)
+        found += [Variable(join_names("internal", (name,)), *words, start) for name, start in named]
     return found
 
 
@@ -141,15 +152,20 @@ def _list_derivatives(layout: Layout, tangent: Tangent | None) -> list[Variable]
         found.append(
             Variable(f"der(velocity.{quote_name(name)})", *words, state=first + n + k, dependencies=needs)
         )
+    for k, name in enumerate(layout.manifest.internal_name):
+        words = ("local", "continuous", "calculated", "Rate of the internal state.", "m/s")
+        needs = _find_dependencies(layout, tangent, n + k)
+        place = first + 2 * n + k
+        found.append(Variable(f"der(internal.{quote_name(name)})", *words, state=place, dependencies=needs))
     return found
 
 
 def _list_values(layout: Layout, tangent: Tangent | None) -> list[Variable]:
-    found = []
+    found, before = [], layout.n_coordinates + layout.n_internal
     for block in layout.blocks:
         causality = "output" if block.quantity in layout.outputs else "local"
         for k, parts in enumerate(block.parts):
-            needs = _find_dependencies(layout, tangent, layout.n_coordinates + block.start + k)
+            needs = _find_dependencies(layout, tangent, before + block.start + k)
             if block.spec is None:
                 needs = _find_position_dependencies(layout, k)
             found.append(
@@ -186,14 +202,17 @@ def _find_position_dependencies(layout: Layout, k: int) -> tuple[int, ...]:
 def _list_events(layout: Layout) -> list[Variable]:
     found = [
         Variable(
-            join_names(KIND_WORDS[kind], (name,)),
+            join_names(KINDS[kind][0], (name,)),
             "output",
             "discrete",
             "calculated",
-            ("Whether the cable is slack.", "Whether the member is below the switch of its law.")[kind],
+            KINDS[kind][1],
             type="boolean",
         )
         for name, kind in layout.margins
     ]
-    sentence = "Number of times that a cable went slack or taut, or the law of a member switched."
+    kinds = "a cable went slack or taut, or the law of a member switched"
+    if layout.manifest.contact_name:
+        kinds += ", or a node touched the ground, left it, stuck or slipped"
+    sentence = f"Number of times that {kinds}."
     return [*found, Variable("event_count", "output", "discrete", "calculated", sentence, type="integer")]
