@@ -118,3 +118,9 @@ def test_on_the_ground_it_settles_with_its_bristles(run: Run, folder: Path) -> N
     assert data["state_name"][-3:] == ["left_stick1", "right_stick1", "top_stick1"]
     assert data["growing_eigenvalues"] == 0
     assert run("linearize", path, "--json").data["largest_residual_rate"] > 1.0
+
+
+def test_feet_at_the_limit_of_friction_are_named(run: Run, folder: Path) -> None:
+    path = write(folder / "frame.toml", FRAME.replace("friction = 0.5", "friction = 0.05"))
+    warnings = run.good("linearize", path, "--settle", "--json").data["warnings"]
+    assert any("feet at the limit of friction: left, right;" in text for text in warnings)

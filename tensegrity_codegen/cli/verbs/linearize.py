@@ -16,6 +16,7 @@ from tensegrity_codegen.cli.verb import Verb
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.linear.linearize import LinearModel
+    from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
@@ -82,7 +83,7 @@ def _linearize(
         find_equilibrium(model, arguments=values, tolerance=choose_tolerance(structure)) if settle else None
     )
     if found is not None:
-        output.warn(*found.warnings)
+        output.warn(*found.warnings, *_find_slips(found))
     with output.progress("linearizing"):
         linear = run(model, found, arguments=values)
         return linear, find_kinks(model, cables, linear.state, rounding, values) if cables else {}
@@ -167,6 +168,22 @@ def _find_motion(linear: "LinearModel") -> list[str]:
             "vibrations; --settle linearizes about the equilibrium"
         )
     return found
+
+
+def _find_slips(found: "Equilibrium") -> list[str]:
+    """Return the warning about feet at the limit of friction, where the stiffness jumps."""
+    feet = found.feet
+    slipping = (
+        []
+        if feet is None
+        else [name for name, state in zip(feet.node_name, feet.state, strict=True) if state == "slip"]
+    )
+    if not slipping:
+        return []
+    return [
+        f"feet at the limit of friction: {', '.join(slipping)}; their stiffness jumps there, and the linear "
+        "model holds on one side only"
+    ]
 
 
 def _say_kinks(kinks: Mapping[str, bool]) -> str:

@@ -19,6 +19,7 @@ from tensegrity_codegen.runtime.model.require import require_double, require_mod
 from tensegrity_codegen.runtime.model.rigid_bars import RigidBars
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.structure.ground import ENERGY_STATES
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
@@ -91,7 +92,7 @@ def _find_variations(model: Model, at: Mapping[str, Any]) -> _Variations | None:
 def _along_bars(model: Model, at: Mapping[str, Any]) -> _Variations:
     """Return the variations that rigid bars of constant lengths allow."""
     bars = RigidBars(model.manifest, np.zeros(len(model.manifest.rigid_bar)))
-    n_internal = len(model.manifest.internal_name)
+    n_internal = _count_internal(model.manifest)
     position = place_nodes(model, at["coordinate"], at.get("anchor_position"))
     along = bars.find_directions(bars.jacobian(position))
     if not np.any(at["velocity"]):
@@ -269,17 +270,19 @@ def linearize(
     if inputs:
         at["input"] = u
     internal = [_value(model, "internal", given.get("internal"))] if model.manifest.internal_name else []
-    state = np.concatenate([q, v, *internal])
-    a = scipy.sparse.csc_array(model.compute("state_jacobian", **at))
+    # No state depends on the energies that a balance adds up; each would be an eigenvalue of zero.
+    kept = np.array([name not in ENERGY_STATES for name in name_states(model.manifest)])
+    state = np.concatenate([q, v, *internal])[kept]
+    a = scipy.sparse.csc_array(model.compute("state_jacobian", **at))[kept][:, kept]
     b = scipy.sparse.csc_array((len(state), 0))
     if inputs:
-        b = scipy.sparse.csc_array(model.compute(INPUT_QUANTITY, **at))
-    rate = np.asarray(model.compute("state_derivative", **at))
+        b = scipy.sparse.csc_array(model.compute(INPUT_QUANTITY, **at))[kept]
+    rate = np.asarray(model.compute("state_derivative", **at))[kept]
     # _Variations that cannot happen never move, and would come out as zeros to half the digits.
     allowed = _find_variations(model, {**at, "coordinate": q, "velocity": v})
     reduced = a if allowed is None else allowed.reduce(a)
-    spectrum = find_spectrum(reduced, frequency_count, len(model.manifest.internal_name))
-    names = name_states(model.manifest)
+    spectrum = find_spectrum(reduced, frequency_count, _count_internal(model.manifest))
+    names = tuple(name for name in name_states(model.manifest) if name not in ENERGY_STATES)
     basis = None if allowed is None else allowed.basis
     return LinearModel(a, b, rate - a @ state - b @ u, rate, state, u, names, inputs, spectrum, basis)
 
@@ -300,6 +303,11 @@ def linearize_quantities(formulation: str, *, with_inputs: bool) -> tuple[str, .
         Names of quantities.
     """
     return (*_needed(with_inputs), *find_formulation(formulation).linear_quantities)
+
+
+def _count_internal(manifest: Manifest) -> int:
+    """Return the number of internal states without the energies of a balance."""
+    return sum(name not in ENERGY_STATES for name in manifest.internal_name)
 
 
 def _needed(with_inputs: bool) -> tuple[str, ...]:

@@ -1,5 +1,7 @@
 """Linear models: known frequencies, damping ratios, first-order exactness."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -53,6 +55,21 @@ def test_a_sticking_contact_is_a_spring_and_a_damper() -> None:
     normal = 0.5 * GRAVITY * np.cos(angle) / (2 * np.sqrt(1e5))  # a N / 2 sqrt(k m)
     assert sorted(found.damping_ratio) == pytest.approx([normal, 0.5, 0.5], rel=1e-9)
     assert (found.spectrum.zero_eigenvalues, found.spectrum.growing) == (2, 0)
+
+
+def test_energies_of_a_balance_are_no_states_of_a_linear_model() -> None:
+    slope, _ = make_slope(0.3)
+    assert slope.ground is not None
+    names = linearize_quantities("node_position", with_inputs=False)
+    models = [
+        simulator(item, "rodas", more=names)
+        for item in (slope, slope.with_changes(ground=replace(slope.ground, balances_energy=True)))
+    ]
+    plain, balanced = (linearize(model) for model in models)
+    assert len(models[1].manifest.internal_name) == len(models[0].manifest.internal_name) + 4
+    assert balanced.state_name == plain.state_name
+    assert balanced.spectrum.zero_eigenvalues == plain.spectrum.zero_eigenvalues
+    assert abs(balanced.A - plain.A).max() == 0.0
 
 
 def test_a_standing_prism_of_rigid_bars_has_a_linear_model() -> None:
