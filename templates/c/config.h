@@ -41,10 +41,7 @@ enum {
   N_RIGID = WITH_AXES_3 ? 6 : 1, /* rigid motions */
   N_DRIVEN = 1,                  /* numbers that can change with time */
   N_STATE_JACOBIAN = 2 * N,      /* numbers that it has */
-  N_PARAMETER_JACOBIAN = N,
-  N_MARGIN_STATE_JACOBIAN = 1,
-  N_MARGIN_PARAMETER_JACOBIAN = 1,
-  N_PARAMETERS = 1,
+  N_DIRECTED = 1,                /* run-time parameters and inputs */
   N_COLUMNS = 1,             /* numbers that a motion is differentiated to */
   N_MOVED = 2 * N,           /* states without these derivatives */
   N_CABLE_MARGINS = 1
@@ -53,6 +50,9 @@ enum {
 /* What the functions take beside coordinate and velocity. */
 typedef struct {
   const real *stiffness;
+#if WITH_DIRECTION
+  const real *direction;
+#endif
 #if WITH_PROFILE
   motion_profile *profile; /* NULL: the others are constant */
 #endif
@@ -100,40 +100,27 @@ static inline void motion_state_jacobian(
 }
 
 #if WITH_COLUMNS
-/* The Jacobians to the stiffness, and of the margin, likewise; of each parameter its column and its scale. */
-extern const int scene_parameter_jacobian_row[N_PARAMETER_JACOBIAN], scene_parameter_jacobian_column_start[2];
-extern const int scene_margin_state_jacobian_row[1], scene_margin_state_jacobian_column_start[2 * N + 1];
-extern const int scene_margin_parameter_jacobian_row[1], scene_margin_parameter_jacobian_column_start[2];
-static const int motion_parameter_column[N_PARAMETERS] = {0};
-static const real motion_parameter_scale[N_PARAMETERS] = {(real)1.0};
+static const int motion_driven_row[N_DRIVEN] = {0}; /* row in a direction of each number that follows a profile */
 
-static inline void motion_parameter_jacobian(
+/* Rates of the derivatives of a motion, which stand behind its own states, row by row. */
+static inline void motion_column_rate(
     const real *coordinate, const real *velocity, const motion_arguments *with, real *result)
 {
   int k;
   (void)velocity;
-  (void)with;
   for (k = 0; k < N; ++k) {
-    result[k] = -coordinate[k];
+    result[k] = coordinate[N_MOVED + N + k];
+    result[N + k] = -with->stiffness[0] * coordinate[N_MOVED + k] - with->direction[0] * coordinate[k];
   }
 }
 
-static inline void motion_margin_state_jacobian(
+/* Derivatives of the margins. */
+static inline void motion_margin_column(
     const real *coordinate, const real *velocity, const motion_arguments *with, real *result)
 {
-  (void)coordinate;
   (void)velocity;
   (void)with;
-  result[0] = (real)1.0;
-}
-
-static inline void motion_margin_parameter_jacobian(
-    const real *coordinate, const real *velocity, const motion_arguments *with, real *result)
-{
-  (void)coordinate;
-  (void)velocity;
-  (void)with;
-  result[0] = (real)0.0;
+  result[0] = coordinate[N_MOVED];
 }
 #endif
 

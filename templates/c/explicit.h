@@ -172,7 +172,7 @@ static inline int method_pass(double root, double near, double left, const metho
   event_correct_velocity(delay, w->old + N_STATES, w->rates + N, m->state + N, w->lost + N);
 #if WITH_COLUMN_JUMPS
   if (w->events.found_margin < N_CABLE_MARGINS) {
-    motion_jump_columns(w->events.found_margin, w->old + N_STATES, w->rates + N, m->with, m->state);
+    motion_jump_columns(w->events.found_margin, t1, w->old + N_STATES, w->rates + N, m->with, m->state);
   }
 #endif
   motion_rate(m->state, m->with, w->rates);

@@ -23,7 +23,7 @@ static inline void motion_rate(const real *state, const motion_arguments *with, 
 {
   motion_state_derivative(state, state + N, with, rate);
 #if WITH_COLUMNS
-  motion_add_columns(state, with, rate);
+  motion_column_rate(state, state + N, with, rate + N_MOVED);
 #endif
 }
 #else

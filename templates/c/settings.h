@@ -30,8 +30,7 @@
 #ifndef WITH_COLUMNS
 #define WITH_COLUMNS 0 /* 1: states have derivatives of a motion behind them */
 #endif
-#define WITH_PARAMETER_COLUMNS 1
-#define WITH_MARGIN_PARAMETERS 1 /* margins of cables depend on parameters */
+#define WITH_DIRECTION WITH_COLUMNS /* columns are along directions of parameters */
 #define WITH_COLUMN_JUMPS 1 /* forces jump at some events */
 #define WITH_ENERGY (!WITH_FLOAT) /* steps can keep the energy */
 #define WITH_DIAGONAL_MASS 1

@@ -22,7 +22,7 @@ from tensegrity_codegen.tables.manifest import (
     Manifest,
 )
 from tensegrity_codegen.tables.precision import find_precision
-from tensegrity_codegen.tables.quantities import ARGUMENTS
+from tensegrity_codegen.tables.quantities import ARGUMENTS, DIRECTED
 from tensegrity_codegen.tables.request import ModelRequest
 
 
@@ -41,11 +41,11 @@ def build_manifest(
     left_out: tuple[LeftOut, ...],
 ) -> Manifest:
     """Return the manifest of the library that these functions make."""
+    frame = model.frame
     specs = tuple(_function_spec(model, function) for function in functions)
     used = {name for function in functions for name in function.arguments}
     used |= {"coordinate", "velocity", "internal", "input"}
-    used |= set(request.parameters) if request.columns else set()  # the parameter_jacobian has them all
-    frame = model.frame
+    used |= set(DIRECTED) if frame.column_name else set()  # a direction has them all
     driven = find_driven(model, specs, request) if request.integrators else ()
     integrators = tuple(_integrator_spec(model, name, specs, request, driven) for name in request.integrators)
     return Manifest(

@@ -15,11 +15,15 @@ from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 @dataclass(frozen=True)
 class PrunedFunction:
-    """One wanted quantity: a CasADi function named `<scene>_<quantity>` and the arguments it kept."""
+    """One wanted quantity: a CasADi function named `<scene>_<quantity>` and the arguments it kept.
+
+    columns: of a quantity over columns how many it has; the function is that of one column.
+    """
 
     quantity: Quantity
     function: ca.Function
     arguments: tuple[str, ...]
+    columns: int = 0
 
     @cached_property
     def operations(self) -> int:
@@ -48,7 +52,7 @@ class PrunedFunction:
     def shape(self) -> tuple[int, int]:
         """Rows and columns of the result as CasADi has it: vectors of a table are columns."""
         rows, columns = self.sparsity.shape
-        return int(rows), int(columns)
+        return (self.columns, int(rows)) if self.columns else (int(rows), int(columns))
 
     @property
     def pattern(self) -> Pattern | None:
@@ -102,4 +106,5 @@ def _prune_one(model: SymbolicModel, quantity: Quantity) -> PrunedFunction:
         list(kept),
         [quantity.name],
     )
-    return PrunedFunction(quantity, function, tuple(kept))
+    columns = len(model.frame.column_name) if quantity.over_columns else 0
+    return PrunedFunction(quantity, function, tuple(kept), columns)

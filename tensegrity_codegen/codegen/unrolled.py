@@ -6,7 +6,8 @@ For scenes of up to about a hundred members: code and compile time grow with the
 from tensegrity_codegen.codegen.annotate import NamedValues
 from tensegrity_codegen.codegen.batch import write_lanes
 from tensegrity_codegen.codegen.emitter import Bodies, Emitter
-from tensegrity_codegen.codegen.print.printer import print_body
+from tensegrity_codegen.codegen.print.printer import print_body, print_columns
+from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.codegen.prune import PrunedFunction, is_offered, prune
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
@@ -14,6 +15,7 @@ from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.precision import Precision
+from tensegrity_codegen.tables.quantities import OF_COLUMNS
 from tensegrity_codegen.tables.request import ModelRequest
 
 MOST_MEMBERS = 400
@@ -55,18 +57,17 @@ def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precisio
     """Return the statements of all functions; FormulationError if they would take too long to compile."""
     check_length(model, functions)
     landmarks = NamedValues(model)
-    return Bodies(
-        {
-            function.quantity.name: print_body(
-                function.function,
-                list(function.arguments),
-                [function.quantity.name],
-                precision,
-                annotations=landmarks.annotate(function),
-            ).lines
-            for function in functions
-        }
-    )
+    statements = {}
+    for function in functions:
+        name, arguments = function.quantity.name, list(function.arguments)
+        if function.quantity.over_columns:
+            statements[name] = print_columns(function.function, arguments, OF_COLUMNS, name).lines
+        else:
+            annotations = landmarks.annotate(function)
+            body = print_body(function.function, arguments, [name], precision, annotations=annotations)
+            statements[name] = body.lines
+    count = len(model.frame.column_name)
+    return Bodies(statements, [render("column_lanes.c", {"count": count})] if count else ())
 
 
 UNROLLED = Emitter("unrolled", _build, is_offered, prune, _write, write_lanes, check_length)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
 from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.quantities import OF_COLUMNS
 
 ABI_VERSION = 2
 
@@ -62,10 +63,6 @@ JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick")
 
 # Fields of a manifest that stand in its file only where they hold something.
 ONLY_IF_ANY = ("internal_name", "contact_name", "column_name")
-
-
-# What motions are differentiated to at their start; all else are run-time parameters.
-COLUMN_STARTS = ("coordinate", "velocity")
 
 
 def count_internal(n_coordinates: int, n_internal: int, n_columns: int) -> int:
@@ -270,12 +267,11 @@ class Manifest:
 
     @cached_property
     def column_scale(self) -> tuple[float, ...]:
-        """What derivatives of a motion are times in the library: sizes of parameters, 1 for 0."""
-        wanted = {name.partition(".")[0] for name in self.column_name} - set(COLUMN_STARTS)
-        values = [
-            abs(value) or 1.0 for item in self.arguments if item.name in wanted for value in item.nominal
-        ]
-        return (*(1.0,) * (len(self.column_name) - len(values)), *values)
+        """What derivatives of a motion are times in the library: sizes of parameters; 1 for directions."""
+        count = len(self.column_name)
+        rows = [item.nominal for item in self.arguments if item.name in OF_COLUMNS]
+        largest = np.abs(np.concatenate([np.zeros(count), *rows]).reshape(-1, count)).max(axis=0)
+        return tuple(np.where(largest > 0.0, largest, 1.0).tolist())
 
     @property
     def has_contacts(self) -> bool:

@@ -119,7 +119,10 @@ class ModelRequest:
         a point.
     columns : tuple of str
         What motions are differentiated to while they are integrated: run-time parameters by their names in
-        `parameters`; ``"coordinate"`` and ``"velocity"``, at the start.
+        `parameters`, ``"input"``; ``"coordinate"`` and ``"velocity"``, at the start.
+    directions : tuple of str
+        Names of derivatives of motions in place of `columns`: each along a direction of all run-time
+        parameters, inputs and starts, which the arguments ``"direction"`` and ``"column"`` of a motion say.
 
     Raises
     ------
@@ -148,6 +151,7 @@ class ModelRequest:
     interfaces: tuple[str, ...] = ()
     driven: tuple[str, ...] = ()
     columns: tuple[str, ...] = ()
+    directions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_batch_width(self.batch_width)

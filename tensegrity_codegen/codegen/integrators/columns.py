@@ -5,20 +5,17 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.codegen.integrators.profiles import PULL, pull_size
 from tensegrity_codegen.symbolic.model import Frame
 from tensegrity_codegen.system.errors import FormulationError
-from tensegrity_codegen.tables.manifest import COLUMN_STARTS, Manifest
-from tensegrity_codegen.tables.quantities import PARAMETERS
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.quantities import DIRECTED
 from tensegrity_codegen.tables.request import ModelRequest
 
 
 def list_column_quantities(frame: Frame | Manifest) -> tuple[str, ...]:
     """Return the quantities that the rates of the columns call; none without columns."""
-    if not frame.column_name:
-        return ()
-    of_parameters = any(name.partition(".")[0] not in COLUMN_STARTS for name in frame.column_name)
-    of_state = ("state_derivative", "state_jacobian", "margin_state_jacobian")
-    return (*of_state, *(("parameter_jacobian", "margin_parameter_jacobian") if of_parameters else ()))
+    return ("state_derivative", "column_rate", "margin_column") if frame.column_name else ()
 
 
 def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> None:
@@ -29,7 +26,7 @@ def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> N
     """
     changeable = np.isin(np.arange(subject.n_members), request.parameters.get("damping", ()))
     jumps = subject.tension_only & ((subject.damping > 0) | changeable)
-    if request.columns and jumps.any() and "cable" not in events:
+    if (request.columns or request.directions) and jumps.any() and "cable" not in events:
         names = [subject.member_name[e] for e in np.flatnonzero(jumps)]
         raise FormulationError(
             "forces jump where damped cables become taut, and no event of the library finds that",
@@ -41,23 +38,18 @@ def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> N
 
 
 def columns_context(manifest: Manifest) -> dict[str, Any] | None:
-    """Return sizes, and of each run-time parameter its column and its scale; None without columns."""
+    """Return sizes, and the row in a direction of each number that can change with time; None if none."""
     if not manifest.column_name:
         return None
-    parameters = [item for item in manifest.arguments if item.name in PARAMETERS]
-    wanted = {name.partition(".")[0] for name in manifest.column_name}
-    first = sum(name.partition(".")[0] in COLUMN_STARTS for name in manifest.column_name)
-    place: list[int] = []
-    scale: list[float] = []
-    for item in parameters:
-        size, is_wanted = len(item.nominal), item.name in wanted
-        place += [first + k if is_wanted else -1 for k in range(size)]
-        scale += [manifest.column_scale[first + k] if is_wanted else 1.0 for k in range(size)]
-        first += size if is_wanted else 0
-    n = 2 * len(manifest.coordinate_name) + len(manifest.internal_name)
-    of_parameters = "parameter_jacobian" in list_column_quantities(manifest)
-    count = len(manifest.column_name)
-    cables = next((item.shape[0] for item in manifest.functions if item.quantity == "cable_margin"), 0)
-    of_margins = any(item.quantity == "margin_parameter_jacobian" for item in manifest.functions)
-    sizes = {"cables": cables, "moved": n, "count": count, "place": place, "scale": scale}
-    return sizes | {"of_parameters": of_parameters, "of_margins": of_margins}
+    functions = {item.quantity: item for item in manifest.functions}
+    rows, first = {}, 0
+    for name in DIRECTED:
+        for item in (item for item in manifest.arguments if item.name == name):
+            rows[name] = list(range(first, first + len(item.nominal)))
+            first += len(item.nominal)
+    rows[PULL] = [-1] * pull_size(manifest.axes)
+    driven = [row for name in manifest.driven for row in rows[name]]
+    cables = functions["margin_column"].shape[0] if "margin_column" in functions else 0
+    moved = 2 * len(manifest.coordinate_name) + len(manifest.internal_name)
+    is_directed = any("direction" in item.arguments for item in functions.values())
+    return {"cables": cables, "moved": moved, "directed": first, "driven": driven, "is_directed": is_directed}

@@ -24,6 +24,7 @@ from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.integrators import INTEGRATORS, called_quantities, find_row
 from tensegrity_codegen.tables.integrators.integrator import Integrator
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.quantities import STATE
 from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 
 # Functions of redundant coordinates that bring a state back onto their constraints; integrators call them.
@@ -69,9 +70,10 @@ def integrator_spec(
     pulled = OF_NODES if PULL in driven else ()
     _check_called(model, row, functions)
     moving = moved_quantities(model)
-    names = (*moving, *PROJECTION, *row.quantities, *watched.quantities, *kept, *pulled)
+    of_columns = list_column_quantities(model.frame)
+    names = (*moving, *PROJECTION, *row.quantities, *watched.quantities, *kept, *pulled, *of_columns)
     called = [f for f in functions if f.quantity in names]
-    used = {a for f in called for a in f.arguments} - {"coordinate", "velocity", "internal"}
+    used = {a for f in called for a in f.arguments} - {*STATE, "column"}
     passed = tuple(a for a in model.arguments if a in used)
     energy = keeper_memory(model, {f.quantity: f for f in functions}) if kept else 0
     size = count_driven(model, driven) if row.follows_events else 0
@@ -212,7 +214,7 @@ def _pull_context(manifest: Manifest, functions: Mapping[str, FunctionSpec]) -> 
 
 def _motion_call(names: Iterable[str]) -> str:
     """Return the arguments of a kernel: coordinate and velocity, and the others as fields of `with`."""
-    own = ("coordinate", "velocity", "internal")
+    own = (*STATE, "column")
     return "".join(f"{name}, " if name in own else f"with->{name}, " for name in names)
 
 
@@ -241,8 +243,7 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
         "WITH_EVENTS": bool(events),
         "WITH_INTERNAL": bool(context["n_internal"]),
         "WITH_COLUMNS": bool(context["columns"]),
-        "WITH_PARAMETER_COLUMNS": bool(context["columns"] and context["columns"]["of_parameters"]),
-        "WITH_MARGIN_PARAMETERS": bool(context["columns"] and context["columns"]["of_margins"]),
+        "WITH_DIRECTION": bool(context["columns"] and context["columns"]["is_directed"]),
         "WITH_COLUMN_JUMPS": bool(context["columns"] and events and not events["is_smooth"]),
         "WITH_EVENT_FORECAST": any([events.get("is_smooth"), events.get("n_contacts")]),
         **{

@@ -8,7 +8,7 @@ operations. A value keeps the number of its CasADi instruction (`t12`) or the na
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -94,6 +94,35 @@ def print_body(
     return _Body(instructions, inputs, outputs, precision, place, names, where, uses).print()
 
 
+def print_columns(
+    function: ca.Function, inputs: Sequence[str], seeds: Sequence[str], output: str
+) -> PrintedBody:
+    """Return the C statements of a function that is linear in some inputs, for N_COLUMNS columns of these.
+
+    Inputs named in `seeds`, and the output, are arrays of rows with N_COLUMNS numbers each. What does not
+    depend on seeds is computed once, before a loop over as many columns as a column_lanes has.
+    Raises what print_body raises.
+    """
+
+    def place(name: str, k: int) -> str:
+        if name in seeds:
+            return f"COLUMNS_OF({name} + {k} * N_COLUMNS + c)"
+        return f"{name}[{k}]"
+
+    instructions = read_instructions(function)
+    linear: set[int] = set()
+    for k, item in enumerate(instructions):
+        is_seed = item.operation == ca.OP_INPUT and inputs[item.place[0]] in seeds
+        if is_seed or linear.intersection(item.operands):
+            linear.add(k)
+    where, uses = f"a constant of {function.name()}", _uses(instructions)
+    body = _Body(instructions, inputs, [output], DOUBLE, place, Annotations(), where, uses, frozenset(linear))
+    printed = body.print()
+    loop = ("COLUMNS_EACH(c) {", *(f"  {line}" for line in body.in_loop), "}")
+    zero = ("const column_lanes none = {0};",) if any("none" in line for line in loop) else ()
+    return PrintedBody((*zero, "int start, c;", *printed.lines, *loop), printed.reads)
+
+
 def _uses(instructions: Sequence[Instruction]) -> list[tuple[int, ...]]:
     """Return the instructions that read each value, once a place in their C form."""
     found: list[list[int]] = [[] for _ in instructions]
@@ -116,6 +145,8 @@ class _Body:
     annotations: Annotations
     where: str
     uses: Sequence[tuple[int, ...]]
+    linear: frozenset[int] = frozenset()  # instructions that stand in the loop over columns
+    in_loop: list[str] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
     value: dict[int, Text] = field(default_factory=dict)
     reads: set[int] = field(default_factory=set)
@@ -123,7 +154,12 @@ class _Body:
 
     def print(self) -> PrintedBody:
         for k, item in enumerate(self.instructions):
-            if item.operation == ca.OP_CONST:
+            for operand in item.operands if k in self.linear else ():
+                if operand not in self.linear and self.value[operand].operations:
+                    self._keep(operand)  # computed once, before the loop
+            if item.operation == ca.OP_OUTPUT and self.linear:
+                self._put_columns(*item.place, item.operands[0])
+            elif item.operation == ca.OP_CONST:
                 number = print_number(item.value, self.precision, self.where)
                 self.value[k] = Text(f"({number})" if number.startswith("-") else number)
             elif item.operation == ca.OP_INPUT:
@@ -141,12 +177,21 @@ class _Body:
                     self._keep(k)
         return PrintedBody(tuple(self.lines), frozenset(self.reads))
 
+    def _put_columns(self, result: int, entry: int, source: int) -> None:
+        """Give the columns of a result their values; what depends on no seed is zero."""
+        value = self.value[source].text if source in self.linear else "none"
+        at = f"COLUMNS_AT({self.outputs[result]} + {entry} * N_COLUMNS + c)"
+        self.in_loop.append(f"{at} = {value};")
+
     def _express(self, item: Instruction) -> Text:
         """Return the expression of an operation; parts of one that is too long become values before it."""
         if item.operation == ca.OP_IF_ELSE_ZERO and self.value[item.operands[1]].operations:
             self._keep(item.operands[1])  # computed whether it is chosen or not: faster than a jump
+        is_linear = not self.linear.isdisjoint(item.operands)
         while True:
             value = print_text(item.operation, [self.value[k] for k in item.operands], self.precision)
+            if is_linear and item.operation == ca.OP_IF_ELSE_ZERO:
+                value = replace(value, text=f"{value.text.rpartition(' : ')[0]} : none")
             parts = [k for k in item.operands if self.value[k].operations]
             is_short = len(value.text) <= LONGEST_EXPRESSION and value.operations <= MOST_OPERATIONS
             if is_short or not parts:
@@ -160,7 +205,10 @@ class _Body:
         if heading and heading not in self.headings:
             self.headings.add(heading)
             self.lines.append(f"/* {heading} */")
-        self.lines.append(f"const {self.precision.c_type} {name} = {self.value[k].text};")
+        kind, lines = (
+            ("column_lanes", self.in_loop) if k in self.linear else (self.precision.c_type, self.lines)
+        )
+        lines.append(f"const {kind} {name} = {self.value[k].text};")
         self.value[k] = Text(name)
 
     def _is_read_soon(self, k: int) -> bool:

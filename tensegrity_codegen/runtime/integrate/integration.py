@@ -12,7 +12,7 @@ from tensegrity_codegen.runtime.profiles.driven import KnotsInC, follows_in_c
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.integrators import INTEGRATORS
-from tensegrity_codegen.tables.manifest import COLUMN_STARTS, STATUS, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec, Manifest
 
 
 class BoundIntegrator:
@@ -74,19 +74,11 @@ def read_internal(motion: Motion) -> FloatArray:
     manifest = motion.model.manifest
     count = len(manifest.internal_name)
     own = to_sized(motion.arguments.get("internal", np.zeros(count)), (count,), "internal")
-    return np.concatenate([own, begin_columns(manifest).ravel()])
-
-
-def begin_columns(manifest: Manifest) -> FloatArray:
-    """Return the derivatives of a state to the numbers of columns at its start, (n_states, n_columns)."""
-    names = manifest.column_name
-    found = np.zeros((2 * len(manifest.coordinate_name) + len(manifest.internal_name), len(names)))
-    for row, start in enumerate(
-        f"{word}.{name}" for word in COLUMN_STARTS for name in manifest.coordinate_name
-    ):
-        if start in names:
-            found[row, names.index(start)] = 1.0
-    return found
+    if not manifest.column_name:
+        return own
+    nominal = motion.model.nominal("column")
+    start = to_sized(motion.arguments.get("column", nominal), nominal.shape, "column")
+    return np.concatenate([own, start.ravel()])
 
 
 def find_integrator(manifest: Manifest, name: str) -> IntegratorSpec:

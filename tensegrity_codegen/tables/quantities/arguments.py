@@ -25,4 +25,14 @@ ARGUMENT_ROWS = (
     Quantity("anchor_position", "r_a", "m", ("k", "n_axes"), "Positions of the changeable anchored nodes."),
     Quantity("gravity", "g", "m/s2", ("n_axes",), "Gravity vector."),
     Quantity("ground", "k", "N/m, s/m, 1", ("k",), "Changeable numbers of the ground."),
+    Quantity(
+        "column", "S", "mixed", ("n_states", "n_columns"), "Derivatives of the state of a motion, row by row."
+    ),
+    Quantity(
+        "direction",
+        "P",
+        "mixed",
+        ("n_parameters", "n_columns"),
+        "Derivatives of the run-time parameters, then of the inputs, that columns are along.",
+    ),
 )

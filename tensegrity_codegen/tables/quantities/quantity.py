@@ -19,3 +19,8 @@ class Quantity:
     def over_bar_pairs(self) -> bool:
         """Whether the quantity runs over pairs of bars."""
         return bool({"n_bar_pairs", "n_bar_points"}.intersection(self.shape))
+
+    @property
+    def over_columns(self) -> bool:
+        """Whether the quantity has one column for each number that motions are differentiated to."""
+        return "n_columns" in self.shape

@@ -177,9 +177,72 @@ def test_profiles_are_differentiated_along() -> None:
     np.testing.assert_allclose(motion.columns[-1, :, 0], expected, rtol=1e-7)
 
 
+@pytest.mark.parametrize("parameter", ["spring_constant", "rest_length"])
+def test_a_cable_that_is_wound_in_while_it_is_pulled_taut(parameter: str) -> None:
+    """The time of the event depends on how fast the margin closes, the winch included."""
+    from tensegrity_codegen.runtime.profiles.profile import Profile
+    from tensegrity_codegen.structure.structure import ActuatedInput
+
+    winch = ActuatedInput("winch", "rest_length", (0,))
+    driven = fall(2.0).with_changes(inputs=(winch,))
+    model = simulator(driven, "rk853", parameters={parameter: (0,)}, columns=(parameter,))
+    given: dict[str, Any] = {
+        "t_end": 1.5,
+        "samples": [0.0, 1.5],
+        "method": "rk853",
+        "stepping": STEPS,
+        "schedule": Profile(np.array([0.0, 0.5, 1.5]), {"winch": np.array([0.0, -0.2, 0.05])}),
+    }
+    motion = simulate(model, rtol=1e-11, **given)
+    assert motion.columns is not None
+    step = 1e-4 * float(model.nominal(parameter)[0])
+    expected = differ(model, parameter, 0, step, rtol=1e-12, **given)
+    np.testing.assert_allclose(motion.columns[-1, :, 0], expected, rtol=2e-6)
+
+
+def test_inputs_shift_what_rest_lengths_do() -> None:
+    from tensegrity_codegen.structure.structure import ActuatedInput
+
+    winch = ActuatedInput("winch", "rest_length", (0,))
+    driven = fall(2.0).with_changes(inputs=(winch,))
+    columns = ("input", "rest_length")
+    model = simulator(driven, "rk853", parameters={"rest_length": (0,)}, columns=columns)
+    motion = simulate(model, 1.5, samples=[0.0, 1.5], method="rk853", rtol=1e-11, stepping=STEPS)
+    assert motion.columns is not None
+    assert motion.column_name == ("input.winch", "rest_length.e0")
+    np.testing.assert_allclose(motion.columns[-1, :, 0], motion.columns[-1, :, 1], rtol=1e-9)
+    assert np.abs(motion.columns[-1]).min() > 0.1
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 9])
+def test_directions_are_sums_of_columns(count: int) -> None:
+    """Of any number, in blocks of any width: along random changes of the ground and of the start."""
+    slope, _ = make_slope(0.6)
+    start = slope.with_changes(node_position=slope.node_position + np.array([0.0, 0.0, 0.1]))
+    parameters = {"ground": (0, 1, 2, 3, 4)}
+    each = simulator(start, "rk853", parameters=parameters, columns=("coordinate", "velocity", "ground"))
+    names = tuple(f"way{k}" for k in range(count))
+    along = simulator(start, "rk853", parameters=parameters, directions=names)
+    draw = np.random.default_rng(count)
+    begin, change = draw.normal(size=(8, count)), draw.normal(size=(5, count))
+    begin[6:] = 0.0
+    change *= each.nominal("ground")[:, None]
+    given: dict[str, Any] = {"t_end": 0.3, "samples": [0.0, 0.3], "method": "rk853", "stepping": STEPS}
+    apart = simulate(each, rtol=1e-11, **given)
+    motion = simulate(along, rtol=1e-11, arguments={"column": begin, "direction": change}, **given)
+    assert motion.column_name == names
+    assert apart.columns is not None
+    assert motion.columns is not None
+    expected = apart.columns[-1] @ np.vstack([begin[:6], change])
+    np.testing.assert_allclose(motion.columns[-1], expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_array_equal(motion.columns[0], begin)
+
+
 @pytest.mark.parametrize(
     "wanted",
     [
+        {"interfaces": ("casadi",)},
+        {"directions": ("one",)},
         {"integrators": ("rk4",)},
         {"integrators": ("rodas",)},
         {"integrators": ("radau",)},

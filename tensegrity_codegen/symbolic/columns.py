@@ -1,0 +1,111 @@
+"""Derivatives of motions: what they are to, and the rates that integrators move them by."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from tensegrity_codegen.structure.ground_support import FORMULATIONS_WITH_GROUND
+from tensegrity_codegen.symbolic.model import ModelArgument, SymbolicModel
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import DuplicateNameError, FormulationError, check_choice
+from tensegrity_codegen.tables.integrators import INTEGRATORS
+from tensegrity_codegen.tables.quantities import DIRECTED, STATE
+from tensegrity_codegen.tables.request import ModelRequest
+
+STARTS = STATE[:2]  # what motions are differentiated to at their start
+
+
+def add_columns(model: SymbolicModel, request: ModelRequest) -> None:
+    """Add the derivatives of motions that a request asks for: arguments, rates, names of columns.
+
+    Raises FormulationError or UnknownNameError for derivatives of motions that no library integrates.
+    """
+    check_columns(model, request)
+    names = request.directions or _name_columns(model, request.columns)
+    state, given = model.stack(STATE), model.stack(DIRECTED)
+    column, direction = ca.SX.sym("column", state.numel()), ca.SX.sym("direction", given.numel())
+    start, along = _find_nominal(model, request, len(names))
+    model.frame = replace(model.frame, column_name=names)
+    model.arguments["column"] = ModelArgument(column, start)
+    model.arguments["direction"] = ModelArgument(direction, along)
+
+    def find_change(quantity: str) -> Callable[[], ca.SX]:
+        variables, change = ca.vertcat(state, given), ca.vertcat(column, direction)
+        return lambda: ca.jtimes(ca.densify(model.expression(quantity)), variables, change)
+
+    builders = {"column_rate": find_change("state_derivative")}
+    if model.subject.tension_only.any():
+        builders["margin_column"] = find_change("cable_margin")
+    model.offer(builders)
+
+
+def check_columns(model: SymbolicModel, request: ModelRequest) -> None:
+    """Raise FormulationError or UnknownNameError for derivatives of motions that no library integrates."""
+    where, ground = f"{model.name}: columns", getattr(model.subject, "ground", None)
+    starts = () if model.frame.rigid_bar else STARTS
+    inputs = ("input",) if model.frame.input_name else ()
+    for name in request.columns:
+        check_choice(name, (*starts, *request.parameters, *inputs), "number to differentiate to", where)
+    if len(set(request.directions)) < len(request.directions):
+        raise DuplicateNameError("two directions have one name", where=f"{model.name}: directions")
+    foreign = {
+        f"formulation {request.formulation!r}": request.formulation not in FORMULATIONS_WITH_GROUND,
+        "rigid bars with correction": request.options.get("correction", "none") != "none",
+        f"emitter {request.emitter!r}": request.emitter not in ("auto", "unrolled"),
+        "batch functions": bool(request.batch_width),
+        "energy that is kept": bool(request.keep),
+        "single precision": request.precision != "double",
+        "interfaces": bool(request.interfaces),
+        "columns and directions in one library": bool(request.columns and request.directions),
+        "static_friction above friction": ground is not None and ground.has_static_friction,
+    }
+    tableaus = {name: INTEGRATORS[name].tableau for name in request.integrators if name in INTEGRATORS}
+    foreign |= {f"integrator {name!r}": table is None or not table.errors for name, table in tableaus.items()}
+    for what, is_foreign in foreign.items():
+        if is_foreign:
+            raise FormulationError(
+                f"motions are not differentiated with {what}",
+                where=where,
+                allowed="node positions or rigid bars, emitter unrolled, rk54, tsit5 and rk853",
+                hint="build another library for this",
+            )
+
+
+def _name_columns(model: SymbolicModel, columns: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the numbers that motions are differentiated to: starts, then parameters."""
+    names: list[str] = []
+    for argument in (name for name in model.arguments if name in columns):
+        item = model.arguments[argument]
+        axes = ["xyz"[axis] for axis in model.frame.axes]
+        if argument in STARTS:
+            names += [f"{argument}.{name}" for name in model.frame.coordinate_name]
+        elif argument == "gravity":
+            names += [f"gravity.{axis}" for axis in axes]
+        elif item.nominal.ndim == 2:
+            names += [f"{argument}.{name}_{axis}" for name in item.over for axis in axes]
+        else:
+            names += [f"{argument}.{name}" for name in item.over]
+    return tuple(names)
+
+
+def _find_nominal(model: SymbolicModel, request: ModelRequest, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return what columns start from and are along: zero for directions, which motions give.
+
+    Otherwise one number each, times its size, so that a tolerance means the same for all.
+    """
+    rows = {name: model.arguments[name].nominal for name in (*STATE, *DIRECTED) if name in model.arguments}
+    found = {name: np.zeros((value.size, count)) for name, value in rows.items()}
+    wanted = [name for name in model.arguments if name in request.columns]
+    first = 0
+    for name in wanted:
+        size = rows[name].size
+        scale = np.ones(size) if name in STARTS else np.abs(rows[name].ravel())
+        found[name][:, first : first + size] = np.diag(np.where(scale > 0, scale, 1.0))
+        first += size
+    none = np.zeros((0, count))
+    start, along = (
+        np.vstack([none, *(found[name] for name in names if name in found)]) for names in (STATE, DIRECTED)
+    )
+    return start, along
