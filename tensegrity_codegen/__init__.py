@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.control.feedback.time_motion import time_motion
     from tensegrity_codegen.control.planning.plan import plan
     from tensegrity_codegen.export.export_fmu import export_fmu
+    from tensegrity_codegen.fitting.identification import Identification
+    from tensegrity_codegen.fitting.identify import identify
     from tensegrity_codegen.live.draw import draw
     from tensegrity_codegen.live.live_page import LivePage, view
     from tensegrity_codegen.pipeline.build_library import build_library
@@ -91,6 +93,7 @@ __all__ = [
     "Estimator",
     "Gains",
     "Gust",
+    "Identification",
     "LinearModel",
     "LivePage",
     "LoadedController",
@@ -126,6 +129,7 @@ __all__ = [
     "export_fmu",
     "find_equilibria",
     "find_equilibrium",
+    "identify",
     "linearize",
     "load_controller",
     "load_scene",
@@ -163,6 +167,8 @@ _HOME = {
     "EquilibriumPath": "control.feedback.equilibrium_path",
     "Estimator": "control.feedback.design.estimator",
     "Gains": "control.feedback.design.gains",
+    "Identification": "fitting.identification",
+    "identify": "fitting.identify",
     "Gust": "control.feedback.loop.sampled_plant",
     "LinearModel": "runtime.linear.linearize",
     "LivePage": "live.live_page",

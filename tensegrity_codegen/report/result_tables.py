@@ -189,6 +189,15 @@ def ranks_table(title: str, unit: str, ranks: Sequence[tuple[str, float]]) -> Ta
     return table
 
 
+def values_table(rows: Sequence[tuple[str, float, float, float, float, float]]) -> Table:
+    """Return a table of numbers found: key, value, standard error, both ends of the interval, start."""
+    columns = ("value", "standard error", "95 % from", "to", "start")
+    table = new_table("", "number", **dict.fromkeys(columns, "right"))
+    for key, value, error, *others in rows:
+        add_row(table, key, f"{value:.8g}", f"{error:.2g}", *(f"{number:.6g}" for number in others))
+    return table
+
+
 def outcome_table(page: Page) -> Table:
     """Return a table with a row for each section of the page: paper, place, title, verdict."""
     table = new_table("", "paper", "there", "what", "result")

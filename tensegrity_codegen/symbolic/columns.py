@@ -35,7 +35,8 @@ def add_columns(model: SymbolicModel, request: ModelRequest) -> None:
         variables, change = ca.vertcat(state, given), ca.vertcat(column, direction)
         return lambda: ca.jtimes(ca.densify(model.expression(quantity)), variables, change)
 
-    builders = {"column_rate": find_change("state_derivative")}
+    changes = {"column_rate": "state_derivative", "tension_column": "member_tension"}
+    builders = {name: find_change(quantity) for name, quantity in changes.items()}
     if model.subject.tension_only.any():
         builders["margin_column"] = find_change("cable_margin")
     model.offer(builders)

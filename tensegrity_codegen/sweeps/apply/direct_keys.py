@@ -24,6 +24,7 @@ from tensegrity_codegen.scene.schema.part_schema import Load, Member
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.sweeps.apply.array_keys import ArrayKey
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, FileKey
@@ -194,9 +195,20 @@ class _KeyReader:
                 velocity = self.scene.nodes[name].velocity or ()
                 row = self.subject.node_name.index(name)
                 return self._find_state("node_velocity", row, self._axis(place, len(velocity)))
+            case ("ground", str(word)) if self._is_direct_of_ground(word):
+                return [("ground", CHANGEABLE.index(word))]
             case (_, str(name), str(word)) if word in OF_MEMBERS:
                 return [(word, row) for row in self._find_rows(steps[0], name, word)]
         return []
+
+    def _is_direct_of_ground(self, word: str) -> bool:
+        """Return whether a number of the ground is stated, and no other one follows from it."""
+        stated, ground = self.scene.ground, getattr(self.subject, "ground", None)
+        if word not in CHANGEABLE or ground is None or getattr(stated, word, None) is None:
+            return False
+        following = {"stiffness": ("stick_stiffness", "stick_damping"), "stick_stiffness": ("stick_damping",)}
+        is_free = all(getattr(stated, name) is not None for name in following.get(word, ()))
+        return is_free and bool(ground.friction > 0) and ground.static_friction is None
 
     def find_stated(self, steps: Sequence[str | int], value: float) -> list[tuple[str, int, float]]:
         """Return which number of STATED of which members is which multiple of a number of the scene."""

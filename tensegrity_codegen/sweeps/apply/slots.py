@@ -4,7 +4,7 @@ Everything else of a structure is constant in the code; its hash says whether tw
 """
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_request, hash_structure, hash_text
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase
 from tensegrity_codegen.system.arrays import FloatArray
@@ -56,11 +57,22 @@ def hash_constants(case: AssembledCase) -> str:
         blank |= {"node_position": position, "node_velocity": np.zeros_like(subject.node_velocity)}
         blank |= {"node_mass": np.zeros(subject.n_nodes)}
         patterns.append(subject.node_mass > 0)
+        if subject.ground is not None:
+            blank["ground"] = _blank_ground(subject.ground)
+            patterns.append(np.array([subject.ground.friction > 0]))
         rigid = find_rigid(subject, request)
         extra = [f"{length:.{DIGITS}g}" for length in subject.member_length()[rigid]]
     shape = hash_structure(subject.with_changes(**blank))
     masks = ["".join("01"[int(x)] for x in pattern) for pattern in patterns]
     return hash_text(shape, hash_request(request), *masks, *extra)
+
+
+def _blank_ground(ground: Ground) -> Ground:
+    """Return the ground with one in place of each number that a library can change at run time."""
+    changed: dict[str, Any] = dict.fromkeys(CHANGEABLE, 1.0)
+    if ground.static_friction is not None or not ground.friction:
+        changed["friction"] = ground.friction
+    return replace(ground, **changed)
 
 
 def name_changed(first: AssembledCase, second: AssembledCase) -> list[str]:
@@ -91,6 +103,8 @@ def _slots_of_nodes(structure: Structure, request: ModelRequest) -> dict[str, Fl
     slots = {name: np.where(elastic, getattr(structure, name), 0.0) for name in OF_MEMBERS}
     slots |= {"gravity": structure.gravity[axes], "node_mass": structure.node_mass}
     slots |= {"node_load": structure.node_load[:, axes]}
+    ground = structure.ground
+    slots |= {} if ground is None else {"ground": np.array([getattr(ground, name) for name in CHANGEABLE])}
     if _moves_anchors(request.formulation):
         held = structure.node_anchored[:, axes]
         slots["anchor_position"] = np.where(held, structure.node_position[:, axes], 0.0)

@@ -152,6 +152,13 @@ STRUCTURES = (
         "Dickinson and Gelinas 1976",
     ),
     Quantity(
+        "tension_column",
+        "dt",
+        "mixed",
+        ("n_members", "n_columns"),
+        "Derivatives of the member tensions along a motion, dt/dx S + dt/dp P.",
+    ),
+    Quantity(
         "margin_column",
         "dg",
         "mixed",

@@ -100,9 +100,11 @@ def test_several_keys_vary_together(name: str, over: list[str], expected: Any) -
 @pytest.mark.parametrize(
     ("over", "n_libraries"),
     [
-        ("gravity[2]=-9.81,-1.6", 2),  # the penetration gives the stiffness by the weight
-        ("shape.node_mass=0.05,0.06", 2),
-        ("ground.friction=0.1,0.2,0.3", 3),
+        ("gravity[2]=-9.81,-1.6", 1),  # the penetration gives the stiffness by the weight
+        ("shape.node_mass=0.05,0.06", 1),
+        ("ground.friction=0.1,0.2,0.3", 1),
+        ("ground.friction=0,0.2", 2),
+        ("ground.penetration=1e-4,2e-4", 1),
         ("ground.slope_deg=0,5", 2),
         ("loads[0].force[2]=-3,-1", 1),
         ("classes.cable.damping=0,1", 1),
@@ -111,6 +113,16 @@ def test_several_keys_vary_together(name: str, over: list[str], expected: Any) -
 def test_a_ground_follows_from_the_values_of_the_case(over: str, n_libraries: int) -> None:
     document = {**scene("prism"), "ground": {"penetration": 1e-4, "friction": 0.5, "offset": -0.1}}
     assert len(group_and_compare(document, build_cases([over]))) == n_libraries
+
+
+@pytest.mark.parametrize("own", [{}, {"stick_damping": 3.0}, {"stick_stiffness": 1e4, "stick_damping": 3.0}])
+@pytest.mark.parametrize("word", ["stiffness", "dissipation", "friction", "stick_stiffness", "stick_damping"])
+def test_numbers_of_a_ground_change_what_follows_from_them(word: str, own: dict[str, float]) -> None:
+    stated = {"stiffness": 2e4, "dissipation": 0.3, "friction": 0.5, "offset": -0.1}
+    document = {**scene("prism"), "ground": {**stated, **own}}
+    groups = group_and_compare(document, build_cases([f"ground.{word}=0.7,0.9,1.1"]))
+    assert len(groups) == 1
+    assert groups[0].request.parameters["ground"]
 
 
 FORMULATIONS: list[tuple[str, dict[str, Any], list[str]]] = [

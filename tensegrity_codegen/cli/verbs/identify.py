@@ -1,0 +1,166 @@
+"""`tensegrity-codegen identify`: numbers of a scene from a measured motion."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tensegrity_codegen.cli.inputs import warn_of_profile
+from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.scene_files import check_result
+from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.cli.verbs.simulate import ProfileOption
+from tensegrity_codegen.system.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.fitting.identification import Identification
+
+DataArgument = Annotated[
+    Path,
+    typer.Argument(
+        help="Table of what was measured (.csv): the column time [s], and t1.x [m], t1.vx [m/s], "
+        "bar1.length [m], bar1.tension [N]; empty cells are missing values.",
+        show_default=False,
+    ),
+]
+ByOption = Annotated[
+    list[str],
+    typer.Option(
+        "--by",
+        help="Number of the scene that is sought: classes.cable.spring_constant, nodes.t1.mass, "
+        "ground.friction; repeat for several.",
+        show_default=False,
+    ),
+]
+BoundsOption = Annotated[
+    list[str] | None,
+    typer.Option("--bounds", help="Least and largest value of a number: KEY=LOW:HIGH; may be repeated."),
+]
+NoiseOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--noise",
+        help="Standard deviation of the measurements: one number, or KIND=SIZE for position, velocity, "
+        "length, tension; default: estimated.",
+    ),
+]
+HoldOutOption = Annotated[
+    float, typer.Option("--hold-out", help="Part of the times, the last ones, that is predicted, not fitted.")
+]
+STRONG = 0.95  # correlations from which two values are named
+
+
+def identify(
+    scene: SceneArgument,
+    data: DataArgument,
+    by: ByOption,
+    bounds: BoundsOption = None,
+    noise: NoiseOption = None,
+    hold_out: HoldOutOption = 0.0,
+    profile: ProfileOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Write the scene with the values found (.toml)."),
+    ] = None,
+    overwrite: OverwriteOption = False,
+    compiler: CompilerOption = None,
+    *,
+    printing: PrintOptions,
+) -> None:
+    """Find stiffnesses, rest lengths, damping, masses or friction from a measured motion.
+
+    The motion starts at time 0 in the state of the scene, whose values are where the search starts. Each
+    value has its standard error; what the data do not show is said. After Ctrl-C the best values so far are
+    written, and the scene of --out goes on from there. Exit code 3 where the search does not converge or the
+    best motion is more than ten times the stated noise off.
+
+    Example: tensegrity-codegen identify prism.toml measured.csv --by classes.cable.spring_constant
+    """
+    output = Output(printing.json, printing.all)
+    with output.guard(scene):
+        from tensegrity_codegen.fitting.identify import identify as find
+        from tensegrity_codegen.runtime.profiles.read_profile import read_profile
+
+        check_result(out, ".toml", inputs=[scene], overwrite=overwrite)
+        limits, sizes = _read_bounds(bounds or []), _read_noise(noise or [])
+        subject, _ = output.load(scene)
+        schedule = None
+        if profile is not None:
+            schedule = read_profile(profile, [item.name for item in subject.inputs])
+            warn_of_profile(schedule, subject, output)
+        with output.progress("identifying") as move:
+            found = find(
+                scene,
+                data,
+                by,
+                bounds=limits,
+                noise=sizes,
+                hold_out=hold_out,
+                schedule=schedule,
+                compiler=compiler,
+                progress=move,
+            )
+        if out is not None:
+            found.write_scene(out, overwrite=overwrite)
+        _report(output, found, out)
+        if found.status != "ok":
+            raise typer.Exit(3)
+
+
+def _read_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Return KEY=LOW:HIGH as bounds by key; raises InvalidValueError for another text."""
+    found = {}
+    for text in texts:
+        key, _, ends = text.partition("=")
+        low, _, high = ends.partition(":")
+        try:
+            found[key] = float(low), float(high)
+        except ValueError:
+            raise InvalidValueError(
+                "not the bounds of a number", where="--bounds", given=text, allowed="KEY=LOW:HIGH"
+            ) from None
+    return found
+
+
+def _read_noise(texts: Sequence[str]) -> float | dict[str, float] | None:
+    """Return one size, sizes by kind, or None; raises InvalidValueError for another text."""
+    try:
+        if len(texts) == 1 and "=" not in texts[0]:
+            return float(texts[0])
+        pairs = [text.partition("=") for text in texts]
+        return {kind: float(size) for kind, _, size in pairs} or None
+    except ValueError:
+        raise InvalidValueError(
+            "not a size of the noise", where="--noise", given=", ".join(texts), allowed="SIZE, or KIND=SIZE"
+        ) from None
+
+
+def _report(output: Output, found: "Identification", out: Path | None) -> None:
+    """Print the verdict, the values, and what a careful reader should know."""
+    from tensegrity_codegen.fitting.measurements import KINDS
+    from tensegrity_codegen.report.result_tables import values_table
+
+    output.warn(*found.warnings)
+    rows = [
+        (key, *numbers)
+        for key, *numbers in zip(
+            found.key, found.value, found.standard_error, *found.interval.T, found.start, strict=True
+        )
+    ]
+    noise = ", ".join(f"{kind} {size:.3g} {KINDS[kind][0]}" for kind, size in found.noise.items())
+    lines = [f"noise: {noise}; residual {found.residual:.3g} times that"]
+    lines += [
+        f"{found.key[i]} and {found.key[j]} are correlated by {found.correlation[i, j]:.3f}"
+        for j in range(len(found.key))
+        for i in range(j)
+        if abs(found.correlation[i, j]) > STRONG and not found.undetermined
+    ]
+    if out is not None:
+        lines.append(str(out))
+    data: dict[str, Any] = {**found.as_evidence(), "out": None if out is None else str(out)}
+    output.result(data, found.headline(), values_table(rows), *lines)
+
+
+VERB = Verb(identify, order=340)
