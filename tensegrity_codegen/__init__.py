@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.control.feedback.time_motion import time_motion
     from tensegrity_codegen.control.planning.plan import plan
     from tensegrity_codegen.export.export_fmu import export_fmu
-    from tensegrity_codegen.fitting.identification import Identification
-    from tensegrity_codegen.fitting.identify import identify
     from tensegrity_codegen.live.draw import draw
     from tensegrity_codegen.live.live_page import LivePage, view
     from tensegrity_codegen.pipeline.build_library import build_library
@@ -71,6 +69,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.structure.structure import Structure
     from tensegrity_codegen.sweeps.cases.sampled import Sampling
     from tensegrity_codegen.sweeps.engines.cluster import Cluster
+    from tensegrity_codegen.sweeps.fitting.identification import Identification
+    from tensegrity_codegen.sweeps.fitting.identify import identify
     from tensegrity_codegen.sweeps.sweep import sweep
     from tensegrity_codegen.system.errors import TensegrityError
     from tensegrity_codegen.tables.request import ModelRequest
@@ -167,8 +167,8 @@ _HOME = {
     "EquilibriumPath": "control.feedback.equilibrium_path",
     "Estimator": "control.feedback.design.estimator",
     "Gains": "control.feedback.design.gains",
-    "Identification": "fitting.identification",
-    "identify": "fitting.identify",
+    "Identification": "sweeps.fitting.identification",
+    "identify": "sweeps.fitting.identify",
     "Gust": "control.feedback.loop.sampled_plant",
     "LinearModel": "runtime.linear.linearize",
     "LivePage": "live.live_page",

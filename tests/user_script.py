@@ -140,4 +140,7 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
     drawn = tc.Sampling({"gravity[2]": "uniform(-10,0)"}, n=4, seed=1, method="sobol")
     assert (tc.sweep(SCENE, do="evaluate", sample=drawn, workers=1)["status"] == 0).all()
     assert tc.Cluster("tcp://10.0.0.1:8786").wait > 0
+    measured = {"time": [0.1, 0.2, 0.3], "t1.z": [0.29, 0.28, 0.29]}
+    identified: tc.Identification = tc.identify(SCENE, measured, ["classes.cable.damping"])
+    assert identified.n_values == 3
     return {"tuning": tuning, "study": study, "runs": runs, "loaded": loaded, "graphs": graphs, "fmu": fmu}

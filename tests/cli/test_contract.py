@@ -66,6 +66,7 @@ GOOD_CALLS = {
         "--longest",
         "0.01",
     ],
+    "identify": ["identify", "two_nodes.toml", "fall.csv", "--by", "classes.cord.spring_constant"],
     "schema": ["schema", "--out", "scene.json"],
     "sensitivity": ["sensitivity", "two_nodes.toml"],
     "simulate": ["simulate", "two_nodes.toml", "--t-end", "0.1"],
@@ -90,6 +91,9 @@ WRONG_USE = {
 def tables(folder: Path) -> None:
     (folder / "nodes.csv").write_text("node,x,y,z,mass,anchored\na,0,0,0,,1\nb,0,0,-1,1,\n", encoding="utf-8")
     write(folder / "frame.toml", FRAME)
+    (folder / "fall.csv").write_text(
+        "time,n2.z\n" + "".join(f"{t},{-1 - 0.5 * 9.81 * t**2}\n" for t in (0.1, 0.2, 0.3)), encoding="utf-8"
+    )
     (folder / "members.csv").write_text(
         "member,kind,node_i,node_j,spring_constant\ns,cable,a,b,100\n", encoding="utf-8"
     )

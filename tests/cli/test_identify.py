@@ -6,7 +6,7 @@ import pytest
 
 from tensegrity_codegen.scene.write import write_scene
 from tests.cli.conftest import Run
-from tests.fitting.scenes import FALL, ROPE, change, measure
+from tests.sweeps.fitting.scenes import FALL, ROPE, change, measure
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from tensegrity_codegen.cli.verbs.simulate import ProfileOption
 from tensegrity_codegen.system.errors import InvalidValueError
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.fitting.identification import Identification
+    from tensegrity_codegen.sweeps.fitting.identification import Identification
 
 DataArgument = Annotated[
     Path,
@@ -80,8 +80,8 @@ def identify(
     """
     output = Output(printing.json, printing.all)
     with output.guard(scene):
-        from tensegrity_codegen.fitting.identify import identify as find
         from tensegrity_codegen.runtime.profiles.read_profile import read_profile
+        from tensegrity_codegen.sweeps.fitting.identify import identify as find
 
         check_result(out, ".toml", inputs=[scene], overwrite=overwrite)
         limits, sizes = _read_bounds(bounds or []), _read_noise(noise or [])
@@ -139,8 +139,8 @@ def _read_noise(texts: Sequence[str]) -> float | dict[str, float] | None:
 
 def _report(output: Output, found: "Identification", out: Path | None) -> None:
     """Print the verdict, the values, and what a careful reader should know."""
-    from tensegrity_codegen.fitting.measurements import KINDS
     from tensegrity_codegen.report.result_tables import values_table
+    from tensegrity_codegen.sweeps.fitting.measurements import KINDS
 
     output.warn(*found.warnings)
     rows = [

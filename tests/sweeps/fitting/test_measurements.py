@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.fitting.measurements import read_measurements
 from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.sweeps.fitting.measurements import read_measurements
 from tensegrity_codegen.system.errors import (
     InvalidValueError,
     NonFiniteError,
@@ -17,7 +17,7 @@ from tensegrity_codegen.system.errors import (
     UnknownKeyError,
     UnknownNameError,
 )
-from tests.fitting.scenes import FALL
+from tests.sweeps.fitting.scenes import FALL
 
 
 @pytest.fixture(scope="module")

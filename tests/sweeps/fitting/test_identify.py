@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.fitting.identify import identify
 from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.sweeps.fitting.identify import identify
 from tensegrity_codegen.system.errors import (
     FormulationError,
     InvalidValueError,
@@ -15,7 +15,7 @@ from tensegrity_codegen.system.errors import (
     UnknownNameError,
 )
 from tests.cases import thorough
-from tests.fitting.scenes import FALL, PRISM, ROD, ROPE, change, measure
+from tests.sweeps.fitting.scenes import FALL, PRISM, ROD, ROPE, change, measure
 
 TIMES = np.arange(1, 301) / 100.0
 START = change(

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.fitting.measurements import KINDS
 from tensegrity_codegen.scene.write import write_scene
+from tensegrity_codegen.sweeps.fitting.measurements import KINDS
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.summaries import Fact, Summarised, describe_number

@@ -9,12 +9,12 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.fitting.identification import NAMED, Identification, Undetermined
-from tensegrity_codegen.fitting.keyed_motion import METHOD, KeyedMotion, MotionSlopes, RunSettings
-from tensegrity_codegen.fitting.measurements import KINDS, Measurements, read_measurements
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.apply.array_keys import ArrayKey
+from tensegrity_codegen.sweeps.fitting.identification import NAMED, Identification, Undetermined
+from tensegrity_codegen.sweeps.fitting.keyed_motion import METHOD, KeyedMotion, MotionSlopes, RunSettings
+from tensegrity_codegen.sweeps.fitting.measurements import KINDS, Measurements, read_measurements
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_names, check_positive, is_number
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, check_choice
@@ -105,7 +105,7 @@ def identify(
     >>> from tensegrity_codegen import compile_scene, identify, simulate
     >>> motion = simulate(compile_scene("two_nodes.toml", for_="simulate"), 1.0)
     >>> measured = {"time": motion.time, "n2.z": motion.node_position[:, 1, 2]}
-    >>> found = identify("two_nodes.toml", measured, ["members.member1.spring_constant"])
+    >>> found = identify("two_nodes.toml", measured, ["classes.cord.spring_constant"])
     >>> found.status, round(float(found.value[0]), 6)
     ('ok', 80.0)
     """

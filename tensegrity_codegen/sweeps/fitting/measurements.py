@@ -1,4 +1,4 @@
-"""What was measured of a motion: a table of times and values, in which parts may be missing."""
+"""Measurements of a motion: a table of times and values, in which parts may be missing."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
