@@ -1,4 +1,4 @@
-"""Identification: numbers of a scene from a measured motion, by least squares with exact derivatives."""
+"""Identification: numbers of a scene from measured motions or states at rest, by least squares."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,11 +9,13 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.scene.schema.schema import Scene
-from tensegrity_codegen.sweeps.apply.array_keys import ArrayKey
 from tensegrity_codegen.sweeps.fitting.identification import NAMED, Identification, Undetermined
-from tensegrity_codegen.sweeps.fitting.keyed_motion import METHOD, KeyedMotion, MotionSlopes, RunSettings
+from tensegrity_codegen.sweeps.fitting.keyed_motion import METHOD, KeyedMotion, RunSettings
+from tensegrity_codegen.sweeps.fitting.keyed_scene import KeyedScene, require_nodes
+from tensegrity_codegen.sweeps.fitting.keyed_statics import KeyedStatics
 from tensegrity_codegen.sweeps.fitting.measurements import KINDS, Measurements, read_measurements
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_names, check_positive, is_number
@@ -50,7 +52,7 @@ def identify(
     compiler: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Identification:
-    """Find numbers of a scene so that its motion is the measured one.
+    """Find numbers of a scene so that its motion, or its equilibria, are the measured ones.
 
     Parameters
     ----------
@@ -65,11 +67,12 @@ def identify(
         Least and largest value of keys; by default what the scene allows.
     noise : float or mapping of str to float, optional
         Standard deviation of the measurements: one number for all, or by kind (``position`` and ``length``
-        [m], ``velocity`` [m/s], ``tension`` [N]). By default it is estimated from the residuals.
+        [m], ``velocity`` [m/s], ``tension`` [N], ``frequency`` [Hz]). By default it is estimated from the
+        residuals.
     hold_out : float
-        Part of the times, the last ones, that is predicted instead of fitted.
+        Part of the times or states, the last ones, that is predicted instead of fitted.
     method, rtol : str and float
-        Integrator with error control, and the relative tolerance of its steps.
+        Of motions: integrator with error control, and the relative tolerance of its steps.
     schedule : Profile, optional
         Inputs over time.
     compiler : str, optional
@@ -93,12 +96,13 @@ def identify(
     FormulationError
         Motions of the scene have no derivatives.
     ConvergenceError
-        The motion at the start of the search fails.
+        The motion, or an equilibrium, at the start of the search fails.
 
     Notes
     -----
     Weighted least squares by `scipy.optimize.least_squares` with the derivatives that are integrated beside
-    the motion (docs/model.md); short times are fitted first. Covariance (J^T J)^-1.
+    the motion (docs/model.md), short times first; those of equilibria are central differences. Covariance
+    (J^T J)^-1.
 
     Examples
     --------
@@ -115,18 +119,23 @@ def identify(
     if not (is_number(hold_out) and 0.0 <= hold_out < 1.0):
         raise InvalidValueError("not a part", where="hold_out", given=hold_out, allowed="0 or more, below 1")
     check_positive(rtol, "rtol", "")
-    problem = KeyedMotion(scene, names, RunSettings(method, rtol, schedule), compiler)
-    data = read_measurements(measured, problem.structure)
+    subject, _ = load_scene(scene)
+    data = read_measurements(measured, require_nodes(subject, subject.name))
+    problem: KeyedMotion | KeyedStatics
+    if data.is_static:
+        problem = KeyedStatics(scene, names, data, compiler)
+    else:
+        problem = KeyedMotion(scene, names, RunSettings(method, rtol, schedule), compiler)
     limits = _read_bounds(problem, bounds or {})
     fit = _Fit(problem, data, limits, _read_noise(noise, data), hold_out, progress)
     return fit.run()
 
 
-def _read_bounds(problem: KeyedMotion, bounds: Mapping[str, tuple[float, float]]) -> FloatArray:
+def _read_bounds(problem: KeyedScene, bounds: Mapping[str, tuple[float, float]]) -> FloatArray:
     """Return least and largest values of the keys, (2, n_keys); raises for those that exclude the start."""
     for key in bounds:
         check_choice(key, problem.keys, "key", "bounds")
-    allowed = problem.assembler.bounds
+    allowed = problem.assembler.bounds[: len(problem.keys)]
     rows = []
     for key, own, start in zip(problem.keys, allowed, problem.start.tolist(), strict=True):
         low, high = bounds.get(key, (own.lower, own.upper))
@@ -166,7 +175,7 @@ def _read_noise(noise: float | Mapping[str, float] | None, data: Measurements) -
 class _Fit:
     """One search: the problem, what was measured, and the noise that is known so far."""
 
-    problem: KeyedMotion
+    problem: KeyedMotion | KeyedStatics
     data: Measurements
     limits: FloatArray
     noise: dict[str, float] | None
@@ -190,9 +199,9 @@ class _Fit:
             )
         is_given, noise = self.noise is not None, self.noise or self._guess_noise()
         scaled, status = self.problem.start / self.problem.size, "ok"
-        self._evaluate(scaled, used, first=True)
+        self._evaluate(scaled, used)
         try:
-            for part in HORIZONS:
+            for part in () if self.data.is_static else HORIZONS:
                 until = int(part * used)
                 enough = np.isfinite(self.data.value[:until]).sum() > 2 * n_keys
                 if until >= MIN_TIMES_IN_PART and enough:
@@ -261,8 +270,8 @@ class _Fit:
         def find_residuals(x: FloatArray) -> FloatArray:
             try:
                 left = ((self._evaluate(x, until)[0] - data) / sigma)[present]
-            except ConvergenceError:
-                left = np.full(int(present.sum()), 1e6)  # a motion that fails is far from any measured one
+            except (ConvergenceError, InvalidValueError):
+                left = np.full(int(present.sum()), 1e6)  # what fails is far from all that was measured
             cost = float(left @ left)
             if until == self._count_used() and (self.best is None or cost < self.best[0]):
                 self.best = cost, x.copy()
@@ -287,35 +296,15 @@ class _Fit:
             self.progress(min(0.95, self.n_motions / MAX_RUNS))
         return np.asarray(found.x), bool(found.status > 0)
 
-    def _evaluate(
-        self, scaled: FloatArray, until: int, *, first: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
+    def _evaluate(self, scaled: FloatArray, until: int) -> tuple[FloatArray, FloatArray]:
         """Return values (until, n_channels) and their derivatives (..., n_keys) along the motion."""
         key = scaled.tobytes() + until.to_bytes(8, "little")
         if key not in self.known:
             while len(self.known) >= MAX_KNOWN:
                 self.known.pop(next(iter(self.known)))
-            time = self.data.time[:until]
-            times = time if time[0] == 0.0 else np.concatenate([[0.0], time])
-            run = self.problem.run(scaled * self.problem.size, times)
             self.n_motions += 1
-            if run.motion.status != "ok":
-                raise ConvergenceError(
-                    f"the motion {'at the start of the search' if first else ''} fails: {run.motion.message}",
-                    where=self.problem.assembler.where,
-                    hint="values of the scene nearer to the measured motion, or a shorter time",
-                )
-            self.known[key] = self._read(run, len(times) - len(time))
+            self.known[key] = self.problem.observe(scaled * self.problem.size, self.data, until)
         return self.known[key]
-
-    def _read(self, run: MotionSlopes, first: int) -> tuple[FloatArray, FloatArray]:
-        """Return the channels along a motion, from a sample on."""
-        values, slopes = [], []
-        for item in self.data.channels:
-            place: Any = (slice(first, None), *item.place)
-            values.append(_find_values(run, item.quantity)[place])
-            slopes.append(getattr(run, item.quantity)[place])
-        return np.stack(values, axis=1), np.stack(slopes, axis=1)
 
     def _judge(
         self, scaled: FloatArray, used: int, noise: Mapping[str, float], status: str, is_given: bool
@@ -350,7 +339,7 @@ class _Fit:
             if own > 1.0
         ]
         unknown = tuple(item for item in directions if not set(item.part) <= set(idle))
-        whiteness = _find_whiteness(fitted)
+        whiteness = float("nan") if self.data.is_static else _find_whiteness(fitted)
         held = left[used:][np.isfinite(left[used:])]
         held_out = float(np.sqrt(np.mean(held**2))) if held.size else float("nan")
         warnings = _find_warnings(size if is_given else 1.0, whiteness, held_out, unknown, idle)
@@ -362,7 +351,6 @@ class _Fit:
             "interrupted": f"interrupted after {self.n_motions} motions; these are the best values so far",
             "not_explained": f"the best motion is {size:.3g} times the stated noise off",
         }
-        can_write = not any(isinstance(key, ArrayKey) for key in problem.assembler.keys)
         return Identification(
             status=status,
             message=messages[status],
@@ -381,17 +369,8 @@ class _Fit:
             n_values=n_values,
             n_motions=self.n_motions,
             warnings=warnings,
-            document=problem.write(found) if can_write else {},
+            document=problem.write(found),
         )
-
-
-def _find_values(run: MotionSlopes, quantity: str) -> FloatArray:
-    """Return a quantity at the samples, (n_t, ...)."""
-    if quantity != "member_length":
-        return np.asarray(getattr(run.motion, quantity))
-    ends = np.array(run.model.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
-    apart = run.motion.node_position[:, ends[:, 1]] - run.motion.node_position[:, ends[:, 0]]
-    return np.asarray(np.linalg.norm(apart, axis=-1))
 
 
 def _name_direction(keys: Sequence[str], way: FloatArray, error: float, part: FloatArray) -> Undetermined:

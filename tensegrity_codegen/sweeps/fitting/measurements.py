@@ -1,7 +1,7 @@
-"""Measurements of a motion: a table of times and values, in which parts may be missing."""
+"""Measurements of a motion, or of states at rest: a table of values, in which parts may be missing."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -9,19 +9,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_doubles
-from tensegrity_codegen.scene.formats.files.csv_table import read_table
+from tensegrity_codegen.scene.formats.files.csv_table import LARGEST_TABLE, read_lines, read_table
+from tensegrity_codegen.scene.formats.imported import read_text
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, check_choice
 
 TIME = "time"
+TIMES = (TIME, f"{TIME} [s]")
 # Kinds of measurements: unit, and the quantity that they are entries of.
 KINDS = {
     "position": ("m", "node_position"),
     "velocity": ("m/s", "node_velocity"),
     "length": ("m", "member_length"),
     "tension": ("N", "member_tension"),
+    "frequency": ("Hz", "natural_frequency"),
 }
+FREQUENCY = "frequency"  # of states at rest, from 1 for the lowest on
+MOST_FREQUENCIES = 20
+OF_MOTIONS = ("velocity",)
 IGNORED = ("kinetic_energy [J]", "total_energy [J]")  # columns of files of motions that are no measurements
 
 
@@ -46,24 +52,31 @@ class Channel:
 
 @dataclass(frozen=True)
 class Measurements:
-    """Values of channels over time.
+    """Values of channels over time, or in states at rest.
 
     Attributes
     ----------
     time : ndarray, shape (n_t,) [s]
-        Increasing, from 0 or later on; the motion starts at 0 in the state of the scene.
+        Increasing, from 0 or later on; the motion starts at 0 in the state of the scene. Of states at rest
+        their numbers.
     channels : tuple of Channel
         What was measured.
     value : ndarray, shape (n_t, n_channels)
         Values in the units of the channels, NaN where one is missing.
     source : str
         The file, for messages.
+    is_static : bool
+        Whether these are states at rest.
+    conditions : mapping of str to ndarray, shape (n_t,)
+        Of states at rest: keys of the scene, and their values in each state.
     """
 
     time: FloatArray
     channels: tuple[Channel, ...]
     value: FloatArray
     source: str = "measured"
+    is_static: bool = False
+    conditions: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -74,7 +87,7 @@ class Measurements:
 def list_channels(structure: Structure) -> dict[str, Channel]:
     """Return all that can be measured of a structure, by its name as in files of motions.
 
-    ``t1.x [m]``, ``t1.vx [m/s]``, ``bar1.length [m]``, ``bar1.tension [N]``.
+    ``t1.x [m]``, ``t1.vx [m/s]``, ``bar1.length [m]``, ``bar1.tension [N]``; ``frequency.1 [Hz]``.
     """
     return {f"{item.name} [{item.unit}]": item for item in _list(structure)}
 
@@ -87,6 +100,8 @@ def _list(structure: Structure) -> Iterator[Channel]:
     for member, name in enumerate(structure.member_name):
         yield Channel(f"{name}.length", "length", (member,))
         yield Channel(f"{name}.tension", "tension", (member,))
+    for number in range(min(MOST_FREQUENCIES, structure.n_coordinates)):
+        yield Channel(f"{FREQUENCY}.{number + 1}", FREQUENCY, (number,))
 
 
 def read_measurements(
@@ -99,7 +114,10 @@ def read_measurements(
     measured : str, Path, mapping or Measurements
         File with the column ``time`` and columns as ``t1.x``, ``t1.vx``, ``bar1.length``, ``bar1.tension``,
         each with or without its unit (``t1.x [m]``, as files of motions have them); cells of what is missing
-        are empty. Or a mapping of such names to arrays (n_t,), NaN where a value is missing.
+        are empty. Without ``time`` each row is a state at rest, which may have natural frequencies
+        (``frequency.1``), and other columns are keys of the scene with their values in each state
+        (``loads[0].force[2]``, ``input.winch``). Or a mapping of such names to arrays (n_t,), NaN where a
+        value is missing.
     structure : Structure
         Whose nodes and members are named.
 
@@ -123,62 +141,60 @@ def read_measurements(
         return measured
     known = list_channels(structure)
     known |= {item.name: item for item in known.values()}
-    if isinstance(measured, str | Path):
-        names, table, source = _read_file(Path(measured), known)
-    else:
-        names, table = _read_arrays(measured, known)
-        source = "measured"
-    channels = tuple(known[name] for name in names[1:])
+    source = str(measured) if isinstance(measured, str | Path) else "measured"
+    columns = _read_file(Path(source), known) if source != "measured" else _read_arrays(measured, known)
+    time = columns.pop(TIME, None)
+    channels = tuple(known[name] for name in columns if name in known)
     _check_twice(channels, source)
-    found = Measurements(table[:, 0], channels, table[:, 1:], source)
+    count = len(next(iter(columns.values()))) if columns else 0
+    value = np.array([columns[name] for name in columns if name in known]).reshape(len(channels), count).T
+    conditions = {name: values for name, values in columns.items() if name not in known}
+    numbers = np.arange(count, dtype=float) if time is None else time
+    found = Measurements(numbers, channels, value, source, time is None, conditions)
     _check(found)
     return found
 
 
-def _read_file(path: Path, known: Mapping[str, Channel]) -> tuple[list[str], FloatArray, str]:
-    rows = read_table(path, (TIME, f"{TIME} [s]", *known, *IGNORED), ())
-    header = list(rows[0].cells) if rows else []
-    time = next((name for name in (TIME, f"{TIME} [s]") if name in header), None)
-    if time is None:
+def _read_file(path: Path, known: Mapping[str, Channel]) -> dict[str, FloatArray]:
+    """Return the columns of a table by name; the times by the name TIME."""
+    first = next(read_lines(read_text(path, LARGEST_TABLE, "a CSV table"), path), (0, []))
+    is_motion = any(name in TIMES for name in first[1])
+    conditions = [] if is_motion else [name for name in first[1] if name and name not in (*known, *IGNORED)]
+    rows = read_table(path, (*TIMES, *known, *IGNORED, *conditions), ())
+    if not rows:
         raise InvalidValueError(
-            "the table has no times" if rows else "the table has no rows",
-            where=str(path),
-            given=", ".join(header) or "nothing",
-            allowed=f"a column {TIME} [s], and columns of what was measured then",
+            "the table has no rows", where=str(path), allowed="a row for each time or state"
         )
-    names = [time, *(name for name in header if name not in (time, *IGNORED))]
-    numbers = [[row.number(name) for name in names] for row in rows]
-    missing = [row for row, cells in zip(rows, numbers, strict=True) if cells[0] is None]
-    if missing:
-        missing[0].text(time)  # which refuses an empty cell
-    table = np.array([[np.nan if cell is None else cell for cell in cells] for cells in numbers])
-    return names, table.reshape(len(rows), len(names)), str(path)
+    found = {}
+    for name in (name for name in rows[0].cells if name not in IGNORED):
+        if name in TIMES or name in conditions:
+            for row in rows:
+                row.text(name)  # which refuses an empty cell
+        cells = [row.number(name) for row in rows]
+        found[TIME if name in TIMES else name] = np.array([np.nan if x is None else x for x in cells])
+    return found
 
 
-def _read_arrays(
-    measured: Mapping[str, ArrayLike], known: Mapping[str, Channel]
-) -> tuple[list[str], FloatArray]:
-    time = next((name for name in (TIME, f"{TIME} [s]") if name in measured), None)
-    if time is None:
-        raise InvalidValueError(
-            "no times are given",
-            where="measured",
-            given=", ".join(measured) or "nothing",
-            allowed=f"{TIME!r}",
-        )
-    names = [time, *(name for name in measured if name != time and name not in IGNORED)]
-    for name in names[1:]:
-        check_choice(name, known, "measured number", "measured")
-    arrays = [np.asarray(to_doubles(measured[name], name, "(n_t,)"), dtype=float) for name in names]
-    for name, array in zip(names, arrays, strict=True):
-        if array.shape != (arrays[0].size,):
+def _read_arrays(measured: Any, known: Mapping[str, Channel]) -> dict[str, FloatArray]:
+    """Return arrays by name; the times by the name TIME."""
+    is_motion = any(name in TIMES for name in measured)
+    found = {}
+    for name, given in measured.items():
+        if name in IGNORED:
+            continue
+        if is_motion:
+            check_choice(name, (*TIMES, *known), "measured number", "measured")
+        found[TIME if name in TIMES else name] = np.asarray(to_doubles(given, name, "(n_t,)"), dtype=float)
+    count = len(next(iter(found.values()))) if found else 0
+    for name, array in found.items():
+        if array.shape != (count,):
             raise InvalidValueError(
-                "as many values as times are needed",
+                "as many values as times or states are needed",
                 where=f"measured: {name}",
                 given=array.shape,
-                allowed=f"({arrays[0].size},), NaN where a value is missing",
+                allowed=f"({count},), NaN where a value is missing",
             )
-    return names, np.column_stack(arrays)
+    return found
 
 
 def _check_twice(channels: Sequence[Channel], source: str) -> None:
@@ -190,6 +206,16 @@ def _check_twice(channels: Sequence[Channel], source: str) -> None:
 
 def _check(found: Measurements) -> None:
     time, where = found.time, f"{found.source}: {TIME}"
+    wrong = OF_MOTIONS if found.is_static else (FREQUENCY,)
+    for item in found.channels:
+        if item.kind in wrong:
+            raise InvalidValueError(
+                "states at rest have no velocities" if found.is_static else "motions have no frequencies",
+                where=found.source,
+                given=item.name,
+                allowed="other measurements",
+                hint=f"a table with the column {TIME} is a motion, one without it states at rest",
+            )
     if np.isinf(found.value).any():
         raise NonFiniteError("a measured value is infinite", where=found.source, allowed="finite values")
     if not found.channels or not found.count:
@@ -209,7 +235,7 @@ def _check(found: Measurements) -> None:
             given=first,
             allowed="increasing times from 0 on",
         )
-    if time[-1] == 0.0:
+    if time[-1] == 0.0 and not found.is_static:
         raise InvalidValueError(
             "all was measured at the start", where=where, given="0 s", allowed="times after 0"
         )

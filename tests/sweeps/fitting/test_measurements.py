@@ -46,12 +46,27 @@ def test_empty_cells_are_missing(structure: Structure, tmp_path: Path) -> None:
     assert [item.unit for item in found.channels] == ["m", "m"]
 
 
+def test_tables_without_times_are_states_at_rest(structure: Structure, tmp_path: Path) -> None:
+    text = "loads[0].force[2],weight.z,frequency.1 [Hz]\n-1,-1.1,\n-2,,1.6\n"
+    (tmp_path / "m.csv").write_text(text, encoding="utf-8")
+    found = read_measurements(tmp_path / "m.csv", structure)
+    assert found.is_static
+    assert {key: values.tolist() for key, values in found.conditions.items()} == {
+        "loads[0].force[2]": [-1.0, -2.0]
+    }
+    assert [(item.kind, item.place) for item in found.channels] == [("position", (1, 2)), ("frequency", (0,))]
+    np.testing.assert_array_equal(found.value, [[-1.1, np.nan], [np.nan, 1.6]])
+
+
 @pytest.mark.parametrize(
     ("text", "error", "word"),
     [
         ("", SceneError, "empty"),
         ("time,weight.z\n", InvalidValueError, "no rows"),
-        ("weight.z\n1\n", InvalidValueError, "no times"),
+        ("weight.vz\n1\n", InvalidValueError, "no velocities"),
+        ("time,frequency.1\n1,2\n", InvalidValueError, "no frequencies"),
+        ("weight.z,loads[0].force[2]\n1,\n", InvalidValueError, "empty"),
+        ("loads[0].force[2]\n1\n", InvalidValueError, "nothing was measured"),
         ("time\n1\n", InvalidValueError, "nothing was measured"),
         ("time,weight.z\n1,\n", InvalidValueError, "nothing was measured"),
         ("time,weihgt.z\n1,2\n", UnknownKeyError, "weight.z"),
@@ -78,7 +93,7 @@ def test_wrong_tables_are_refused(
 @pytest.mark.parametrize(
     ("arrays", "error", "word"),
     [
-        ({"weight.z": [1.0]}, InvalidValueError, "no times"),
+        ({}, InvalidValueError, "nothing was measured"),
         ({"time": [1.0], "weight.w": [1.0]}, UnknownNameError, "weight"),
         ({"time": [1.0, 2.0], "weight.z": [1.0]}, InvalidValueError, "as many values"),
         ({"time": [1.0], "weight.z": [np.inf]}, NonFiniteError, "infinite"),
