@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.engines.cluster import Cluster
     from tensegrity_codegen.sweeps.fitting.identification import Identification
     from tensegrity_codegen.sweeps.fitting.identify import identify
+    from tensegrity_codegen.sweeps.fitting.optimise import Design, LossGradient, optimise
     from tensegrity_codegen.sweeps.sweep import sweep
     from tensegrity_codegen.system.errors import TensegrityError
     from tensegrity_codegen.tables.request import ModelRequest
@@ -85,6 +86,7 @@ __all__ = [
     "ControlStudy",
     "ControllerBundle",
     "ControllerCode",
+    "Design",
     "Disturbance",
     "Draws",
     "Equilibria",
@@ -97,6 +99,7 @@ __all__ = [
     "LinearModel",
     "LivePage",
     "LoadedController",
+    "LossGradient",
     "ModelRequest",
     "Motion",
     "PlanResult",
@@ -133,6 +136,7 @@ __all__ = [
     "linearize",
     "load_controller",
     "load_scene",
+    "optimise",
     "plan",
     "read_profile",
     "read_scene",
@@ -169,6 +173,9 @@ _HOME = {
     "Gains": "control.feedback.design.gains",
     "Identification": "sweeps.fitting.identification",
     "identify": "sweeps.fitting.identify",
+    "Design": "sweeps.fitting.optimise",
+    "LossGradient": "sweeps.fitting.optimise",
+    "optimise": "sweeps.fitting.optimise",
     "Gust": "control.feedback.loop.sampled_plant",
     "LinearModel": "runtime.linear.linearize",
     "LivePage": "live.live_page",

@@ -47,8 +47,8 @@ def columns_context(manifest: Manifest) -> dict[str, Any] | None:
         for item in (item for item in manifest.arguments if item.name == name):
             rows[name] = list(range(first, first + len(item.nominal)))
             first += len(item.nominal)
-    rows[PULL] = [-1] * pull_size(manifest.axes)
-    driven = [row for name in manifest.driven for row in rows[name]]
+    sizes = {item.name: len(item.nominal) for item in manifest.arguments} | {PULL: pull_size(manifest.axes)}
+    driven = [row for name in manifest.driven for row in rows.get(name, [-1] * sizes[name])]
     cables = functions["margin_column"].shape[0] if "margin_column" in functions else 0
     moved = 2 * len(manifest.coordinate_name) + len(manifest.internal_name)
     is_directed = any("direction" in item.arguments for item in functions.values())

@@ -14,7 +14,7 @@ from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.fitting.identification import NAMED, Identification, Undetermined
 from tensegrity_codegen.sweeps.fitting.keyed_motion import METHOD, KeyedMotion, RunSettings
-from tensegrity_codegen.sweeps.fitting.keyed_scene import KeyedScene, require_nodes
+from tensegrity_codegen.sweeps.fitting.keyed_scene import read_bounds, require_nodes
 from tensegrity_codegen.sweeps.fitting.keyed_statics import KeyedStatics
 from tensegrity_codegen.sweeps.fitting.measurements import KINDS, Measurements, read_measurements
 from tensegrity_codegen.system.arrays import FloatArray
@@ -126,29 +126,9 @@ def identify(
         problem = KeyedStatics(scene, names, data, compiler)
     else:
         problem = KeyedMotion(scene, names, RunSettings(method, rtol, schedule), compiler)
-    limits = _read_bounds(problem, bounds or {})
+    limits = read_bounds(problem, bounds or {})
     fit = _Fit(problem, data, limits, _read_noise(noise, data), hold_out, progress)
     return fit.run()
-
-
-def _read_bounds(problem: KeyedScene, bounds: Mapping[str, tuple[float, float]]) -> FloatArray:
-    """Return least and largest values of the keys, (2, n_keys); raises for those that exclude the start."""
-    for key in bounds:
-        check_choice(key, problem.keys, "key", "bounds")
-    allowed = problem.assembler.bounds[: len(problem.keys)]
-    rows = []
-    for key, own, start in zip(problem.keys, allowed, problem.start.tolist(), strict=True):
-        low, high = bounds.get(key, (own.lower, own.upper))
-        if not (low < high and low <= start <= high):
-            raise InvalidValueError(
-                "the bounds exclude the value that the search starts from",
-                where=f"bounds: {key}",
-                given=f"{low:g} to {high:g}",
-                allowed=f"bounds around {start:g}, the value in the scene",
-                hint="change the scene, or the bounds",
-            )
-        rows.append((max(low, own.lower), min(high, own.upper)))
-    return np.array(rows).T
 
 
 def _read_noise(noise: float | Mapping[str, float] | None, data: Measurements) -> dict[str, float] | None:

@@ -5,6 +5,7 @@ differences; those of the motion are columns along these directions, so that a n
 costs one column.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,7 +26,7 @@ from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.fitting.keyed_scene import STEP, KeyedScene
 from tensegrity_codegen.sweeps.fitting.measurements import Measurements
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import ConvergenceError
+from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, check_choice
 from tensegrity_codegen.tables.quantities import DIRECTED
 
 METHOD = "rk853"
@@ -40,13 +41,36 @@ class RunSettings:
     schedule: Profile | None = None
 
 
+# A knot of the profile of an input: its name, and the number of the knot from 0 on.
+KNOT = re.compile(r"profile\.(\w+)\[(\d{1,9})\]")
+KNOT_SIZE = 0.01  # size of the knots of an input that are all zero, in the unit of the input
+
+
+def _find_knot(text: str, schedule: Profile | None, where: str) -> tuple[str, int]:
+    """Return input and number of a knot; raises InvalidValueError or UnknownNameError where there is none."""
+    found = KNOT.fullmatch(text)
+    assert found is not None
+    name, number = found[1], int(found[2])
+    if schedule is None:
+        raise InvalidValueError("there is no profile", where=where, given=text, allowed="inputs over time")
+    check_choice(name, schedule.values, "input of the profile", where)
+    if number >= len(schedule.time):
+        raise InvalidValueError(
+            "the profile has fewer knots",
+            where=where,
+            given=text,
+            allowed=f"profile.{name}[0] to profile.{name}[{len(schedule.time) - 1}]",
+        )
+    return name, number
+
+
 class KeyedMotion(KeyedScene):
     """The motion of a scene as a function of some of its numbers.
 
     Parameters
     ----------
     scene, keys
-        As of `KeyedScene`.
+        As of `KeyedScene`; also knots of the profile of an input, as ``profile.winch[2]``.
     settings : RunSettings
         Method, tolerance, inputs over time.
     compiler : str, optional
@@ -67,8 +91,15 @@ class KeyedMotion(KeyedScene):
         settings: RunSettings,
         compiler: str | None = None,
     ) -> None:
-        super().__init__(scene, keys)
-        self.settings = settings
+        knots = [text for text in keys if KNOT.fullmatch(text)]
+        super().__init__(scene, [text for text in keys if text not in knots])
+        self.settings, self.n_scene = settings, len(self.keys)
+        self.knots = tuple(_find_knot(text, settings.schedule, self.assembler.where) for text in knots)
+        if self.knots:
+            self.keys = (*self.keys, *knots)
+            self.start = np.append(self.start, [self._schedule.values[name][k] for name, k in self.knots])
+            largest = [float(np.abs(self._schedule.values[name]).max()) for name, _ in self.knots]
+            self.size = np.append(self.size, [size or KNOT_SIZE for size in largest])
         request = self.group.request
         wanted = find_needs("simulate", self.structure, request, method=settings.method).alone(request)
         wanted = replace(wanted, directions=self.keys, batch_width=0, keep=(), interfaces=(), flags="native")
@@ -78,18 +109,42 @@ class KeyedMotion(KeyedScene):
         built = build_library(self.structure, wanted, compiler=compiler, calls=MANY_CALLS)
         self.model: CompiledModel = built.load()
 
+    @property
+    def _schedule(self) -> Profile:
+        assert self.settings.schedule is not None
+        return self.settings.schedule
+
+    def build_schedule(self, values: FloatArray, direction: FloatArray | None = None) -> Profile | None:
+        """Return the inputs over time with values (n_keys,) of the keys, and what columns are along.
+
+        direction: (n_directed, n_keys), what does not change with time; None leaves it out.
+        """
+        if not self.knots:
+            return self.settings.schedule
+        found = {name: np.array(column) for name, column in self._schedule.values.items()}
+        for (name, k), value in zip(self.knots, values[self.n_scene :], strict=True):
+            found[name][k] = value
+        if direction is not None:
+            rows = np.tile(direction, (len(self._schedule.time), 1, 1))
+            first = direction.shape[0] - len(self.model.manifest.input_name)
+            for column, (name, k) in enumerate(self.knots, start=self.n_scene):
+                rows[k, first + self.model.manifest.input_name.index(name), column] = self.size[column]
+            found["direction"] = rows
+        return Profile(self._schedule.time, found, self._schedule.kind)
+
     def differentiate(self, values: FloatArray) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
         """Return the arguments of the library for values (n_keys,), and their derivatives (..., n_keys).
 
         The derivatives are to each value over its size at the start.
         """
-        count, rows = len(values), self.vary(values, np.zeros(0), STEP)
+        count = self.n_scene
+        rows = self.vary(values[:count], np.zeros(0), STEP)
         found = self.apply(rows)
-        over = (np.diagonal(rows[1 : count + 1]) - np.diagonal(rows[count + 1 :])) / self.size
-        slopes = {
-            name: np.moveaxis(value[1 : count + 1] - value[count + 1 :], 0, -1) / over
-            for name, value in found.items()
-        }
+        over = (np.diagonal(rows[1 : count + 1]) - np.diagonal(rows[count + 1 :])) / self.size[:count]
+        slopes = {}
+        for name, value in found.items():
+            own = np.moveaxis(value[1 : count + 1] - value[count + 1 :], 0, -1) / over
+            slopes[name] = np.concatenate([own, np.zeros((*own.shape[:-1], len(values) - count))], axis=-1)
         return {name: value[0] for name, value in found.items()}, slopes
 
     def observe(self, values: FloatArray, data: Measurements, until: int) -> tuple[FloatArray, FloatArray]:
@@ -131,6 +186,7 @@ class KeyedMotion(KeyedScene):
         column = np.vstack([column, np.zeros((len(manifest.internal_name), count))])
         columns = {"column": column, "direction": stack(DIRECTED)}
         columns = {name: value for name, value in columns.items() if name in shapes}
+        schedule = self.build_schedule(values, columns.pop("direction", None) if self.knots else None)
         motion = simulate(
             self.model,
             float(times[-1]),
@@ -138,26 +194,27 @@ class KeyedMotion(KeyedScene):
             method=self.settings.method,
             rtol=self.settings.rtol,
             arguments={**arguments, **columns},
-            schedule=self.settings.schedule,
+            schedule=schedule,
             coordinate=coordinate,
             velocity=velocity,
             stepping=Stepping(control="steps"),
         )
-        return MotionSlopes(self.model, motion, arguments, columns.get("direction"), slopes)
+        chosen = schedule if self.knots else columns.get("direction")
+        return MotionSlopes(self.model, motion, arguments, chosen, slopes)
 
 
 @dataclass(frozen=True)
 class MotionSlopes:
     """A motion, and the derivatives of what can be measured along it, to each value over its size.
 
-    arguments: of the motion, without what follows a profile; direction: (n_directed, n_keys); slopes:
-    derivatives of the arguments.
+    arguments: of the motion, without what follows a profile; direction: (n_directed, n_keys), or the profile
+    that has it; slopes: derivatives of the arguments.
     """
 
     model: CompiledModel
     motion: Trajectory
     arguments: Mapping[str, FloatArray]
-    direction: FloatArray | None
+    direction: FloatArray | Profile | None
     slopes: Mapping[str, FloatArray]
 
     @property
@@ -212,12 +269,14 @@ class MotionSlopes:
         """Derivatives of all member tensions, (n_t, n_members, n_keys) [N]."""
         spec = next(item for item in self.model.manifest.functions if item.quantity == "tension_column")
         motion, given = self.motion, {**self.arguments}
-        if self.direction is not None:
+        if isinstance(self.direction, np.ndarray):
             given["direction"] = self.direction
         found = np.empty((len(motion.time), len(motion.member_name), self.columns.shape[2]))
         for k in range(len(motion.time)):
             given |= {"coordinate": motion.coordinate[k], "velocity": motion.velocity[k]}
             given["column"] = self.columns[k]
+            if isinstance(self.direction, Profile):
+                given["direction"] = self.direction(float(motion.time[k]))["direction"]
             if motion.input is not None:
                 given["input"] = motion.input[k]
             found[k] = self.model.compute(

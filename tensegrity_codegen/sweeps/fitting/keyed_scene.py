@@ -15,8 +15,9 @@ from tensegrity_codegen.sweeps.apply.group_cases import find_groups
 from tensegrity_codegen.sweeps.apply.mapper import CaseGroup
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.table import Table
+from tensegrity_codegen.sweeps.key_schema import ANY
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
 STEP = 1e-5  # of a number: half the distance of the differences by which scenes are differentiated
 
@@ -65,7 +66,7 @@ class KeyedScene:
         given: values of the further keys, (n_given,); step: part of the sizes at the start. A value stays
         where its key does not allow more or less.
         """
-        steps = step * self.size
+        steps = step * self.size[: len(values)]
         moved = values + np.vstack([np.zeros(len(values)), np.diag(steps), -np.diag(steps)])
         rows = np.hstack([moved, np.tile(given, (len(moved), 1))])
         outside = ~self.assembler.in_bounds(rows)
@@ -93,10 +94,12 @@ class KeyedScene:
 
     def write(self, values: FloatArray) -> dict[str, Any]:
         """Return the scene with these values (n_keys,); empty for keys of the assembled structure."""
-        keys = self.assembler.keys[: len(self.keys)]
+        keys = self.assembler.keys[: len(self.assembler.keys) - len(self.given)]
         if any(isinstance(key, ArrayKey) for key in keys):
             return {}
-        return dict(CaseAssembler(self.assembler.document, self.assembler.where, keys).write(values))
+        return dict(
+            CaseAssembler(self.assembler.document, self.assembler.where, keys).write(values[: len(keys)])
+        )
 
     def _find_group(self, start: FloatArray, size: FloatArray) -> CaseGroup:
         """Return the cases near the start; raises InvalidValueError for keys that change the code."""
@@ -115,6 +118,27 @@ class KeyedScene:
                 hint="masses of bars are constants: identify those of their nodes",
             )
         return first
+
+
+def read_bounds(problem: KeyedScene, bounds: Mapping[str, tuple[float, float]]) -> FloatArray:
+    """Return least and largest values of the keys, (2, n_keys); raises for those that exclude the start."""
+    for key in bounds:
+        check_choice(key, problem.keys, "key", "bounds")
+    own_keys = len(problem.assembler.keys) - len(problem.given)
+    allowed = [*problem.assembler.bounds[:own_keys], *[ANY] * (len(problem.keys) - own_keys)]
+    rows = []
+    for key, own, start in zip(problem.keys, allowed, problem.start.tolist(), strict=True):
+        low, high = bounds.get(key, (own.lower, own.upper))
+        if not (low < high and low <= start <= high):
+            raise InvalidValueError(
+                "the bounds exclude the value that the search starts from",
+                where=f"bounds: {key}",
+                given=f"{low:g} to {high:g}",
+                allowed=f"bounds around {start:g}, the value in the scene",
+                hint="change the scene, or the bounds",
+            )
+        rows.append((max(low, own.lower), min(high, own.upper)))
+    return np.array(rows).T
 
 
 def require_nodes(subject: Subject, where: str) -> Structure:

@@ -1,0 +1,267 @@
+"""Design by gradients: numbers of a scene, and inputs over time, so that a motion does what is asked."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from tensegrity_codegen.runtime.profiles.profile import Profile
+from tensegrity_codegen.runtime.simulate.given import read_sample_times
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.sweeps.fitting.keyed_motion import METHOD, KeyedMotion, MotionSlopes, RunSettings
+from tensegrity_codegen.sweeps.fitting.keyed_scene import read_bounds
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_callback, check_names, check_whole
+from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, NonFiniteError
+from tensegrity_codegen.system.summaries import Fact, Summarised
+
+# What a loss may depend on: name of its gradient -> quantity of a motion.
+OBSERVED = ("node_position", "node_velocity", "member_length", "member_tension")
+Loss = Callable[[Trajectory], tuple[float, Mapping[str, FloatArray]]]
+
+
+class LossGradient:
+    """The gradient of a loss of a motion to numbers of its scene.
+
+    Parameters
+    ----------
+    scene : str, Path, mapping or Scene
+        As for `read_scene`.
+    keys : sequence of str
+        Numbers of the scene, as of `identify`; also knots of `schedule`, as ``profile.winch[2]``.
+    loss : callable
+        Trajectory -> value, and its derivatives to quantities at the samples: a mapping from
+        ``"node_position"`` (n_t, n_nodes, 3), ``"node_velocity"``, ``"member_length"`` (n_t, n_members) or
+        ``"member_tension"`` to arrays of their shape.
+    t_end : float
+        End time [s].
+    samples : int or array_like
+        As of `simulate`.
+    method, rtol : str and float
+        Integrator with error control, and the relative tolerance of its steps.
+    schedule : Profile, optional
+        Inputs over time.
+
+    Raises
+    ------
+    UnknownKeyError, InvalidValueError, FormulationError
+        As of `identify`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensegrity_codegen import LossGradient
+    >>> def depth(motion):
+    ...     at = np.zeros_like(motion.node_position)
+    ...     at[-1, 1, 2] = 1.0
+    ...     return motion.node_position[-1, 1, 2], {"node_position": at}
+    >>> gradient = LossGradient("two_nodes.toml", ["classes.cord.spring_constant"], depth, 1.0)
+    >>> value, slope = gradient([80.0])
+    >>> round(value, 4), slope.shape
+    (-1.1085, (1,))
+    """
+
+    def __init__(
+        self,
+        scene: str | Path | Mapping[str, Any] | Scene,
+        keys: Sequence[str],
+        loss: Loss,
+        t_end: float,
+        *,
+        samples: int | ArrayLike = 101,
+        method: str = METHOD,
+        rtol: float = 1e-9,
+        schedule: Profile | None = None,
+        compiler: str | None = None,
+    ) -> None:
+        check_callback(loss, "loss")
+        self.loss = loss
+        self.times = read_sample_times(samples, t_end)
+        names = check_names(keys, "keys")
+        self.problem = KeyedMotion(scene, names, RunSettings(method, rtol, schedule), compiler)
+        self.n_motions = 0
+        self.motion: Trajectory | None = None  # the last one
+
+    def __call__(self, values: ArrayLike) -> tuple[float, FloatArray]:
+        """Return the loss and its gradient (n_keys,) at values of the keys (n_keys,).
+
+        Raises ConvergenceError where the motion fails, InvalidValueError for values that make no scene or a
+        loss of another form, NonFiniteError for a loss that is not finite.
+        """
+        given = np.asarray(values, dtype=np.float64)
+        if given.shape != self.problem.start.shape:
+            raise InvalidValueError(
+                "one value a key is needed",
+                where="values",
+                given=given.shape,
+                allowed=f"({len(self.problem.keys)},): {', '.join(self.problem.keys)}",
+            )
+        run = self.problem.run(given, self.times)
+        self.n_motions += 1
+        if run.motion.status != "ok":
+            raise ConvergenceError(
+                f"the motion fails: {run.motion.message}", where=self.problem.assembler.where
+            )
+        self.motion = run.motion
+        return self._differentiate(run)
+
+    def _differentiate(self, run: MotionSlopes) -> tuple[float, FloatArray]:
+        found = self.loss(run.motion)
+        if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], Mapping)):
+            raise InvalidValueError(
+                "a loss returns its value and a mapping of its derivatives",
+                where="loss",
+                given=type(found).__name__,
+                allowed=f"(value, {{name: array}}) with the names {', '.join(OBSERVED)}",
+            )
+        value, slopes = float(found[0]), np.zeros(len(self.problem.keys))
+        for name, part in found[1].items():
+            if name not in OBSERVED:
+                raise InvalidValueError(
+                    "a loss has no derivative to this", where="loss", given=name, allowed=", ".join(OBSERVED)
+                )
+            along, part = getattr(run, name), np.asarray(part, dtype=np.float64)
+            if part.shape != along.shape[:-1]:
+                raise InvalidValueError(
+                    "a derivative of the loss has another shape",
+                    where=f"loss: {name}",
+                    given=part.shape,
+                    allowed=str(along.shape[:-1]),
+                )
+            slopes += np.tensordot(part, along, axes=part.ndim)
+        if not (np.isfinite(value) and np.isfinite(slopes).all()):
+            raise NonFiniteError("the loss or its gradient is not finite", where="loss", given=value)
+        return value, slopes / self.problem.size
+
+
+@dataclass(frozen=True, repr=False)
+class Design(Summarised):
+    """Numbers of a scene with the least loss that was found.
+
+    Attributes
+    ----------
+    status, message : str
+        ``"ok"``, or ``"not_converged"``: the best values so far.
+    key : tuple of str
+        The numbers.
+    value, start, gradient : ndarray, shape (n_keys,)
+        Values found and at the start, and the gradient of the loss there.
+    loss, start_loss : float
+        Loss there and at the start.
+    n_motions : int
+        Number of motions that were integrated with derivatives.
+    motion : Trajectory
+        The motion with the values found.
+    document : mapping
+        The scene with the values found; empty for keys that no scene states.
+    schedule : Profile or None
+        Inputs over time, with the knots found.
+    """
+
+    status: str
+    message: str
+    key: tuple[str, ...]
+    value: FloatArray
+    start: FloatArray
+    gradient: FloatArray
+    loss: float
+    start_loss: float
+    n_motions: int
+    motion: Trajectory
+    document: Mapping[str, Any]
+    schedule: Profile | None = None
+
+    def headline(self) -> str:
+        """Return status and message."""
+        return f"{self.status}: {self.message}"
+
+    def facts(self) -> list[Fact]:
+        """Return the losses, then the values."""
+        rows = zip(self.key, self.value, self.start, strict=True)
+        values = [(key, f"{value:.6g} (from {start:.6g})") for key, value, start in rows]
+        return [("loss", f"{self.loss:.6g} (from {self.start_loss:.6g})"), *values]
+
+
+def optimise(
+    gradient: LossGradient,
+    *,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    max_iterations: int = 100,
+    tolerance: float = 1e-9,
+) -> Design:
+    """Find the numbers of a scene with the least loss of its motion, from those that it states.
+
+    Parameters
+    ----------
+    gradient : LossGradient
+        The loss, as a function of numbers of a scene.
+    bounds : mapping of str to (float, float), optional
+        Least and largest value of keys; by default what the scene allows.
+    max_iterations : int
+        Largest number of iterations.
+    tolerance : float
+        Relative change of the loss from which the search ends.
+
+    Returns
+    -------
+    Design
+        Values, loss, motion, and the scene with the values.
+
+    Raises
+    ------
+    UnknownNameError, InvalidValueError
+        Bounds of another key, or that exclude the start.
+    ConvergenceError
+        The motion at the start fails.
+
+    Notes
+    -----
+    `scipy.optimize.minimize` with L-BFGS-B and the exact gradient, over values that are parts of those at the
+    start. A local minimum; losses with contacts have many.
+    """
+    check_whole(max_iterations, "max_iterations", 1)
+    problem = gradient.problem
+    low, high = read_bounds(problem, bounds or {}) / problem.size
+    start = problem.start / problem.size
+    start_loss, first = gradient(problem.start)
+    best: list[Any] = [start_loss, problem.start, first, gradient.motion]
+
+    def compute(scaled: FloatArray) -> tuple[float, FloatArray]:
+        values = scaled * problem.size
+        try:
+            loss, slope = gradient(values)
+        except ConvergenceError:
+            return 1e3 * (abs(start_loss) + 1.0), np.zeros(len(scaled))  # the line search comes back
+        if loss < best[0]:
+            best[:] = [loss, values.copy(), slope, gradient.motion]
+        return loss, slope * problem.size
+
+    found = scipy.optimize.minimize(
+        compute,
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=list(zip(low.tolist(), high.tolist(), strict=True)),
+        options={"maxiter": max_iterations, "ftol": tolerance, "gtol": 1e-12},
+    )
+    is_found = bool(found.success)
+    text = f"loss {best[0]:.6g} from {start_loss:.6g}, {gradient.n_motions} motions"
+    return Design(
+        status="ok" if is_found else "not_converged",
+        message=text if is_found else f"{text}; {found.message}",
+        key=problem.keys,
+        value=best[1],
+        start=problem.start,
+        gradient=best[2],
+        loss=float(best[0]),
+        start_loss=float(start_loss),
+        n_motions=gradient.n_motions,
+        motion=best[3],
+        document=problem.write(best[1]),
+        schedule=problem.build_schedule(best[1]),
+    )
