@@ -1,6 +1,7 @@
 """A user's script with every public name, typed; tests/test_python_manners.py runs it."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -140,7 +141,15 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
     drawn = tc.Sampling({"gravity[2]": "uniform(-10,0)"}, n=4, seed=1, method="sobol")
     assert (tc.sweep(SCENE, do="evaluate", sample=drawn, workers=1)["status"] == 0).all()
     assert tc.Cluster("tcp://10.0.0.1:8786").wait > 0
-    measured = {"time": [0.1, 0.2, 0.3], "t1.z": [0.29, 0.28, 0.29]}
-    identified: tc.Identification = tc.identify(SCENE, measured, ["classes.cable.damping"])
+    measured = {"time": [0.1, 0.2, 0.3], "load.z": [-1.04, -1.1, -1.12]}
+    identified: tc.Identification = tc.identify(SCENE, measured, ["classes.spring.spring_constant"])
     assert identified.n_values == 3
+
+    def loss(moved: tc.Trajectory) -> tuple[float, dict[str, Any]]:
+        return float((moved.node_position**2).sum()), {"node_position": 2.0 * moved.node_position}
+
+    design: tc.Design = tc.optimise(
+        tc.LossGradient(SCENE, ["gravity[2]"], loss, 0.1, samples=3), max_iterations=1
+    )
+    assert design.loss <= design.start_loss
     return {"tuning": tuning, "study": study, "runs": runs, "loaded": loaded, "graphs": graphs, "fmu": fmu}

@@ -24,6 +24,7 @@ VERBS = [
     "equilibrium",
     "examples",
     "export",
+    "identify",
     "import",
 ]
 VERBS += [

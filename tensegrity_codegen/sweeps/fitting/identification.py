@@ -49,7 +49,7 @@ class Identification(Summarised):
     ----------
     status : str
         ``"ok"``; ``"not_converged"``, ``"interrupted"``: the best values so far; ``"not_explained"``: the
-        residual is far above the stated noise.
+        residual is far above the stated noise; ``"sensitive"``: the motion is too sensitive for derivatives.
     message : str
         What that means here.
     key : tuple of str

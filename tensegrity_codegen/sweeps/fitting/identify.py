@@ -27,6 +27,7 @@ MAX_RUNS = 60  # of one fit
 MAX_NOISE_ROUNDS = 6  # estimates of the noise
 NOISE_CHANGE = 0.01  # part by which the noise may still change
 LEAST_NOISE = 1e-12  # of the largest value of a kind
+EXACT = 1e-7  # of the largest value: residuals below are errors of the integration
 POOR, HOPELESS = 2.0, 10.0  # residuals over the stated noise: a warning, and a status of its own
 WRONG_UNITS = 1000.0
 NOT_WHITE = 1e-3
@@ -319,16 +320,25 @@ class _Fit:
             if own > 1.0
         ]
         unknown = tuple(item for item in directions if not set(item.part) <= set(idle))
-        whiteness = float("nan") if self.data.is_static else _find_whiteness(fitted)
+        # Residuals as small as the error of the integration are no noise.
+        is_noise = any(size > EXACT * self._floor(kind) / LEAST_NOISE for kind, size in noise.items())
+        whiteness = _find_whiteness(fitted) if is_noise and not self.data.is_static else float("nan")
         held = left[used:][np.isfinite(left[used:])]
         held_out = float(np.sqrt(np.mean(held**2))) if held.size else float("nan")
         warnings = _find_warnings(size if is_given else 1.0, whiteness, held_out, unknown, idle)
+        lost = None
+        if isinstance(problem, KeyedMotion):
+            lost = problem.find_loss_of_meaning(found, self.data, slopes)
+        if lost is not None and status == "ok":
+            status = "sensitive"
         if is_given and size >= HOPELESS and status == "ok":
             status = "not_explained"
         messages = {
             "ok": f"{n_values} values, {self.n_motions} motions, residual {size:.3g} times the noise",
             "not_converged": f"the search has not converged after {self.n_motions} motions",
             "interrupted": f"interrupted after {self.n_motions} motions; these are the best values so far",
+            "sensitive": f"from {lost} s on the motion depends on its numbers so strongly that no derivative "
+            "is right: fit a shorter time",
             "not_explained": f"the best motion is {size:.3g} times the stated noise off",
         }
         return Identification(

@@ -30,6 +30,8 @@ from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError
 from tensegrity_codegen.tables.quantities import DIRECTED
 
 METHOD = "rk853"
+FINER = 100.0  # times the accuracy of the steps that derivatives are compared with
+MEANINGLESS = 0.1  # of the largest derivative so far: a difference from which derivatives mean nothing
 
 
 @dataclass(frozen=True)
@@ -147,13 +149,28 @@ class KeyedMotion(KeyedScene):
             slopes[name] = np.concatenate([own, np.zeros((*own.shape[:-1], len(values) - count))], axis=-1)
         return {name: value[0] for name, value in found.items()}, slopes
 
-    def observe(self, values: FloatArray, data: Measurements, until: int) -> tuple[FloatArray, FloatArray]:
+    def find_loss_of_meaning(
+        self, values: FloatArray, data: Measurements, slopes: FloatArray
+    ) -> float | None:
+        """Return the first time [s] from which derivatives mean nothing, None where they do to the end.
+
+        slopes: (n_t, n_channels, n_keys); they are compared with those of steps a hundred times as accurate.
+        """
+        _, exact = self.observe(values, data, len(data.time), accuracy=FINER)
+        size = np.maximum.accumulate(np.abs(exact).max(axis=1), axis=0)
+        error = np.abs(slopes - exact).max(axis=1)
+        wrong = np.flatnonzero((error > MEANINGLESS * np.where(size > 0.0, size, 1.0)).any(axis=1))
+        return float(data.time[wrong[0]]) if wrong.size else None
+
+    def observe(
+        self, values: FloatArray, data: Measurements, until: int, accuracy: float = 1.0
+    ) -> tuple[FloatArray, FloatArray]:
         """Return what is measured at the times before `until`, and its derivatives (..., n_keys).
 
-        Raises ConvergenceError where the motion fails.
+        accuracy: the relative tolerance is divided by it. Raises ConvergenceError where the motion fails.
         """
         time = data.time[:until]
-        run = self.run(values, time if time[0] == 0.0 else np.concatenate([[0.0], time]))
+        run = self.run(values, time if time[0] == 0.0 else np.concatenate([[0.0], time]), accuracy)
         if run.motion.status != "ok":
             raise ConvergenceError(
                 f"the motion fails: {run.motion.message}",
@@ -166,7 +183,7 @@ class KeyedMotion(KeyedScene):
             np.stack([getattr(run, item.quantity)[place] for item, place in places], axis=1),
         )
 
-    def run(self, values: FloatArray, times: FloatArray) -> "MotionSlopes":
+    def run(self, values: FloatArray, times: FloatArray, accuracy: float = 1.0) -> "MotionSlopes":
         """Return the motion at sample times (n_t,), the first 0, with values (n_keys,) of the keys."""
         arguments, slopes = self.differentiate(values)
         coordinate, velocity = (arguments.pop(name, None) for name in ("coordinate", "velocity"))
@@ -192,7 +209,7 @@ class KeyedMotion(KeyedScene):
             float(times[-1]),
             samples=times,
             method=self.settings.method,
-            rtol=self.settings.rtol,
+            rtol=self.settings.rtol / accuracy,
             arguments={**arguments, **columns},
             schedule=schedule,
             coordinate=coordinate,

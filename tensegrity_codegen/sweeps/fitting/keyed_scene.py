@@ -19,6 +19,7 @@ from tensegrity_codegen.sweeps.key_schema import ANY
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
+MARGIN = 1e-4  # of a number: distance from a bound that it must not reach
 STEP = 1e-5  # of a number: half the distance of the differences by which scenes are differentiated
 
 
@@ -127,7 +128,9 @@ def read_bounds(problem: KeyedScene, bounds: Mapping[str, tuple[float, float]]) 
     own_keys = len(problem.assembler.keys) - len(problem.given)
     allowed = [*problem.assembler.bounds[:own_keys], *[ANY] * (len(problem.keys) - own_keys)]
     rows = []
-    for key, own, start in zip(problem.keys, allowed, problem.start.tolist(), strict=True):
+    for key, own, start, size in zip(
+        problem.keys, allowed, problem.start.tolist(), problem.size, strict=True
+    ):
         low, high = bounds.get(key, (own.lower, own.upper))
         if not (low < high and low <= start <= high):
             raise InvalidValueError(
@@ -137,7 +140,9 @@ def read_bounds(problem: KeyedScene, bounds: Mapping[str, tuple[float, float]]) 
                 allowed=f"bounds around {start:g}, the value in the scene",
                 hint="change the scene, or the bounds",
             )
-        rows.append((max(low, own.lower), min(high, own.upper)))
+        # An end that is not allowed itself is kept away from.
+        near, far = MARGIN * size * own.lower_is_open, MARGIN * size * own.upper_is_open
+        rows.append((max(low, own.lower + near), min(high, own.upper - far)))
     return np.array(rows).T
 
 

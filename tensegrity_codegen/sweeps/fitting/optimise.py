@@ -63,7 +63,7 @@ class LossGradient:
     >>> gradient = LossGradient("two_nodes.toml", ["classes.cord.spring_constant"], depth, 1.0)
     >>> value, slope = gradient([80.0])
     >>> round(value, 4), slope.shape
-    (-1.1085, (1,))
+    (-1.0002, (1,))
     """
 
     def __init__(
@@ -223,6 +223,19 @@ def optimise(
     -----
     `scipy.optimize.minimize` with L-BFGS-B and the exact gradient, over values that are parts of those at the
     start. A local minimum; losses with contacts have many.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensegrity_codegen import LossGradient, optimise
+    >>> def miss(motion):  # the mass shall be 1.1 m below the anchor at the end
+    ...     at = np.zeros_like(motion.node_position)
+    ...     at[-1, 1, 2] = motion.node_position[-1, 1, 2] + 1.1
+    ...     return 0.5 * at[-1, 1, 2] ** 2, {"node_position": at}
+    >>> gradient = LossGradient("two_nodes.toml", ["classes.cord.spring_constant"], miss, 0.4)
+    >>> found = optimise(gradient)
+    >>> found.status, round(float(found.motion.node_position[-1, 1, 2]), 4)
+    ('ok', -1.1)
     """
     check_whole(max_iterations, "max_iterations", 1)
     problem = gradient.problem
@@ -235,7 +248,7 @@ def optimise(
         values = scaled * problem.size
         try:
             loss, slope = gradient(values)
-        except ConvergenceError:
+        except (ConvergenceError, InvalidValueError):
             return 1e3 * (abs(start_loss) + 1.0), np.zeros(len(scaled))  # the line search comes back
         if loss < best[0]:
             best[:] = [loss, values.copy(), slope, gradient.motion]

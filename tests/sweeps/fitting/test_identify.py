@@ -115,6 +115,35 @@ def test_times_that_are_held_out_are_predicted() -> None:
     assert found.n_values == 210
 
 
+PENDULUM: dict[str, Any] = {
+    "name": "pendulum",
+    "axes": "xz",
+    "gravity": [0, -9.81],
+    "nodes": {
+        "top": {"position": [0, 0], "anchored": True},
+        "a": {"position": [1, 0.2], "mass": 1.0},
+        "b": {"position": [2, 0.5], "mass": 1.0},
+    },
+    "members": {
+        "one": {"nodes": ["top", "a"], "kind": "bar", "spring_constant": 2000.0},
+        "two": {"nodes": ["a", "b"], "kind": "bar", "spring_constant": 2000.0},
+    },
+    "model": {"quantities": ["acceleration"]},
+}
+
+
+def test_a_motion_that_tumbles_loses_its_derivatives_at_a_time() -> None:
+    """A double pendulum of two elastic rods: right for 3 s, without meaning after 16 s."""
+    keys = ["nodes.b.mass"]
+    short = identify(PENDULUM, measure(PENDULUM, np.linspace(0.1, 3, 30), ["b.x"], 1e-3), keys, noise=1e-3)
+    assert short.status == "ok"
+    times = np.linspace(0.2, 16, 80)
+    with_error = {"time": times, "b.x": np.sin(times)}  # its own motion is not known either
+    long = identify(PENDULUM, with_error, keys, noise=10.0)
+    assert long.status == "sensitive"
+    assert 8.0 < float(long.message.split()[1]) < 16.0
+
+
 def test_data_that_no_motion_explains_are_said_to_be_so() -> None:
     data = measure(FALL, TIMES, ["weight.z"], 5e-4)
     millimetres = {**data, "weight.z": 1000.0 * data["weight.z"]}
