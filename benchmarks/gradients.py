@@ -1,0 +1,205 @@
+"""Gradients of a motion with contacts: columns beside the motion, differences of motions, and diffrax.
+
+python benchmarks/gradients.py [--document docs/identify.md]   diffrax's rows need jax and diffrax
+
+The tilted prism of benchmarks/ground.py (three rigid bars, nine damped cables, friction), dropped from 0.5
+m, 0.6 s, 30 events; the x of its last node at the end, to the logarithms of nine rest lengths, of the
+stiffness and of the friction of the ground. Errors are of the largest entry of the gradient, against
+columns at a relative tolerance of 1e-12; cost is times one motion at the same tolerance. Times are medians
+of CPU time over rounds that take turns, of whole runs called from Python.
+"""
+
+import argparse
+import importlib.util
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from harness.turns import replace_figures, table_text, time_in_turns
+from numpy.typing import NDArray
+
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
+from tensegrity_codegen.runtime.integrate.event_log import Watch
+from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.provenance import name_processor
+from tensegrity_codegen.tables.request import ModelRequest
+from tests.ground_cases import GRAVITY, make_prism
+from tests.runtime.integrate.test_ground import rotate
+
+FloatArray = NDArray[np.float64]
+BEGIN, END = "<!-- gradients: benchmarks/gradients.py -->", "<!-- end of gradients -->"
+T_END, ROUNDS, NUMBERS = 0.6, 7, 11
+TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-10)
+STEPS = (1e-2, 1e-4, 1e-6)
+
+
+def main() -> None:
+    """Print a table, or write it into a document."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--document", type=Path, help="a page whose figures between the marks are replaced")
+    chosen = parser.parse_args()
+    prism = make_prism(rotate((0.0, 0.3, 0.2)))
+    plain, wide = (build(prism, columns) for columns in ((), ("rest_length", "ground")))
+    size = np.concatenate([wide.nominal("rest_length"), wide.nominal("ground")])
+    exact = find_columns(wide, 1e-12) * size
+    runs: dict[str, Callable[[], FloatArray]] = {}
+    for rtol in TOLERANCES:
+        runs[f"columns, rk853 at {rtol:.0e}"] = lambda r=rtol: find_columns(wide, r) * size  # type: ignore[misc]
+    for step in STEPS:
+        name = f"central differences, step {step:.0e}, rk853 at 1e-08"
+        runs[name] = lambda h=step: find_differences(plain, h, 1e-8)  # type: ignore[misc]
+    notes = dict.fromkeys(runs, "")
+    if importlib.util.find_spec("diffrax"):
+        for name, (run, compiled) in build_diffrax(prism).items():
+            runs[name], notes[name] = run, f"and {compiled:.0f} s to compile"
+    errors = {name: float(np.abs(run() - exact).max() / np.abs(exact).max()) for name, run in runs.items()}
+    own = {f"motion at {r:.0e}": lambda r=r: move(plain, r) for r in TOLERANCES}
+    times = time_in_turns({**own, **runs}, ROUNDS)
+    rows = []
+    for name in runs:
+        rtol = next((r for r in TOLERANCES if name.endswith(f"at {r:.0e}")), None)
+        cost = "" if rtol is None else f"{(times[name] / times[f'motion at {rtol:.0e}'] - 1) / NUMBERS:.2f}"
+        rows.append((name, f"{errors[name]:.1e}", f"{1e3 * times[name]:.1f}", cost, notes[name]))
+    head = ("gradient to 11 numbers", "error", "CPU [ms]", "motions a number", "")
+    text = f"Measured on {name_processor()}.\n\n{table_text(head, rows)}"
+    print(text)
+    if chosen.document:
+        replace_figures(chosen.document, BEGIN, END, text)
+
+
+def build(prism: Structure, columns: tuple[str, ...]) -> CompiledModel:
+    """Return the prism's library, whose cables and ground can change."""
+    cables = tuple(int(e) for e in np.flatnonzero(prism.tension_only))
+    request = ModelRequest(
+        SIMULATION_QUANTITIES,
+        formulation="rigid_bar",
+        integrators=("rk853",),
+        parameters={"rest_length": cables, "ground": (0, 2)},
+        columns=columns,
+    )
+    return build_library(prism, request, flags="native").load()
+
+
+def integrate(model: CompiledModel, rtol: float, **arguments: FloatArray) -> Any:
+    """Return the samples at the start and the end of a motion."""
+    state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
+    watch = Watch(("cable", "ground", "stick"))
+    motion = Motion(model, state, np.array([0.0, T_END]), arguments=arguments, watch=watch)
+    return integrate_adaptive(motion, RunOptions("rk853", rtol, rtol / 100))
+
+
+def move(model: CompiledModel, rtol: float, **arguments: FloatArray) -> float:
+    """Return x of the last node at the end."""
+    return float(integrate(model, rtol, **arguments).state[-1][15])
+
+
+def find_columns(model: CompiledModel, rtol: float) -> FloatArray:
+    """Return the derivatives of x of the last node at the end, (11,)."""
+    return np.asarray(integrate(model, rtol).columns[-1][15])
+
+
+def find_differences(model: CompiledModel, step: float, rtol: float) -> FloatArray:
+    """Return central differences to the logarithms of the numbers."""
+    found = []
+    for name in ("rest_length", "ground"):
+        nominal = model.nominal(name)
+        for k in range(nominal.size):
+            ends = []
+            for sign in (1.0, -1.0):
+                changed = nominal.copy()
+                changed[k] *= 1.0 + sign * step
+                ends.append(move(model, rtol, **{name: changed}))
+            found.append((ends[0] - ends[1]) / (2.0 * step))
+    return np.array(found)
+
+
+def build_diffrax(prism: Structure) -> dict[str, tuple[Callable[[], FloatArray], float]]:
+    """Return gradients by diffrax of the same equations, with contacts by `where`, and seconds to compile."""
+    import diffrax
+    import jax
+    import jax.numpy as jnp
+
+    jax.config.update("jax_enable_x64", True)
+    ground, ends = prism.ground, jnp.array(prism.connectivity)
+    assert ground is not None
+    bars, cables = np.flatnonzero(prism.is_rigid), np.flatnonzero(prism.tension_only)
+    mass = np.diag(prism.node_mass)
+    for e in bars:
+        i, j = prism.connectivity[e]
+        part = prism.member_mass[e] / 6.0
+        mass[[i, j], [i, j]] += 2.0 * part
+        mass[[i, j], [j, i]] += part
+    masses, weight = (
+        jnp.array(np.kron(mass, np.eye(3))),
+        jnp.array(mass @ np.tile([0.0, 0.0, -GRAVITY], (6, 1))),
+    )
+    spring, damping = jnp.array(prism.spring_constant[cables]), jnp.array(prism.damping[cables])
+    rest, rigid, soft = jnp.array(prism.rest_length[cables]), jnp.array(bars), jnp.array(cables)
+
+    def rate(time: Any, state: Any, logs: Any) -> Any:
+        q, v, s = state[:18].reshape(6, 3), state[18:36].reshape(6, 3), state[36:].reshape(6, 2)
+        span, speed = q[ends[:, 1]] - q[ends[:, 0]], v[ends[:, 1]] - v[ends[:, 0]]
+        length = jnp.linalg.norm(span, axis=1)
+        stretch = length[soft] - rest * jnp.exp(logs[:9])
+        pull = spring * stretch + damping * (span * speed).sum(axis=1)[soft] / length[soft]
+        tension = jnp.where((stretch > 0.0) & (pull > 0.0), pull, 0.0)
+        force = weight
+        along = tension[:, None] * span[soft] / length[soft][:, None]
+        force = force.at[ends[soft, 0]].add(along).at[ends[soft, 1]].add(-along)
+        depth = -q[:, 2]
+        press = jnp.where(depth > 0.0, ground.stiffness * jnp.exp(logs[9]) * depth, 0.0)
+        press = press * jnp.maximum(0.0, 1.0 - ground.dissipation * v[:, 2])
+        trial = ground.stick_stiffness * s + ground.stick_damping * v[:, :2]
+        size = jnp.sqrt((trial**2).sum(axis=1) + 1e-300)
+        limit = ground.friction * jnp.exp(logs[10]) * press
+        friction = trial * jnp.minimum(1.0, limit / size)[:, None]
+        force = force.at[:, 2].add(press).at[:, :2].add(-friction)
+        rows = jnp.zeros((3, 6, 3)).at[jnp.arange(3), ends[rigid, 0]].add(-span[rigid])
+        rows = rows.at[jnp.arange(3), ends[rigid, 1]].add(span[rigid]).reshape(3, 18)
+        matrix = jnp.block([[masses, rows.T], [rows, jnp.zeros((3, 3))]])
+        right = jnp.concatenate([force.reshape(-1), -(speed[rigid] ** 2).sum(axis=1)])
+        fall = jnp.linalg.solve(matrix, right)[:18]
+        slide = (friction - ground.stick_stiffness * s) / ground.stick_damping
+        return jnp.concatenate([v.reshape(-1), fall, slide.reshape(-1)])
+
+    start = jnp.concatenate([jnp.array(prism.node_position).reshape(-1), jnp.zeros(30)])
+
+    def end(logs: Any, adjoint: Any) -> Any:
+        found = diffrax.diffeqsolve(
+            diffrax.ODETerm(rate),
+            diffrax.Dopri8(),
+            0.0,
+            T_END,
+            1e-3,
+            start,
+            logs,
+            stepsize_controller=diffrax.PIDController(rtol=1e-8, atol=1e-10, dtmax=0.01),
+            max_steps=100_000,
+            adjoint=adjoint,
+            saveat=diffrax.SaveAt(t1=True),
+        )
+        return found.ys[-1][15]
+
+    at, found = jnp.zeros(NUMBERS), {}
+    kinds = {
+        "diffrax, Dopri8 at 1e-08, forward": jax.jacfwd(lambda p: end(p, diffrax.ForwardMode())),
+        "diffrax, Dopri8 at 1e-08, adjoint": jax.grad(lambda p: end(p, diffrax.RecursiveCheckpointAdjoint())),
+    }
+    for name, function in kinds.items():
+        compiled = jax.jit(function)
+        began = time.perf_counter()
+        compiled(at).block_until_ready()
+        seconds = time.perf_counter() - began
+        found[name] = (lambda f=compiled: np.asarray(f(at).block_until_ready()), seconds)  # type: ignore[misc]
+    return found
+
+
+if __name__ == "__main__":
+    main()
