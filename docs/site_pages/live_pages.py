@@ -16,7 +16,7 @@ from site_pages.links import ROOT
 # What a live page is made by: the package, its templates.
 SOURCES = (ROOT / "tensegrity_codegen", ROOT / "templates")
 # Scenes that begin as stated, out of equilibrium, since their motion is the point; the others begin settled.
-MOVING = ("two_nodes", "icosahedron", "savin_prism", "superball_drop", "icosahedron_roll")
+MOVING = ("two_nodes", "icosahedron", "savin_prism", "superball_drop", "icosahedron_roll", "crawling_spine")
 
 
 def write_live_pages(site: Path, cache: Path) -> list[str]:
