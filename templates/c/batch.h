@@ -205,4 +205,32 @@ static inline void motion_each_lane(
 }
 
 #endif
+#if WITH_EACH_STATE
+/* The rates of whole states with internal ones, lane by lane likewise. */
+static inline void motion_each_state(
+    void (*function)(const real *, const real *, const motion_arguments *, real *), const motion_batch *m,
+    const real *state, real *result)
+{
+  real *row = m->row;
+  int i, j, k;
+  for (k = 0; k < WIDTH; ++k) {
+    if (m->source[k] != k) {
+      continue;
+    }
+    for (j = 0; j < N_STATES; ++j) {
+      row[N_STATES + j] = (real)0.0;
+    }
+    if (m->runs[k]) {
+      motion_lane(state, N_STATES, k, row);
+      function(row, row + N, m->with + k, row + N_STATES);
+    }
+    for (i = 0; i < WIDTH; ++i) {
+      for (j = 0; j < N_STATES && m->source[i] == k; ++j) {
+        result[j * WIDTH + i] = row[N_STATES + j];
+      }
+    }
+  }
+}
+
+#endif
 #endif

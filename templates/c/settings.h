@@ -42,6 +42,7 @@
 #define WITH_CONSTRAINTS 1 /* coordinates are redundant: a projection brings them back */
 #define WITH_VELOCITY 1    /* accelerations depend on velocities */
 #define WITH_EACH_LANE 1   /* some functions of batches are called lane by lane */
+#define WITH_EACH_STATE WITH_INTERNAL /* rates of states with internal ones too */
 #define WITH_MEMBERS 1     /* steps of the search for an equilibrium know the members between nodes */
 #ifndef WITH_LOOPS
 #define WITH_LOOPS 1 /* vectors of members are for loops, which have a form without them; else straight-line code */

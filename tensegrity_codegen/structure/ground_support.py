@@ -81,7 +81,6 @@ def check_ground(subject: Any, request: ModelRequest) -> None:
     wanted = {
         "solvers": request.solvers,
         "energy that is kept": request.keep,
-        "single precision": request.precision != "double",
     }
     for what, is_wanted in wanted.items():
         if is_wanted:
@@ -95,6 +94,7 @@ def _check_static_friction(ground: Any, request: ModelRequest, name: str) -> Non
         f"emitter {request.emitter!r}": request.emitter == "table",
         "batch functions": bool(request.batch_width),
         "interfaces": bool(request.interfaces),
+        "single precision": request.precision != "double",
         "equilibria": bool(set(request.quantities) & set(STATIC)),
         f"events of {ground.n_contacts} contacts": ground.n_contacts > MOST_CONTACTS,
         "model.events without ground and stick": request.events is not None

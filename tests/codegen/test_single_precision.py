@@ -30,10 +30,13 @@ from tensegrity_codegen.system.errors import (
     NonFiniteError,
     UnknownNameError,
 )
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.running_error import evaluate_with_bound
 from tests.codegen.subjects import bare, everything, in_single_precision, offered
+from tests.ground_cases import make_prism
+from tests.runtime.integrate.test_ground import rotate
 
 ROUNDING = float(np.finfo(np.float32).eps) / 2
 EXAMPLES = Path(__file__).resolve().parents[2] / "tensegrity_codegen/scene/examples"
@@ -131,8 +134,9 @@ def integrate(model: CompiledModel, name: str, span: float) -> tuple[int, np.nda
     def pointer(array: np.ndarray) -> Any:
         return ffi.from_buffer("double[]" if array.dtype == np.float64 else "float[]", array)
 
-    start = [model.nominal("coordinate"), model.nominal("velocity")]
-    state, samples = np.concatenate(start), np.zeros((1, 2 * start[0].size), real)
+    state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
+    state = np.concatenate([state, np.zeros(len(model.manifest.internal_name), real)])
+    samples = np.zeros((1, state.size), real)
     times, work = np.array([span / 2]), np.empty(spec.work_size, real)
     passed = [pointer(model.nominal(argument)) for argument in spec.arguments]
     count, done = ffi.new("long long *"), ffi.new("long long *")
@@ -150,6 +154,31 @@ def integrate(model: CompiledModel, name: str, span: float) -> tuple[int, np.nda
         assert time[0] == span
     assert count[0] == 1
     return status, state, samples[0]
+
+
+@pytest.mark.parametrize("name", ["rk54", "rk853"])
+def test_structures_on_the_ground_bounce_slip_and_stick(name: str) -> None:
+    """A tilted prism of springs that lands 0.1 s after its drop; its bristles are states too."""
+    prism = make_prism(rotate((0.0, 0.3, 0.2)))
+    place = prism.node_position - [0.0, 0.0, 0.45]
+    prism = prism.with_changes(
+        spring_constant=np.where(prism.is_bar, 2e4, prism.spring_constant), node_position=place
+    )
+    quantities = ("acceleration", "contact_force", "contact_margin", "stick_margin", "internal_rate")
+    found = {}
+    for precision in ("single", "double"):
+        request = ModelRequest(quantities, integrators=(name,), precision=precision, events=())
+        model = build_library(prism, request).load()
+        status, state, _ = integrate(model, name, 0.11)
+        assert status == 0
+        at = {"coordinate": state[:18], "velocity": state[18:36], "internal": state[36:]}
+        force = model.compute("contact_force", **at)
+        assert np.abs(force).max() > 1.0
+        found[precision] = state
+    assert found["single"].dtype == np.float32
+    error = np.abs(found["single"] - found["double"])
+    assert error[:36].max() < 1e-3 * np.abs(found["double"][:36]).max()
+    assert error[36:].max() < 0.05 * np.abs(found["double"][36:]).max()
 
 
 @pytest.mark.parametrize("name", ["rk4", "rk54", "rk853"])

@@ -29,7 +29,6 @@ BLOCK = make_block([0.0, 0.0, 0.1])
         {"emitter": "lanes"},
         {"solvers": ("equilibrium",)},
         {"integrators": ("rk54",), "keep": ("energy",)},
-        {"precision": "single"},
     ],
 )
 def test_other_ways_are_refused(request_: dict[str, Any]) -> None:

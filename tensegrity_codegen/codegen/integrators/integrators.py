@@ -186,6 +186,7 @@ def integrator_context(
             )
         ],
         "first_explicit": next(iter(explicit), ""),
+        "first_batch": next((spec.name for spec in manifest.integrators if spec.batch_work_size), ""),
         "first_adaptive": adaptive[0].name if adaptive else "",
         "has_step_control": any(row.has_step_control for row in rows.values()),
         "first_trial": tried[0].name if tried else "",

@@ -88,6 +88,24 @@ def test_prisms_in_lanes_move_as_alone() -> None:
     np.testing.assert_array_equal(motions.coordinate[1], motions.coordinate[0])
 
 
+@pytest.mark.parametrize("integrators", [("rk54",), ("rk4", "rk54")])
+def test_loops_over_tables_move_lanes_one_by_one(integrators: tuple[str, ...]) -> None:
+    """The emitter `table` has no rates over lanes; a fixed step, which has no batch, may come first."""
+    prism = make_prism(rotate((0.0, 0.3, 0.2)))
+    springs = prism.with_changes(spring_constant=np.where(prism.is_bar, 2e4, prism.spring_constant))
+    found = {}
+    for emitter in ("table", "unrolled"):
+        request = ModelRequest((), integrators=integrators, emitter=emitter)
+        needs = find_needs("simulate_batch", springs, request, method="rk54")
+        model = build_library(springs, needs.besides(request)).load()
+        start = np.tile(model.nominal("coordinate"), (3, 1))
+        start[1] += np.tile([0.0, 0.0, 0.02], 6)
+        found[emitter] = run(model, "rk54", 0.4, start)
+    assert found["table"].internal is not None
+    np.testing.assert_allclose(found["table"].coordinate, found["unrolled"].coordinate, atol=1e-8)
+    np.testing.assert_allclose(found["table"].internal, found["unrolled"].internal, atol=1e-8)
+
+
 def test_what_is_not_a_number_is_a_status_of_its_lane() -> None:
     slope, _ = make_slope(np.radians(20.0))
     model = build(slope, "rk853")
