@@ -9,6 +9,7 @@ from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.sweeps.fitting.optimise import LossGradient, optimise
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError
+from tests.cases import thorough
 from tests.sweeps.fitting.scenes import FALL, PRISM, ROPE, change
 
 WOUND: dict[str, Any] = {**FALL, "inputs": [{"name": "winch", "kind": "rest_length", "members": ["rope"]}]}
@@ -58,6 +59,63 @@ def test_the_gradient_of_everything_is_that_of_differences() -> None:
     keys = ["classes.cable.spring_constant", "shape.prestress", "loads[0].force[0]", "shape.height"]
     gradient = LossGradient(PRISM, keys, all_parts, 0.3, samples=7, rtol=1e-11)
     compare_with_differences(gradient, np.array([300.0, 5.0, 2.0, 0.3]), 2e-6)
+
+
+DROPPED: dict[str, Any] = {
+    "name": "dropped",
+    "gravity": [0.5, 0.2, -9.81],
+    "model": {"quantities": ["acceleration"]},
+    "classes": {
+        "bar": {"kind": "bar", "spring_constant": 3e4, "mass": 0.05, "damping": 2.0},
+        "cable": {"kind": "cable", "spring_constant": 300.0, "damping": 0.6},
+    },
+    "shape": {
+        "kind": "prism",
+        "bars": 3,
+        "bottom_radius": 0.15,
+        "height": 0.3,
+        "node_mass": 0.05,
+        "prestress": 0.6,
+    },
+    "ground": {
+        "stiffness": 2e4,
+        "dissipation": 0.3,
+        "friction": 0.4,
+        "stick_stiffness": 2e4,
+        "stick_damping": 15.0,
+        "offset": -0.15,
+    },
+}
+
+
+@pytest.mark.parametrize(("t_end", "slack", "touches"), [(0.35, 30, 12), *thorough((0.6, 50, 60))])
+def test_remainders_of_taylor_are_of_second_order_through_jumps(
+    t_end: float, slack: int, touches: int
+) -> None:
+    """Damped cables go slack and are pulled taut, feet touch, slip and stick; ten numbers at once."""
+    keys = [
+        *("classes.bar.spring_constant", "classes.cable.spring_constant", "classes.cable.damping"),
+        *("shape.node_mass", "shape.prestress", "shape.height", "gravity[0]"),
+        *("ground.stiffness", "ground.friction", "ground.dissipation"),
+    ]
+
+    def loss(motion: Trajectory) -> tuple[float, dict[str, Any]]:
+        weight = np.zeros_like(motion.node_position)
+        weight[-1] = np.arange(18.0).reshape(6, 3) - 8.5
+        return float((motion.node_position * weight).sum()), {"node_position": weight}
+
+    gradient = LossGradient(DROPPED, keys, loss, t_end, samples=[0.0, t_end], rtol=1e-12)
+    start = gradient.problem.start
+    value, slopes = gradient(start)
+    assert gradient.motion is not None
+    kinds = gradient.motion.log.kind
+    assert kinds.count("cable") >= slack
+    assert kinds.count("ground") >= touches
+    for seed in range(3):
+        way = np.random.default_rng(seed).normal(size=len(keys)) * start
+        left = [abs(gradient(start + h * way)[0] - value - h * slopes @ way) for h in (2e-5, 1e-5)]
+        assert left[1] > 1e-10, "larger than the error of the motion"
+        assert np.log2(left[0] / left[1]) == pytest.approx(2.0, abs=0.02)
 
 
 @pytest.mark.parametrize("kind", ["linear", "cubic"])
