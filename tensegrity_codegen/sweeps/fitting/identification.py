@@ -75,7 +75,7 @@ class Identification(Summarised):
     without_influence : tuple of str
         Keys that change nothing that was measured.
     n_values, n_motions : int
-        Number of measured values used, and of motions that were integrated with derivatives.
+        Number of measured values used, and of motions (or sets of equilibria) with derivatives.
     warnings : tuple of str
         What a careful reader should know.
     document : mapping

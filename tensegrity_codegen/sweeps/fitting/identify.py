@@ -1,42 +1,23 @@
 """Identification: numbers of a scene from measured motions or states at rest, by least squares."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.scene.schema.schema import Scene
-from tensegrity_codegen.sweeps.fitting.identification import NAMED, Identification, Undetermined
+from tensegrity_codegen.sweeps.fitting.fit import Fit
+from tensegrity_codegen.sweeps.fitting.identification import Identification
+from tensegrity_codegen.sweeps.fitting.judge_fit import judge_fit
 from tensegrity_codegen.sweeps.fitting.keyed_motion import METHOD, KeyedMotion, RunSettings
 from tensegrity_codegen.sweeps.fitting.keyed_scene import read_bounds, require_nodes
 from tensegrity_codegen.sweeps.fitting.keyed_statics import KeyedStatics
 from tensegrity_codegen.sweeps.fitting.measurements import KINDS, Measurements, read_measurements
-from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_names, check_positive, is_number
-from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, check_choice
-
-HORIZONS = (0.1, 0.3)  # parts of the time that are fitted before all of it, lest a long motion misleads
-MIN_TIMES_IN_PART = 8  # with fewer times a part is left out
-MAX_RUNS = 60  # of one fit
-MAX_NOISE_ROUNDS = 6  # estimates of the noise
-NOISE_CHANGE = 0.01  # part by which the noise may still change
-LEAST_NOISE = 1e-12  # of the largest value of a kind
-EXACT = 1e-7  # of the largest value: residuals below are errors of the integration
-POOR, HOPELESS = 2.0, 10.0  # residuals over the stated noise: a warning, and a status of its own
-WRONG_UNITS = 1000.0
-NOT_WHITE = 1e-3
-MIN_FOR_WHITENESS = 20
-CONFIDENCE = 0.95
-NO_INFLUENCE = 1e-9  # of the largest derivative
-SLOWEST, LEAST_SLOPE = 1e-14, 1e-100  # singular values, as a part of the largest one, and at all
-MAX_KNOWN = 3  # motions that are kept
-PULL = 1e-6  # to the start, of the largest derivative: where the data show nothing, values stay
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 
 def identify(
@@ -128,8 +109,7 @@ def identify(
     else:
         problem = KeyedMotion(scene, names, RunSettings(method, rtol, schedule), compiler)
     limits = read_bounds(problem, bounds or {})
-    fit = _Fit(problem, data, limits, _read_noise(noise, data), hold_out, progress)
-    return fit.run()
+    return judge_fit(Fit(problem, data, limits, _read_noise(noise, data), hold_out, progress).run())
 
 
 def _read_noise(noise: float | Mapping[str, float] | None, data: Measurements) -> dict[str, float] | None:
@@ -150,268 +130,3 @@ def _read_noise(noise: float | Mapping[str, float] | None, data: Measurements) -
             allowed=f"one number, or also {', '.join(lacking)}",
         )
     return {kind: float(given[kind]) for kind in kinds}
-
-
-@dataclass
-class _Fit:
-    """One search: the problem, what was measured, and the noise that is known so far."""
-
-    problem: KeyedMotion | KeyedStatics
-    data: Measurements
-    limits: FloatArray
-    noise: dict[str, float] | None
-    hold_out: float
-    progress: Callable[[float], None] | None
-    n_motions: int = 0
-    known: dict[bytes, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
-    best: tuple[float, FloatArray] | None = None  # sum of squares of all that is fitted, and the values
-
-    def run(self) -> Identification:
-        """Fit short times, then all, and the noise where it is not given; return what was found."""
-        used = self._count_used()
-        count = int(np.isfinite(self.data.value[:used]).sum())
-        n_keys = len(self.problem.keys)
-        if count <= n_keys:
-            raise InvalidValueError(
-                "there are too few measured values",
-                where=self.data.source,
-                given=f"{count} values for {n_keys} numbers",
-                allowed="more values than numbers",
-            )
-        is_given, noise = self.noise is not None, self.noise or self._guess_noise()
-        scaled, status = self.problem.start / self.problem.size, "ok"
-        self._evaluate(scaled, used)
-        try:
-            for part in () if self.data.is_static else HORIZONS:
-                until = int(part * used)
-                enough = np.isfinite(self.data.value[:until]).sum() > 2 * n_keys
-                if until >= MIN_TIMES_IN_PART and enough:
-                    scaled, _ = self._search(scaled, until, noise, 1e-4)
-            for _ in range(1 if is_given else MAX_NOISE_ROUNDS):
-                scaled, is_found = self._search(scaled, used, noise, 1e-12)
-                status = "ok" if is_found else "not_converged"
-                if is_given:
-                    break
-                before, noise = noise, self._estimate_noise(scaled, used)
-                if all(abs(noise[kind] - before[kind]) <= NOISE_CHANGE * before[kind] for kind in noise):
-                    break
-        except KeyboardInterrupt:
-            status, scaled = "interrupted", scaled if self.best is None else self.best[1]
-        if self.progress is not None:
-            self.progress(1.0)
-        return self._judge(scaled, used, noise, status, is_given)
-
-    def _count_used(self) -> int:
-        return max(1, len(self.data.time) - round(self.hold_out * len(self.data.time)))
-
-    def _sigma(self, noise: Mapping[str, float]) -> FloatArray:
-        return np.array([noise[item.kind] for item in self.data.channels])
-
-    def _guess_noise(self) -> dict[str, float]:
-        """Return sizes that weigh kinds of measurements against each other: a thousandth of their spread."""
-        found = {}
-        for kind in dict.fromkeys(item.kind for item in self.data.channels):
-            values = self._of_kind(self.data.value, kind)
-            spread = np.sqrt(np.nanmean((values - np.nanmean(values, axis=0)) ** 2))
-            found[kind] = max(1e-3 * float(spread), self._floor(kind))
-        return found
-
-    def _of_kind(self, values: FloatArray, kind: str) -> FloatArray:
-        chosen = [k for k, item in enumerate(self.data.channels) if item.kind == kind]
-        return values[:, [k for k in chosen if np.isfinite(self.data.value[:, k]).any()]]
-
-    def _floor(self, kind: str) -> float:
-        return LEAST_NOISE * max(float(np.nanmax(np.abs(self._of_kind(self.data.value, kind)))), 1e-300)
-
-    def _estimate_noise(self, scaled: FloatArray, used: int) -> dict[str, float]:
-        """Return the standard deviation of each kind, by its residuals and its part of the numbers found."""
-        left = self._evaluate(scaled, used)[0] - self.data.value[:used]
-        total, found = int(np.isfinite(left).sum()), {}
-        for kind in dict.fromkeys(item.kind for item in self.data.channels):
-            own = self._of_kind(left, kind)
-            count = int(np.isfinite(own).sum())
-            if not count:
-                found[kind] = self._floor(kind)
-                continue
-            free = count * (1.0 - len(self.problem.keys) / total)
-            found[kind] = max(float(np.sqrt(np.nansum(own**2) / free)), self._floor(kind))
-        return found
-
-    def _search(
-        self, scaled: FloatArray, until: int, noise: Mapping[str, float], tolerance: float
-    ) -> tuple[FloatArray, bool]:
-        """Return the best values for the times before `until`, and whether they were found."""
-        sigma, data = self._sigma(noise), self.data.value[:until]
-        present = np.isfinite(data)
-        low, high = self.limits / self.problem.size
-        start = self.problem.start / self.problem.size
-        slopes = (self._evaluate(start, until)[1] / sigma[:, None])[present]
-        pull = PULL * float(np.linalg.norm(slopes, axis=0).max(initial=0.0))
-
-        def find_residuals(x: FloatArray) -> FloatArray:
-            try:
-                left = ((self._evaluate(x, until)[0] - data) / sigma)[present]
-            except (ConvergenceError, InvalidValueError):
-                left = np.full(int(present.sum()), 1e6)  # what fails is far from all that was measured
-            cost = float(left @ left)
-            if until == self._count_used() and (self.best is None or cost < self.best[0]):
-                self.best = cost, x.copy()
-            return np.concatenate([left, pull * (x - start)])
-
-        def find_slopes(x: FloatArray) -> FloatArray:
-            own = (self._evaluate(x, until)[1] / sigma[:, None])[present]
-            return np.vstack([own, pull * np.eye(len(x))])
-
-        found = scipy.optimize.least_squares(
-            find_residuals,
-            np.clip(scaled, low, high),
-            find_slopes,
-            bounds=(low, high),
-            x_scale="jac",
-            ftol=tolerance,
-            xtol=1e-3 * tolerance**0.5,
-            gtol=tolerance,
-            max_nfev=MAX_RUNS,
-        )
-        if self.progress is not None:
-            self.progress(min(0.95, self.n_motions / MAX_RUNS))
-        return np.asarray(found.x), bool(found.status > 0)
-
-    def _evaluate(self, scaled: FloatArray, until: int) -> tuple[FloatArray, FloatArray]:
-        """Return values (until, n_channels) and their derivatives (..., n_keys) along the motion."""
-        key = scaled.tobytes() + until.to_bytes(8, "little")
-        if key not in self.known:
-            while len(self.known) >= MAX_KNOWN:
-                self.known.pop(next(iter(self.known)))
-            self.n_motions += 1
-            self.known[key] = self.problem.observe(scaled * self.problem.size, self.data, until)
-        return self.known[key]
-
-    def _judge(
-        self, scaled: FloatArray, used: int, noise: Mapping[str, float], status: str, is_given: bool
-    ) -> Identification:
-        """Return the record: how sure the values are, and what the data do not show."""
-        problem, sigma = self.problem, self._sigma(noise)
-        every = len(self.data.time)
-        values, slopes = self._evaluate(scaled, every)
-        left = (values - self.data.value) / sigma
-        fitted = left[:used]
-        present = np.isfinite(fitted)
-        n_values, n_keys = int(present.sum()), len(problem.keys)
-        matrix = (slopes[:used] / sigma[:, None])[present]
-        free = n_values - n_keys
-        size = float(np.sqrt(np.sum(fitted[present] ** 2) / free))
-        _, singular, ways = np.linalg.svd(matrix, full_matrices=False)
-        least = max(SLOWEST * float(singular[0]), LEAST_SLOPE)
-        errors = (1.0 if is_given else size) / np.maximum(singular, least)
-        covariance = (ways.T * errors**2) @ ways * np.outer(problem.size, problem.size)
-        error = np.sqrt(np.diag(covariance))
-        found, quantile = scaled * problem.size, float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2.0, free))
-        influence = np.linalg.norm(matrix, axis=0)
-        idle = tuple(
-            key
-            for key, part in zip(problem.keys, influence, strict=True)
-            if part <= NO_INFLUENCE * influence.max(initial=0.0) or part == 0.0
-        )
-        part = problem.size / np.where(found == 0, 1.0, np.abs(found))
-        directions = [
-            _name_direction(problem.keys, way, own, part)
-            for way, own in zip(ways, errors.tolist(), strict=True)
-            if own > 1.0
-        ]
-        unknown = tuple(item for item in directions if not set(item.part) <= set(idle))
-        # Residuals as small as the error of the integration are no noise.
-        is_noise = any(size > EXACT * self._floor(kind) / LEAST_NOISE for kind, size in noise.items())
-        whiteness = _find_whiteness(fitted) if is_noise and not self.data.is_static else float("nan")
-        held = left[used:][np.isfinite(left[used:])]
-        held_out = float(np.sqrt(np.mean(held**2))) if held.size else float("nan")
-        warnings = _find_warnings(size if is_given else 1.0, whiteness, held_out, unknown, idle)
-        lost = None
-        if isinstance(problem, KeyedMotion):
-            lost = problem.find_loss_of_meaning(found, self.data, slopes)
-        if lost is not None and status == "ok":
-            status = "sensitive"
-        if is_given and size >= HOPELESS and status == "ok":
-            status = "not_explained"
-        messages = {
-            "ok": f"{n_values} values, {self.n_motions} motions, residual {size:.3g} times the noise",
-            "not_converged": f"the search has not converged after {self.n_motions} motions",
-            "interrupted": f"interrupted after {self.n_motions} motions; these are the best values so far",
-            "sensitive": f"from {lost} s on the motion depends on its numbers so strongly that no derivative "
-            "is right: fit a shorter time",
-            "not_explained": f"the best motion is {size:.3g} times the stated noise off",
-        }
-        return Identification(
-            status=status,
-            message=messages[status],
-            key=problem.keys,
-            value=found,
-            start=problem.start,
-            standard_error=error,
-            interval=np.stack([found - quantile * error, found + quantile * error], axis=1),
-            covariance=covariance,
-            noise=dict(noise),
-            residual=size,
-            whiteness=whiteness,
-            held_out=held_out,
-            undetermined=unknown,
-            without_influence=idle,
-            n_values=n_values,
-            n_motions=self.n_motions,
-            warnings=warnings,
-            document=problem.write(found),
-        )
-
-
-def _name_direction(keys: Sequence[str], way: FloatArray, error: float, part: FloatArray) -> Undetermined:
-    """Return a direction with the keys that matter in it, the largest first; part: size over value."""
-    way = way * part
-    length = float(np.linalg.norm(way))
-    way, error = way / length, error * length
-    order = np.argsort(-np.abs(way), kind="stable")
-    sign = np.sign(way[order[0]]) or 1.0
-    named = [int(k) for k in order if abs(way[k]) >= NAMED]
-    return Undetermined({keys[k]: float(sign * way[k]) for k in named}, float(error))
-
-
-def _find_whiteness(left: FloatArray) -> float:
-    """Return the probability that noise alone has larger correlations between neighbours in time."""
-    total, channels = 0.0, 0
-    for column in left.T:
-        own = column[np.isfinite(column)]
-        if len(own) < MIN_FOR_WHITENESS or not own.any():
-            continue
-        total += len(own) * float(own[1:] @ own[:-1] / (own @ own)) ** 2
-        channels += 1
-    return float(scipy.stats.chi2.sf(total, channels)) if channels else float("nan")
-
-
-def _find_warnings(
-    size: float,
-    whiteness: float,
-    held_out: float,
-    unknown: Sequence[Undetermined],
-    idle: Sequence[str],
-) -> tuple[str, ...]:
-    """Return what a careful reader should know; size: residual over the stated noise."""
-    found = []
-    if size >= WRONG_UNITS:
-        found.append(
-            f"the residual is {size:.3g} times the stated noise: are units of the table or the scene wrong?"
-        )
-    elif size >= POOR:
-        found.append(
-            f"the residual is {size:.3g} times the stated noise: the model leaves something out, or the "
-            "noise is larger; the standard errors are too small"
-        )
-    if whiteness < NOT_WHITE:
-        found.append(
-            f"residuals follow each other in time (probability {whiteness:.1g} for noise alone): the model "
-            "leaves something out, and the standard errors are too small"
-        )
-    if held_out > POOR:
-        found.append(f"the times held out are predicted to {held_out:.3g} times the noise only")
-    found += [f"the data do not determine {item.describe()}" for item in unknown]
-    if idle:
-        found.append(f"without influence on what was measured: {', '.join(idle)}")
-    return tuple(found)
