@@ -23,6 +23,7 @@ DataArgument = Annotated[
         help="Table of what was measured (.csv): the column time [s], and t1.x [m], t1.vx [m/s], "
         "bar1.length [m], bar1.tension [N]; empty cells are missing values.",
         show_default=False,
+        metavar="DATA",
     ),
 ]
 ByOption = Annotated[
@@ -69,10 +70,11 @@ def identify(
     *,
     printing: PrintOptions,
 ) -> None:
-    """Find stiffnesses, rest lengths, damping, masses or friction from a measured motion.
+    """Find stiffnesses, rest lengths, damping, masses or friction from a measured motion, or from shapes.
 
-    The motion starts at time 0 in the state of the scene, whose values are where the search starts. Each
-    value has its standard error; what the data do not show is said. After Ctrl-C the best values so far are
+    The motion starts at time 0 in the state of the scene, whose values are where the search starts. A table
+    without times has a row for each state at rest, with keys of the scene in further columns. Each value has
+    its standard error; what the data do not show is said. After Ctrl-C the best values so far are
     written, and the scene of --out goes on from there. Exit code 3 where the search does not converge or the
     best motion is more than ten times the stated noise off.
 

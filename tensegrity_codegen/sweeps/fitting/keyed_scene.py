@@ -17,7 +17,12 @@ from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.table import Table
 from tensegrity_codegen.sweeps.key_schema import ANY
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    FormulationError,
+    InvalidValueError,
+    check_choice,
+)
 
 MARGIN = 1e-4  # of a number: distance from a bound that it must not reach
 STEP = 1e-5  # of a number: half the distance of the differences by which scenes are differentiated
@@ -39,8 +44,8 @@ class KeyedScene:
 
     Raises
     ------
-    UnknownKeyError, InvalidValueError
-        A key that is no number of the scene, or that has no value there; keys that change the code.
+    UnknownKeyError, InvalidValueError, DuplicateNameError
+        A key that is no number of the scene, or has no value there; keys that change the code; a key twice.
     FormulationError
         A scene of bodies.
     """
@@ -53,8 +58,19 @@ class KeyedScene:
         source: str = "",
     ) -> None:
         self.keys, self.given = tuple(keys), tuple(given)
+        twice = [key for k, key in enumerate(self.keys) if key in self.keys[:k]]
+        if twice:
+            raise DuplicateNameError("a key twice", where="keys", given=twice[0], allowed="each key once")
         build_assembler(scene, self.given, source=source)
         self.assembler = build_assembler(scene, (*self.keys, *self.given))
+        for key in self.assembler.keys[: len(self.keys)]:
+            if key.bounds.is_whole:
+                raise InvalidValueError(
+                    "a motion has no derivative to a whole number",
+                    where=self.assembler.where,
+                    given=key.text,
+                    allowed="numbers that can change by a little",
+                )
         start = np.array([_read_start(self.assembler, k) for k in range(len(self.assembler.keys))])
         size = np.where(start != 0.0, np.abs(start), 1.0)
         self.start, self.size = start[: len(self.keys)], size[: len(self.keys)]
@@ -116,7 +132,7 @@ class KeyedScene:
                 given=", ".join(keys[k - 1] for k in others),
                 allowed="stiffnesses, rest lengths, damping, masses and loads of nodes, gravity, positions "
                 "and velocities of nodes at the start, inputs, and numbers of the ground",
-                hint="masses of bars are constants: identify those of their nodes",
+                hint="masses of bars are constants, also where they follow from a density: state a mass",
             )
         return first
 

@@ -9,6 +9,7 @@ import pytest
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.sweeps.fitting.identify import identify
 from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
     FormulationError,
     InvalidValueError,
     UnknownKeyError,
@@ -160,6 +161,7 @@ def test_data_that_no_motion_explains_are_said_to_be_so() -> None:
     [
         ({"keys": ["members.rope.stiffness"]}, UnknownKeyError, "spring_constant"),
         ({"keys": []}, InvalidValueError, "no keys"),
+        ({"keys": [ROPE[0], ROPE[0]]}, DuplicateNameError, "twice"),
         ({"keys": ["members.rope.mass"]}, InvalidValueError, "does not state"),
         ({"bounds": {ROPE[0]: (110.0, 200.0)}}, InvalidValueError, "exclude"),
         ({"bounds": {"members.rope.mass": (0.0, 1.0)}}, UnknownNameError, "rope"),
@@ -182,6 +184,8 @@ def test_constants_of_the_code_are_refused() -> None:
     with pytest.raises(InvalidValueError, match="constants of the code") as caught:
         identify(PRISM, data, ["classes.bar.mass", "classes.cable.damping"])
     assert "classes.bar.mass" in str(caught.value)
+    with pytest.raises(InvalidValueError, match="whole number"):
+        identify(PRISM, data, ["shape.bars"])
 
 
 def test_the_scene_found_can_be_read_and_is_not_replaced(tmp_path: Path) -> None:
