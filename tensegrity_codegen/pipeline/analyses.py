@@ -95,7 +95,8 @@ def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: f
 
 
 def _equilibria(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
-    return Needs(equilibrium_quantities(structure, request), batch_width=BATCH_WIDTH)
+    width = 0 if getattr(structure, "ground", None) is not None else BATCH_WIDTH  # which is searched alone
+    return Needs(equilibrium_quantities(structure, request), batch_width=width)
 
 
 def _sensitivity(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:

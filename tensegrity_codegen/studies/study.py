@@ -15,7 +15,6 @@ from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.report.pages.page import Section, read_section, section_as_json
 from tensegrity_codegen.structure.collision import require_no_collision
-from tensegrity_codegen.structure.ground_support import require_no_ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.errors import DuplicateNameError, TensegrityError
@@ -53,7 +52,6 @@ def prepare_study(
     """
     check_positive(t_end, "t_end", "[s]")
     for structure in structures:
-        require_no_ground(structure, "a comparison of methods and programs")
         require_no_collision(structure, "a comparison of methods and programs")
     for name, count in Counter(structure.name for structure in structures).items():
         if count > 1:

@@ -1,6 +1,5 @@
 """What does not know the ground says so, in one error, before any number is computed."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.ground_support import WITHOUT_GROUND, require_no_ground
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.study import prepare_study
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.request import ModelRequest
@@ -46,7 +44,6 @@ def test_quantities_without_the_ground_are_refused(quantity: str) -> None:
 @pytest.mark.parametrize(
     "analysis",
     [
-        "equilibria",
         *("plan", "time_motion", "control"),
     ],
 )
@@ -78,11 +75,6 @@ def test_scipy_methods_and_conditions_on_friction_are_refused() -> None:
         simulate(model, 0.1, method="rk54", until="contact_force[0, 2] > 1")
     motion = simulate(model, 1.0, method="rk54", until="penetration[0] > 0")
     assert motion.time[-1] == pytest.approx(np.sqrt(2 * 0.1 / 9.81), rel=1e-6)
-
-
-def test_studies_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FormulationError, match=REFUSAL):
-        prepare_study([BLOCK], 1.0, tmp_path / "out", [], overwrite=False)
 
 
 def test_structures_without_ground_are_not_refused() -> None:

@@ -22,6 +22,7 @@ from tensegrity_codegen.studies.work_precision.measure import (
     Reference,
     Row,
     Run,
+    Unavailable,
     certify,
     find_front,
     measure,
@@ -46,6 +47,7 @@ from tensegrity_codegen.system.errors import (
 from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.common_prism import POSITION, common_prism
+from tests.ground_cases import make_slope
 from tests.report.browser import find_browser, open_page
 from tests.runtime.build import bar, cable, make_structure, prism
 
@@ -322,6 +324,27 @@ def test_a_report_is_written_resumed_and_shown(tmp_path: Path, monkeypatch: pyte
     assert shown["lost_links"] == shown["doubled_ids"] == shown["outside"] == []
     assert shown["figures"] == shown["drawings_shown"] + shown["images_shown"] >= 1
     assert shown["tables_shown"] == shown["tables"] >= 3  # long ones a second time, folded
+
+
+@pytest.mark.thorough
+def test_structures_on_the_ground_are_measured_by_our_own_methods(tmp_path: Path) -> None:
+    """A block that slips on a slope; the other programs have no such contact."""
+    slope, _ = make_slope(np.radians(30.0))
+    made = write_report([slope], tmp_path, t_end=0.1, samples=3, options=Options())
+    (scene,) = made.scenes
+    methods = {row.method for row in scene.rows if row.status == "ok" and row.error < 1e-6}
+    assert {"rk54", "rk853", "radau"} <= methods
+    assert {row.group for row in scene.rows} == {"own"}
+    assert scene.reference.uncertainty < 1e-10
+
+
+def test_no_peer_has_the_law_of_our_ground() -> None:
+    slope, _ = make_slope(np.radians(30.0))
+    makers = list(peer_contenders(set_problem(slope, 0.1, 3)))
+    assert len(makers) > 3
+    for _, make in makers:
+        with pytest.raises(Unavailable, match="law of friction"):
+            make()
 
 
 def test_wrong_times_and_scenes_of_bodies_are_refused(tmp_path: Path) -> None:

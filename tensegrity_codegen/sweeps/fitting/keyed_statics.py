@@ -75,9 +75,12 @@ class KeyedStatics(KeyedScene):
         arguments = self.apply(rows)
         own = self._settle({name: value[:until] for name, value in arguments.items()}, self.shape)
         self.shape = own.coordinate
+        if self.structure.ground is not None:
+            self.shape = None  # friction depends on the way, which begins in the scene
         count = 2 * len(values)
         varied = {name: value[until:] for name, value in arguments.items()}
-        moved = self._settle(varied, np.repeat(own.coordinate, count, axis=0))
+        near = None if self.shape is None else np.repeat(self.shape, count, axis=0)
+        moved = self._settle(varied, near)
         found = self._read(own, {name: value[:until] for name, value in arguments.items()}, data)
         apart = self._read(moved, varied, data).reshape(until, 2, len(values), -1)
         over = np.array([np.diagonal(block[1 : len(values) + 1]) for block in blocks])

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities, find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.on_ground import Feet
@@ -152,3 +153,17 @@ def test_a_belt_carries_what_is_free() -> None:
     rest, _ = settle(make_prism())
     np.testing.assert_allclose(found.node_position, rest.node_position, atol=1e-14)
     assert "belt" in found.message
+
+
+def test_many_equilibria_are_those_of_each_alone() -> None:
+    """A prism pushed harder and harder; the last load tips it, and disturbs no other case."""
+    prism = make_prism(friction=0.5)
+    prism = prism.with_changes(node_position=prism.node_position - [0.0, 0.0, 0.5])
+    model = build(prism, parameters={"node_load": (3,)})
+    loads = np.array([[[0.0, 0.0, 0.0]], [[0.2, 0.0, 0.0]], [[0.2, 0.1, -1.0]], [[60.0, 0.0, 0.0]]])
+    found = find_equilibria(model, arguments={"node_load": loads})
+    assert found.status[:3] == ("converged",) * 3
+    assert found.status[3] in ("tips", "slides", "no_equilibrium")
+    for k in range(3):
+        alone = find_equilibrium(model, arguments={"node_load": loads[k]})
+        np.testing.assert_array_equal(found.node_position[k], alone.node_position)

@@ -97,3 +97,38 @@ def test_wrong_columns_are_refused(
 ) -> None:
     with pytest.raises(error, match=word):
         identify(PRISM, {**exact, **columns}, KEYS[:1])
+
+
+def test_shapes_on_the_ground_are_data_too() -> None:
+    """A frame on its feet: the stiffness of a strut from how far its top sinks and shifts under loads."""
+    frame: dict[str, Any] = {
+        "name": "frame",
+        "axes": "xz",
+        "gravity": [0, -9.81],
+        "classes": {"strut": {"kind": "bar", "spring_constant": 2e3}},
+        "nodes": {
+            "left": {"position": [0, 0], "mass": 1.0},
+            "right": {"position": [1, 0], "mass": 1.0},
+            "top": {"position": [0.5, 1], "mass": 1.0},
+        },
+        "members": {
+            "base": {"class": "strut", "nodes": ["left", "right"]},
+            "west": {"class": "strut", "nodes": ["left", "top"]},
+            "east": {"class": "strut", "nodes": ["right", "top"]},
+        },
+        "loads": [{"node": "top", "force": [0, 0]}],
+        "ground": {"stiffness": 1e5, "friction": 0.8},
+    }
+    down, rows = "loads[0].force[1]", {"top.z": [], "top.x": []}
+    for force in (0.0, -5.0, -10.0):
+        frame["loads"][0]["force"] = [1.0, force]
+        found = find_equilibrium(compile_scene(frame, for_="equilibrium"))
+        rows["top.x"].append(found.node_position[2, 0])
+        rows["top.z"].append(found.node_position[2, 2])
+    frame["loads"][0]["force"] = [1.0, 0.0]
+    start = change(frame, classes__strut__spring_constant=1.6e3)
+    fitted = identify(
+        start, {down: [0.0, -5.0, -10.0], **rows}, ["classes.strut.spring_constant"], noise=1e-4
+    )
+    assert fitted.status == "ok"
+    assert fitted.value[0] == pytest.approx(2e3, rel=1e-6)

@@ -27,7 +27,6 @@ from tensegrity_codegen.runtime.statics.equilibrium import (
 )
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.methods import Method
-from tensegrity_codegen.structure.ground_support import require_no_ground
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.errors import NonFiniteError
@@ -84,7 +83,8 @@ def find_equilibria(
     -----
     In node coordinates, with batch functions and up to 200 coordinates, the steps of `find_equilibrium` are
     taken for many cases side by side, with the same radii and the same tests; cases that meet a saddle, a
-    mechanism or a failure are searched again alone. Elsewhere all cases are searched one by one.
+    mechanism or a failure are searched again alone. Elsewhere, and on the ground, all cases are searched one
+    by one.
 
     Examples
     --------
@@ -96,7 +96,6 @@ def find_equilibria(
     (('converged', 'converged'), [1.0613, 1.0613])
     """
     require_model(model)
-    require_no_ground(getattr(model, "structure", None), "many equilibria at once")
     check_callback(progress, "progress")
     check_search_options(tolerance, max_iterations, method)
     check_threads(threads)

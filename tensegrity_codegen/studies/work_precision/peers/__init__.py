@@ -1,8 +1,9 @@
 """Other integrators over the same structure, where they are installed: one file each."""
 
 from collections.abc import Callable, Iterator
+from itertools import chain
 
-from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem
+from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Unavailable
 from tensegrity_codegen.studies.work_precision.own import CompiledMotion
 from tensegrity_codegen.studies.work_precision.peers import mujoco_tendons, scipy_ivp, sundials
 
@@ -20,6 +21,16 @@ def peer_contenders(
     accelerations; compiled for the problem if not given. compiler: of what is compiled for peers. usual: one
     setting of each method, that which the program has by itself, in place of all.
     """
-    yield from mujoco_tendons.contenders(problem)
-    yield from sundials.usual_contenders(problem) if usual else sundials.contenders(problem, compiler)
-    yield from scipy_ivp.contenders(problem, compiled, usual=usual)
+    makers = chain(
+        mujoco_tendons.contenders(problem),
+        sundials.usual_contenders(problem) if usual else sundials.contenders(problem, compiler),
+        scipy_ivp.contenders(problem, compiled, usual=usual),
+    )
+    if problem.structure.ground is None:
+        yield from makers
+    else:
+        yield from ((name, _refuse_ground) for name, _ in makers)
+
+
+def _refuse_ground() -> Contender:
+    raise Unavailable("has no contacts with this law of friction")
