@@ -34,6 +34,8 @@ EPS = float(np.finfo(np.float64).eps)
 MIN_COUNTED_WITH_KINKS = 0.7  # of the difference of two runs counts where steps do not end at kinks
 # Where contacts are: they cut steps, whose errors then shrink less than the tolerance, and amplify errors.
 MAX_SHRINK_WITH_CONTACTS, MIN_COUNTED_WITH_CONTACTS = 0.03, 2.0
+# Of the tolerance: two runs that agree so well share an error that may be more than twice their difference.
+LEAST_ERROR_WITH_CONTACTS = 0.05
 TOO_MANY_EVENTS = "too_many_events"  # the status of a run that events hold up
 
 
@@ -82,8 +84,9 @@ class Checks:
     going after all. lost: run -> error over the tolerance by vibrations that tighter steps keep. least_atol:
     below which the steps' absolute tolerance does not go; there the whole difference to a run with ten times
     that counts. least_rtol: the same of the relative one, for which rounding ends the rounds. min_counted:
-    the part of a difference that counts at least, for methods that pass over kinks. max_shrink: factor by
-    which a round tightens the steps at least. rounding: what it makes of velocities.
+    the part of a difference that counts at least, for methods that pass over kinks. least_error: estimate
+    over the tolerance below which none is stated. max_shrink: factor by which a round tightens the steps at
+    least. rounding: what it makes of velocities.
     """
 
     vibration: Callable[[RawTrajectory], FloatArray] | None = None
@@ -92,6 +95,7 @@ class Checks:
     least_atol: float = 0.0
     least_rtol: float = MIN_RTOL
     min_counted: float = 0.0
+    least_error: float = 0.0
     max_shrink: float = 0.1
     rounding: Rounding | None = None
 
@@ -272,6 +276,7 @@ class _Rounds:
         return self._give_up(run, "rounding error prevents convergence")
 
     def _accept_as_it_is(self, run: RawTrajectory) -> RawTrajectory:
+        self.error = max(self.error, self.checks.least_error)
         message, evidence = f"{run.message}; estimated error {self.error:.2g} of the tolerance", run.evidence
         if run.columns is not None and self.previous.columns is not None:
             counted = max(1.0, self.checks.min_counted)

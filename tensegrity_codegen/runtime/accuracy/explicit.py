@@ -13,6 +13,7 @@ from functools import cache, partial
 import numpy as np
 
 from tensegrity_codegen.runtime.accuracy.error_control import (
+    LEAST_ERROR_WITH_CONTACTS,
     MAX_SHRINK_WITH_CONTACTS,
     MIN_COUNTED_WITH_CONTACTS,
     MIN_COUNTED_WITH_KINKS,
@@ -60,6 +61,7 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
         checks = Checks(
             least_atol=find_row(options.method, manifest.has_contacts).noise_share * noise,
             min_counted=MIN_COUNTED_WITH_CONTACTS if manifest.has_contacts else 0.0,
+            least_error=LEAST_ERROR_WITH_CONTACTS if manifest.has_contacts else 0.0,
             max_shrink=MAX_SHRINK_WITH_CONTACTS if manifest.has_contacts else 0.1,
             rounding=rounding,
             lost=partial(lost.estimate, tolerance=tolerance),

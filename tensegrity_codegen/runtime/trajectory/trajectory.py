@@ -66,7 +66,7 @@ class Trajectory(Sampled):
     step : float or None
         Fixed step [s].
     error_estimate : float or None
-        Estimated error over the tolerance.
+        Estimated error over the tolerance; with contacts, of adaptive methods in C, at least 0.05.
     events : tuple of MotionEvent
         The event that ended the motion, at the last sample.
     log : EventLog

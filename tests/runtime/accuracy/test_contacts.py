@@ -18,7 +18,6 @@ from tests.runtime.integrate.test_ground import rotate
 
 Array = NDArray[np.float64]
 EXACT = Stepping(atol=1e-14, control="steps")
-ROUNDING = 1e-3  # of the tolerance: smaller errors are those of the reference
 
 
 def draw(rng: np.random.Generator) -> tuple[Structure, float]:
@@ -56,7 +55,7 @@ def measure(model: CompiledModel, motion: Trajectory, exact: Trajectory, method:
     return float((tolerance.lengths(found - wanted) / tolerance.allowed(found)).max())
 
 
-@pytest.mark.parametrize("seed", [0, *thorough(*range(1, 12))])
+@pytest.mark.parametrize("seed", [0, *thorough(*range(1, 12), 112)])
 def test_stated_errors_are_above_the_true_ones(seed: int) -> None:
     rng, held = np.random.default_rng(seed), 0
     for _ in range(5):
@@ -66,12 +65,12 @@ def test_stated_errors_are_above_the_true_ones(seed: int) -> None:
         times = np.linspace(0.0, t_end, 9)
         exact = simulate(model, t_end, samples=times, method="rk853", rtol=1e-12, stepping=EXACT)
         for method in ("rk54", "rk853"):
-            rtol = 10.0 ** rng.uniform(-6.0, -3.0)
+            rtol = 10.0 ** rng.uniform(-8.0, -3.0)
             motion = simulate(model, t_end, samples=times, method=method, rtol=rtol)
             if motion.status == "ok":
                 true = measure(model, motion, exact, method, rtol)
                 assert motion.error_estimate is not None
-                assert motion.error_estimate + ROUNDING > true
+                assert 1.0 >= motion.error_estimate > true
                 held += 1
     assert held >= 8
 
