@@ -44,7 +44,7 @@ NoiseOption = Annotated[
     typer.Option(
         "--noise",
         help="Standard deviation of the measurements: one number, or KIND=SIZE for position, velocity, "
-        "length, tension; default: estimated.",
+        "length, tension, frequency; default: estimated.",
     ),
 ]
 HoldOutOption = Annotated[
@@ -75,8 +75,8 @@ def identify(
     The motion starts at time 0 in the state of the scene, whose values are where the search starts. A table
     without times has a row for each state at rest, with keys of the scene in further columns. Each value has
     its standard error; what the data do not show is said. After Ctrl-C the best values so far are
-    written, and the scene of --out goes on from there. Exit code 3 where the search does not converge or the
-    best motion is more than ten times the stated noise off.
+    written, and the scene of --out goes on from there. Exit code 3 where the search does not converge, the
+    motion is too sensitive for derivatives, or the best one is more than ten times the stated noise off.
 
     Example: tensegrity-codegen identify prism.toml measured.csv --by classes.cable.spring_constant
     """

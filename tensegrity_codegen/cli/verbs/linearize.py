@@ -173,13 +173,9 @@ def _find_motion(linear: "LinearModel") -> list[str]:
 def _find_slips(found: "Equilibrium") -> list[str]:
     """Return the warning about feet at the limit of friction, where the stiffness jumps."""
     feet = found.feet
-    slipping = (
-        []
-        if feet is None
-        else [name for name, state in zip(feet.node_name, feet.state, strict=True) if state == "slip"]
-    )
-    if not slipping:
+    if feet is None or "slip" not in feet.state:
         return []
+    slipping = [name for name, state in zip(feet.node_name, feet.state, strict=True) if state == "slip"]
     return [
         f"feet at the limit of friction: {', '.join(slipping)}; their stiffness jumps there, and the linear "
         "model holds on one side only"

@@ -34,7 +34,7 @@ class Fit:
     progress: Callable[[float], None] | None
     n_motions: int = 0
     known: dict[bytes, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
-    best: tuple[float, FloatArray] | None = None  # sum of squares of all that is fitted, and the values
+    best: tuple[float, FloatArray] | None = None  # of the search that runs: sum of squares, and the values
 
     def run(self) -> "Fitted":
         """Fit short times, then all, and the noise where it is not given; return what was found."""
@@ -119,6 +119,7 @@ class Fit:
         start = self.problem.start / self.problem.size
         slopes = (self.evaluate(start, until)[1] / sigma[:, None])[present]
         pull = PULL * float(np.linalg.norm(slopes, axis=0).max(initial=0.0))
+        self.best = None  # sums for another noise or time are not to be compared
 
         def find_residuals(x: FloatArray) -> FloatArray:
             try:
@@ -126,7 +127,7 @@ class Fit:
             except (ConvergenceError, InvalidValueError):
                 left = np.full(int(present.sum()), 1e6)  # what fails is far from all that was measured
             cost = float(left @ left)
-            if until == self._count_used() and (self.best is None or cost < self.best[0]):
+            if self.best is None or cost < self.best[0]:
                 self.best = cost, x.copy()
             return np.concatenate([left, pull * (x - start)])
 

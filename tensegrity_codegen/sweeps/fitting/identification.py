@@ -62,7 +62,7 @@ class Identification(Summarised):
         Covariance of the values.
     noise : mapping of str to float
         Standard deviation of each kind of measurement, given or estimated: position and length [m], velocity
-        [m/s], tension [N].
+        [m/s], tension [N], frequency [Hz].
     residual : float
         Root mean square of the residuals over the noise; 1 where the model explains all but the noise.
     whiteness : float

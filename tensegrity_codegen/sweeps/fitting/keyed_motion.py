@@ -249,8 +249,12 @@ class MotionSlopes:
     @cached_property
     def _spans(self) -> FloatArray:
         """Vectors from end to end of all members, (n_t, n_members, 3) [m]."""
+        return self._span(self.motion.node_position)
+
+    def _span(self, position: FloatArray) -> FloatArray:
+        """Return from end to end of all members, (n_t, n_members, 3, ...), of (n_t, n_nodes, 3, ...)."""
         ends = np.array(self.model.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
-        return np.asarray(self.motion.node_position[:, ends[:, 1]] - self.motion.node_position[:, ends[:, 0]])
+        return np.asarray(position[:, ends[:, 1]] - position[:, ends[:, 0]])
 
     @cached_property
     def node_position(self) -> FloatArray:
@@ -276,10 +280,8 @@ class MotionSlopes:
     @cached_property
     def member_length(self) -> FloatArray:
         """Derivatives of all member lengths, (n_t, n_members, n_keys) [m]."""
-        ends = np.array(self.model.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
         along = self._spans / np.linalg.norm(self._spans, axis=-1, keepdims=True)
-        change = self.node_position[:, ends[:, 1]] - self.node_position[:, ends[:, 0]]
-        return np.asarray(np.einsum("tma,tmak->tmk", along, change))
+        return np.asarray(np.einsum("tma,tmak->tmk", along, self._span(self.node_position)))
 
     @cached_property
     def member_tension(self) -> FloatArray:

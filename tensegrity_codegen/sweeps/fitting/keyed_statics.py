@@ -44,7 +44,7 @@ class KeyedStatics(KeyedScene):
     UnknownKeyError, InvalidValueError
         As of `KeyedScene`.
     FormulationError
-        A scene on the ground, or of bodies.
+        A scene of bodies.
     """
 
     def __init__(

@@ -142,7 +142,9 @@ def read_measurements(
     known = list_channels(structure)
     known |= {item.name: item for item in known.values()}
     source = str(measured) if isinstance(measured, str | Path) else "measured"
-    columns = _read_file(Path(source), known) if source != "measured" else _read_arrays(measured, known)
+    columns = (
+        _read_arrays(measured, known) if isinstance(measured, Mapping) else _read_file(Path(measured), known)
+    )
     time = columns.pop(TIME, None)
     channels = tuple(known[name] for name in columns if name in known)
     _check_twice(channels, source)

@@ -46,6 +46,14 @@ def test_empty_cells_are_missing(structure: Structure, tmp_path: Path) -> None:
     assert [item.unit for item in found.channels] == ["m", "m"]
 
 
+def test_a_file_may_have_any_name(
+    structure: Structure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("measured").write_text("time,weight.z\n0.1,-0.7\n", encoding="utf-8")
+    assert read_measurements("measured", structure).value.tolist() == [[-0.7]]
+
+
 def test_tables_without_times_are_states_at_rest(structure: Structure, tmp_path: Path) -> None:
     text = "loads[0].force[2],weight.z,frequency.1 [Hz]\n-1,-1.1,\n-2,,1.6\n"
     (tmp_path / "m.csv").write_text(text, encoding="utf-8")
