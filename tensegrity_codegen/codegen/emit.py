@@ -142,13 +142,13 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     choice = EmitterChoice(request.emitter, "asked for by name")
     ground = getattr(structure, "ground", None)
     is_bound = getattr(structure, "collision", None) or (ground and ground.has_static_friction)
-    if request.emitter == AUTO and (is_bound or request.columns or request.directions):
+    if request.emitter == AUTO and (is_bound or request.differentiates_motions):
         why = "the only emitter for collisions, static friction and derivatives of motions"
         choice = EmitterChoice(UNROLLED.name, why)
     elif request.emitter == AUTO:
         choice = choose_emitter(find_facts(structure, request))
     emitter = EMITTERS[choice.name]
-    if (request.columns or request.directions) and emitter is not UNROLLED:
+    if request.differentiates_motions and emitter is not UNROLLED:
         raise FormulationError(
             "motions are differentiated by unrolled code alone",
             where=f"{structure.name}: model.emitter",

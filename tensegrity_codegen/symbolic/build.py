@@ -22,6 +22,6 @@ def build_model(structure: Structure | BodySystem, request: ModelRequest) -> Sym
     check_collision(structure, request)
     module = import_module(f"tensegrity_codegen.symbolic.formulations.{name}")
     model: SymbolicModel = getattr(module, f"build_{name}")(structure, request)
-    if request.columns or request.directions:
+    if request.differentiates_motions:
         add_columns(model, request)
     return model

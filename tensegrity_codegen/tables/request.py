@@ -163,6 +163,11 @@ class ModelRequest:
     def __reduce__(self) -> tuple[Any, ...]:
         return reduce_fields(self)
 
+    @property
+    def differentiates_motions(self) -> bool:
+        """Whether motions carry derivatives, see `columns` and `directions`."""
+        return bool(self.columns or self.directions)
+
     def wanting(
         self,
         *quantities: str,

@@ -26,7 +26,7 @@ def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> N
     """
     changeable = np.isin(np.arange(subject.n_members), request.parameters.get("damping", ()))
     jumps = subject.tension_only & ((subject.damping > 0) | changeable)
-    if (request.columns or request.directions) and jumps.any() and "cable" not in events:
+    if request.differentiates_motions and jumps.any() and "cable" not in events:
         names = [subject.member_name[e] for e in np.flatnonzero(jumps)]
         raise FormulationError(
             "forces jump where damped cables become taut, and no event of the library finds that",
