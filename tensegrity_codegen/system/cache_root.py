@@ -118,6 +118,23 @@ def make_private(folder: Path, root: Path) -> None:
         raise NotADirectoryError(20, "a file is in the way of a folder", str(folder))
 
 
+def make_cache_folder(name: str) -> Path | None:
+    """Return a private folder of the cache, made if need be; None if it cannot be written or is not private.
+
+    What is in it is not looked at: check_entry does that.
+    """
+    root = find_cache_root()
+    folder = root / name
+    try:
+        check_parents(root)
+        make_private(root, root)
+        make_private(folder, root)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except (OSError, UnsafeCacheError):
+        return None
+
+
 def write_private(path: Path, content: bytes) -> None:
     """Write a new file for this user alone, whatever the umask; raises OSError."""
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)

@@ -5,6 +5,7 @@
                                    sha256 of each of these files, written last
     <root>/locks/<key>.lock        held while that key is made, checked for damage or removed
     <root>/temporary/              entries being written; those of killed processes go with the next one
+    <root>/templates/              Python bytecode of the templates of generated C (codegen/print/render.py)
 
 <root> is the folder named by the environment variable TENSEGRITY_CODEGEN_CACHE, else the user's cache folder.
 All of it belongs to this user, may be written by nobody else and holds no links: otherwise it is refused

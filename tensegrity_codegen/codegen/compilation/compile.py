@@ -16,12 +16,11 @@ from pathlib import Path
 from tensegrity_codegen.codegen.compilation.child import ChildOutcome, run_several
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_command
 from tensegrity_codegen.codegen.compilation.object_file import read_code_size, read_stack_use
-from tensegrity_codegen.system.cache_root import check_parents, find_cache_root, make_private
+from tensegrity_codegen.system.cache_root import make_cache_folder
 from tensegrity_codegen.system.errors import (
     CompileError,
     InvalidNameError,
     InvalidValueError,
-    UnsafeCacheError,
 )
 from tensegrity_codegen.system.temporary_files import work_folder
 from tensegrity_codegen.tables.targets import Target, find_system, library_file_name
@@ -269,16 +268,12 @@ def _read_output(path: Path, outcome: ChildOutcome, compiler: Compiler) -> bytes
 def _find_zig_folder() -> Path | None:
     """Return the folder for zig's builds of the C run-time library, None if it cannot be written."""
     chosen = os.environ.get("ZIG_GLOBAL_CACHE_DIR")
-    root = find_cache_root()
-    folder = Path(chosen).absolute() if chosen else root / "zig"
+    if not chosen:
+        return make_cache_folder("zig")
+    folder = Path(chosen).absolute()
     try:
-        if chosen:
-            folder.mkdir(parents=True, exist_ok=True)
-        else:
-            check_parents(root)
-            make_private(root, root)
-            make_private(folder, root)
+        folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             return folder
-    except (OSError, UnsafeCacheError):
+    except OSError:
         return None

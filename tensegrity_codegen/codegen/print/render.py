@@ -2,12 +2,16 @@
 
 import functools
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tensegrity_codegen.codegen.print.paste import paste, plain_c_folder
+from tensegrity_codegen.system.cache_root import check_entry, make_cache_folder
+from tensegrity_codegen.system.errors import UnsafeCacheError
 
 if TYPE_CHECKING:
     import jinja2
@@ -37,6 +41,7 @@ def _environment() -> "jinja2.Environment":
         undefined=jinja2.StrictUndefined,
         autoescape=False,  # the output is C, not HTML
         keep_trailing_newline=True,
+        bytecode_cache=_find_compiled_templates(),
     )
     environment.filters["wrapped"] = wrap_values
     environment.filters["enumerated"] = _enumerate
@@ -44,6 +49,27 @@ def _environment() -> "jinja2.Environment":
     environment.globals["paste"] = jinja2.pass_context(paste)
     environment.globals["plain_c"] = plain_c_folder(template_folder())
     return environment
+
+
+def _find_compiled_templates() -> "jinja2.BytecodeCache | None":
+    """Return where templates are kept as Python's bytecode: reading them takes longer than filling them."""
+    import jinja2
+
+    class CompiledTemplates(jinja2.FileSystemBytecodeCache):
+        """Files that are written where they can be: a full disk is no reason to stop."""
+
+        def dump_bytecode(self, bucket: "jinja2.bccache.Bucket") -> None:
+            with suppress(OSError):
+                super().dump_bytecode(bucket)
+
+    folder = make_cache_folder("templates")
+    if folder is None:
+        return None
+    try:
+        check_entry(folder, folder.parent)
+    except (OSError, UnsafeCacheError):
+        return None
+    return CompiledTemplates(str(folder), f"{version('jinja2')}_%s.bytecode")
 
 
 def wrap_values(values: Iterable[Any]) -> str:
