@@ -101,14 +101,17 @@ def write_path(columns: dict[str, FloatArray], path: LoadPath, file: Path, *, ov
     write_text(json.dumps(plain(data), indent=1, allow_nan=False) + "\n", file, overwrite=overwrite)
 
 
-def events_table(events: Sequence[PathEvent], whole: bool = True) -> LongTable:
-    """Return a table of the events in order; whole: with all names, otherwise with the first of many."""
+def events_table(events: Sequence[PathEvent], whole: bool = True, digits: int = 10) -> LongTable:
+    """Return a table of the events in order; whole: with all names, otherwise with the first of many.
+
+    digits: of load factors.
+    """
     most = max(4, 30 // max(len(events), 1))
 
     def describe(k: int) -> tuple[str, ...]:
         names = events[k].names
         listed = name_list(names, len(names) if whole else most)
-        return f"{events[k].load_factor:.10g}", events[k].kind, listed
+        return f"{events[k].load_factor:.{digits}g}", events[k].kind, listed
 
     own = [k for k, item in enumerate(events) if item.kind in OF_THE_PATH]
     others = [k for k, item in enumerate(events) if item.kind not in OF_THE_PATH]

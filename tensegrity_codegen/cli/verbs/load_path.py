@@ -40,6 +40,7 @@ EVENTS = {
 }
 ALL_EVENTS = ",".join(EVENTS)
 FORMATS = (".csv", ".json")
+DIGITS_ON_GROUND = 6  # of load factors, which are located to 1e-7 of the largest there
 
 MostOption = Annotated[float, typer.Option("--most", help="Load factor to reach.")]
 LoadOption = Annotated[
@@ -143,9 +144,11 @@ def load_path(
         }
         flaws = _find_flaws(subject, columns)
         data["limits"] = flaws.as_evidence()
+        digits = DIGITS_ON_GROUND if model.model.manifest.contact_name else 10
         finding = "; but ".join([f"{path.status}: {path.message}", *flaws.describe()])
-        said = [text for text in (finding, data["hint"], _summary(path)) if text]
-        output.result(data, *said, events_table(shown, output.whole) if shown else "no event")
+        said = [text for text in (finding, data["hint"], _summary(path, digits)) if text]
+        listed = events_table(shown, output.whole, digits) if shown else "no event"
+        output.result(data, *said, listed)
         if not path.is_followed:
             raise typer.Exit(3)
 
@@ -309,12 +312,12 @@ def _advise(path: "LoadPath") -> str | None:
     )
 
 
-def _summary(path: "LoadPath") -> str:
+def _summary(path: "LoadPath", digits: int) -> str:
     if not len(path.load_factor):
         return "no point of the path was found"
     return (
-        f"{len(path.load_factor)} points; largest load factor {path.load_factor.max():.10g}, at the end "
-        f"{path.load_factor[-1]:.10g}; smallest eigenvalue at the end {path.smallest_eigenvalue[-1]:.6g}; "
+        f"{len(path.load_factor)} points; largest load factor {path.load_factor.max():.{digits}g}, at the end "
+        f"{path.load_factor[-1]:.{digits}g}; smallest eigenvalue at the end {path.smallest_eigenvalue[-1]:.6g}; "
         f"largest residual {path.residual.max():.3g} N"
     )
 
