@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.live.live_page import LivePage, view
     from tensegrity_codegen.pipeline.build_library import build_library
     from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
+    from tensegrity_codegen.pipeline.motion_function import motion_function
     from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions, symbolic_functions
     from tensegrity_codegen.runtime.analysis.analyse import analyse
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.records.timed_motion import Motion
     from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
     from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
+    from tensegrity_codegen.runtime.simulate.gradient import MotionGradient, motion_gradient
     from tensegrity_codegen.runtime.simulate.simulate import simulate
     from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
     from tensegrity_codegen.runtime.simulate.until import Until
@@ -102,6 +104,7 @@ __all__ = [
     "LossGradient",
     "ModelRequest",
     "Motion",
+    "MotionGradient",
     "PlanResult",
     "Profile",
     "RandomGust",
@@ -136,6 +139,8 @@ __all__ = [
     "linearize",
     "load_controller",
     "load_scene",
+    "motion_function",
+    "motion_gradient",
     "optimise",
     "plan",
     "read_profile",
@@ -182,6 +187,9 @@ _HOME = {
     "LoadedController": "control.embedded.loaded",
     "ModelRequest": "tables.request",
     "Motion": "runtime.records.timed_motion",
+    "motion_function": "pipeline.motion_function",
+    "MotionGradient": "runtime.simulate.gradient",
+    "motion_gradient": "runtime.simulate.gradient",
     "PlanResult": "runtime.records.plan_result",
     "Profile": "runtime.profiles.profile",
     "Sampling": "sweeps.cases.sampled",

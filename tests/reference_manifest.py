@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.manifest import ABI_VERSION, ArgumentSpec, FunctionSpec, Manifest
-from tensegrity_codegen.tables.quantities import ARGUMENTS, OF_COLUMNS, PARAMETERS, QUANTITIES
+from tensegrity_codegen.tables.quantities import ARGUMENTS, OF_COLUMNS, PARAMETERS, QUANTITIES, WEIGHTS
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def full_value(structure: Structure, name: str) -> Array:
 
 def build_manifest(structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -> Manifest:
     """The manifest of a model of all quantities with these run-time parameters."""
-    wanted = [n for n in ARGUMENTS if n not in (*PARAMETERS, *OF_COLUMNS) or n in parameters]
+    wanted = [n for n in ARGUMENTS if n not in (*PARAMETERS, *OF_COLUMNS, *WEIGHTS) or n in parameters]
     wanted = [n for n in wanted if (n != "input" or structure.inputs) and n != "internal"]
     arguments = tuple(argument_spec(structure, parameters, name) for name in wanted)
     sizes = count_sizes(structure, arguments)

@@ -64,7 +64,9 @@ def test_jacobians_are_derivatives(structure: Structure) -> None:
     close(np.hstack(to_state), model.compute("state_jacobian").toarray())
     if structure.inputs:
         close(differences(model, "state_derivative", "input"), model.compute("input_jacobian").toarray())
-    to_parameters = np.hstack([differences(model, "state_derivative", name) for name in PARAMETERS])
+    there = {item.name for item in model.manifest.arguments}
+    parameters = [name for name in PARAMETERS if name in there]
+    to_parameters = np.hstack([differences(model, "state_derivative", name) for name in parameters])
     close(to_parameters, model.compute("parameter_jacobian").toarray())
     rest_length = differences(model, "state_derivative", "rest_length")
     close(rest_length, model.compute("rest_length_jacobian").toarray())

@@ -152,4 +152,12 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
         tc.LossGradient(SCENE, ["gravity[2]"], loss, 0.1, samples=3), max_iterations=1
     )
     assert design.loss <= design.start_loss
+    structure, _ = tc.load_scene(SCENE)
+    backwards = tc.ModelRequest(
+        ("member_tension", "acceleration", "kinetic_energy", "total_energy", "adjoint_rate"),
+        integrators=("rk853",),
+    )
+    taped = tc.build_library(structure, backwards).load()
+    slopes: tc.MotionGradient = tc.motion_gradient(taped, loss, 0.1, samples=3)
+    assert slopes.by["velocity"].size == tc.motion_function(taped, 0.1, ["velocity"]).size1_in(0)
     return {"tuning": tuning, "study": study, "runs": runs, "loaded": loaded, "graphs": graphs, "fmu": fmu}

@@ -1175,6 +1175,8 @@ static int rk4_run_begin(double time_end, const rk4_run_motion *m)
   if (!all_finite(w->rates, 2 * N)) {
     return TWO_NODES_NON_FINITE_RESULT;
   }
+  w->events.may_cut_at_turn = 0;
+  w->events.found_margin = 0;
   if (run->watch && !rk4_run_evaluate_margins(*m->step, m, w->change)) {
     return TWO_NODES_NON_FINITE_RESULT;
   }
@@ -1271,8 +1273,6 @@ static int rk4_run_advance(double time_end, long long most_trials, const rk4_run
   int status = TWO_NODES_OK, is_over = 0;
   long long i;
   m->run->is_stopped = 0;
-  m->work->events.may_cut_at_turn = 0;
-  m->work->events.found_margin = 0;
   if (!m->run->is_started) {
     status = rk4_run_begin(time_end, m);
   }

@@ -1,6 +1,11 @@
 #ifndef COLUMNS_H
 #define COLUMNS_H
 #include "config.h"
+#if WITH_ADJOINT
+/* Kinds of rows of a tape: a step, an event that is passed; from 0 on, one at which the force of that cable jumps. */
+enum { TAPED_STEP = -2, TAPED_EVENT = -1 };
+
+#endif
 #if WITH_COLUMNS
 #if WITH_COLUMN_JUMPS
 
@@ -21,14 +26,9 @@ static inline real motion_margin_pace(
 #if WITH_PROFILE
   if (with->profile != NULL) {
     const scene_profile *knots = with->profile->knots;
-    const long long piece = with->profile->piece;
-    const double *row = knots->coefficient + piece * (knots->degree + 1) * knots->n_values;
     for (j = 0; j < knots->n_values; ++j) {
       const int to = motion_driven_row[knots->place[j]];
-      double rate = 0.0;
-      for (k = knots->degree; k > 0; --k) {
-        rate = k * row[k * knots->n_values + j] + (time - knots->time[piece]) * rate;
-      }
+      const double rate = profile_rate(time, j, with->profile);
       for (k = 0; k < N_COLUMNS && to >= 0; ++k) {
         direction[to * N_COLUMNS + k] = (real)rate;
       }

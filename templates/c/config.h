@@ -43,7 +43,8 @@ enum {
   N_STATE_JACOBIAN = 2 * N,      /* numbers that it has */
   N_DIRECTED = 1,                /* run-time parameters and inputs */
   N_COLUMNS = 1,             /* numbers that a motion is differentiated to */
-  N_MOVED = 2 * N,           /* states without these derivatives */
+  N_MOVED = 2 * N + N_INTERNAL, /* states without these derivatives */
+  N_VARIED = N_MOVED + N_DIRECTED,
   N_CABLE_MARGINS = 1
 };
 
@@ -99,8 +100,44 @@ static inline void motion_state_jacobian(
   }
 }
 
-#if WITH_COLUMNS
+#if WITH_COLUMNS || WITH_ADJOINT
 static const int motion_driven_row[N_DRIVEN] = {0}; /* row in a direction of each number that follows a profile */
+#endif
+
+#if WITH_ADJOINT
+/* Weights of the rates of a state, as weights of the state and of what a direction has. */
+static inline void motion_adjoint_rate(
+    const real *coordinate, const real *velocity, const real *weight, const motion_arguments *with, real *result)
+{
+  int k;
+  (void)velocity;
+  result[N_MOVED] = (real)0.0;
+  for (k = 0; k < N; ++k) {
+    result[k] = -with->stiffness[0] * weight[N + k];
+    result[N + k] = weight[k];
+    result[N_MOVED] -= coordinate[k] * weight[N + k];
+  }
+#if WITH_INTERNAL
+  result[0] += weight[2 * N];
+  result[2 * N] = -weight[2 * N];
+#endif
+}
+
+/* Weights of the margins. */
+static inline void motion_adjoint_margin(
+    const real *coordinate, const real *velocity, const real *weight, const motion_arguments *with, real *result)
+{
+  int k;
+  (void)coordinate;
+  (void)velocity;
+  (void)with;
+  for (k = 0; k < N_VARIED; ++k) {
+    result[k] = k == 0 ? weight[0] : (real)0.0;
+  }
+}
+#endif
+
+#if WITH_COLUMNS
 
 /* Rates of the derivatives of a motion, which stand behind its own states, row by row. */
 static inline void motion_column_rate(

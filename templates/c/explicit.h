@@ -86,6 +86,35 @@ static inline void method_keep_old(const real *state, const real *rates, real *o
   }
 }
 
+#if WITH_ADJOINT
+enum { METHOD_TAPE = 4 + N_MOVED * (METHOD_STAGES + 1) }; /* numbers of a row of the tape */
+
+/* Put the step of length h to t1 on the tape, with so many rates. Returns its row, NULL without a tape. */
+static inline double *method_tape(double h, double t1, int kind, int n_rates, const method_motion *m)
+{
+  scene_run *run = m->run;
+  double *row;
+  int j, k;
+  if (run->tape == NULL) {
+    return NULL;
+  }
+  row = run->tape + run->n_taped++ * METHOD_TAPE;
+  row[0] = *m->time;
+  row[1] = t1;
+  row[2] = h;
+  row[3] = kind;
+  for (k = 0; k < N_MOVED; ++k) {
+    row[4 + k] = m->work->old[k];
+  }
+  for (j = 0; j < n_rates; ++j) {
+    for (k = 0; k < N_MOVED; ++k) {
+      row[4 + N_MOVED * (j + 1) + k] = m->work->rates[N_STATES * j + k];
+    }
+  }
+  return row;
+}
+
+#endif
 #if METHOD_HAS_ERROR
 /* Choose a first step up to time_end, from how accelerations answer to small displacements. */
 static inline void method_choose_step(double time_end, const method_motion *m)
@@ -142,6 +171,9 @@ static inline int method_pass(double root, double near, double left, const metho
 #if !WITH_SMOOTH_EVENTS
   double delay;
 #endif
+#if WITH_ADJOINT
+  double *row;
+#endif
   motion_extrapolate(h, m->state, w->lost, w->rates, w->change, w->trial);
 #if WITH_PROFILE
   profile_set_time(t1, m->with->profile);
@@ -157,6 +189,10 @@ static inline int method_pass(double root, double near, double left, const metho
     return 0;
   }
   method_keep_old(m->state, w->rates, w->old);
+#if WITH_ADJOINT
+  row = method_tape(h, t1, TAPED_EVENT, 1, m);
+  (void)row;
+#endif
   for (k = 0; k < N_STATES; ++k) {
     m->state[k] = w->trial[k];
     w->lost[k] = w->change[k] - (w->trial[k] - w->old[k]);
@@ -173,6 +209,15 @@ static inline int method_pass(double root, double near, double left, const metho
 #if WITH_COLUMN_JUMPS
   if (w->events.found_margin < N_CABLE_MARGINS) {
     motion_jump_columns(w->events.found_margin, t1, w->old + N_STATES, w->rates + N, m->with, m->state);
+  }
+#endif
+#if WITH_ADJOINT
+  if (row != NULL && w->events.found_margin < N_CABLE_MARGINS) {
+    row[3] = w->events.found_margin;
+    for (k = 0; k < N_MOVED; ++k) {
+      row[4 + 2 * N_MOVED + k] = m->state[k];
+      row[4 + 3 * N_MOVED + k] = k < N ? 0.0 : w->rates[k] - w->old[N_STATES - N + k];
+    }
   }
 #endif
   motion_rate(m->state, m->with, w->rates);
@@ -389,6 +434,8 @@ static inline int method_begin(double time_end, const method_motion *m)
 #if WITH_STATIC_FRICTION
   run->watch |= SCENE_EVENT_STICK; /* slip begins at an event */
 #endif
+  w->events.may_cut_at_turn = 0;
+  w->events.found_margin = 0;
   if (run->watch && !method_evaluate_margins(*m->step, m, w->change)) {
     return SCENE_NON_FINITE_RESULT;
   }
@@ -498,6 +545,9 @@ static inline void method_take(double h, double t1, const method_motion *m)
 {
   method_work *w = m->work;
   int k;
+#if WITH_ADJOINT
+  method_tape(h, t1, TAPED_STEP, METHOD_STAGES, m);
+#endif
   for (k = 0; k < N_STATES; ++k) {
     m->state[k] = w->trial[k];
     w->lost[k] = w->change[k];
@@ -623,13 +673,16 @@ static inline int method_advance(double time_end, long long most_trials, const m
   long long i;
 #if WITH_EVENTS
   m->run->is_stopped = 0;
-  m->work->events.may_cut_at_turn = 0;
-  m->work->events.found_margin = 0;
 #endif
   if (!m->run->is_started) {
     status = method_begin(time_end, m);
   }
   for (i = 0; status == SCENE_OK && !is_over && i < most_trials && *m->time < time_end; ++i) {
+#if WITH_ADJOINT
+    if (m->run->tape != NULL && m->run->n_taped >= m->run->most_taped) {
+      break;
+    }
+#endif
     status = method_trial(time_end, m, &is_over);
   }
   return status;
@@ -692,6 +745,9 @@ static inline int method_follow(double time_end, long long most_trials, const me
     }
 #if WITH_EVENTS
     is_over = run->is_stopped;
+#endif
+#if WITH_ADJOINT
+    is_over |= run->tape != NULL && run->n_taped >= run->most_taped;
 #endif
   } while (status == SCENE_OK && !is_over && *m->time < time_end && run->n_accepted + run->n_rejected < most);
   return status;

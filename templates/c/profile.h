@@ -43,6 +43,21 @@ static inline void profile_set_time(double time, motion_profile *p)
   }
 }
 
+#if WITH_PROFILE_RATE
+/* Rate of the j-th number that changes, on the piece that was used last. */
+static inline double profile_rate(double time, int j, const motion_profile *p)
+{
+  const scene_profile *knots = p->knots;
+  const double *row = knots->coefficient + p->piece * (knots->degree + 1) * knots->n_values;
+  double rate = 0.0;
+  int k;
+  for (k = knots->degree; k > 0; --k) {
+    rate = k * row[k * knots->n_values + j] + (time - knots->time[p->piece]) * rate;
+  }
+  return rate;
+}
+
+#endif
 /* Say at which time a step starts. */
 static inline void profile_set_start(double time, motion_profile *p)
 {

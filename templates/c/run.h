@@ -64,6 +64,11 @@ typedef struct {
 #if WITH_PROFILE
   const scene_profile *profile; /* arguments that change with time; steps end at its kinks; NULL: none */
 #endif
+#if WITH_ADJOINT
+  double *tape; /* (most_taped, SCENE_METHOD_TAPE): steps, for the adjoint; a call ends where it is full; NULL: none */
+  long long most_taped;
+  long long n_taped;
+#endif
 #if WITH_ENERGY
   int keeps_energy; /* 1: steps end at the energy of the start */
 #endif

@@ -30,8 +30,13 @@
 #ifndef WITH_COLUMNS
 #define WITH_COLUMNS 0 /* 1: states have derivatives of a motion behind them */
 #endif
+#ifndef WITH_ADJOINT
+#define WITH_ADJOINT 0 /* 1: steps can be put on a tape, and gradients go backwards over it */
+#endif
 #define WITH_DIRECTION WITH_COLUMNS /* columns are along directions of parameters */
-#define WITH_COLUMN_JUMPS 1 /* forces jump at some events */
+#define WITH_MARGIN_JUMPS (!WITH_SMOOTH_EVENTS) /* forces jump at margins of cables, with derivatives */
+#define WITH_PROFILE_RATE 1 /* which take the rates of what follows a profile */
+#define WITH_COLUMN_JUMPS 1 /* the derivatives are columns */
 #define WITH_ENERGY (!WITH_FLOAT) /* steps can keep the energy */
 #define WITH_DIAGONAL_MASS 1
 #define WITH_RIGID_MOTION (CONFIG_N % 3 == 0) /* all nodes are free */

@@ -20,6 +20,15 @@ enum {
   METHOD_EVALUATIONS = 1  /* that a trial takes */
 };
 
+#if WITH_ADJOINT
+/* Row i - 1: how the i-th rate depends on those before it, and at which part of the step. */
+static const real method_row[2][3] = {{1, 0, 0}, {(real)0.5, (real)0.5, 0}};
+static const double method_node[2] = {1.0, 1.0};
+/* Terms of dense output behind the first three, which are the same for all methods. */
+enum { METHOD_TERMS = 0 };
+static const real method_term[1][3] = {{0, 0, 0}};
+
+#endif
 /* Try a step: rates[0] is the derivative at `state`; fills rates[1], the change of the state and `trial`, and returns
  * the scaled error. `lost` is what rounding has taken from the state so far (Kahan 1965). */
 static inline double method_try(

@@ -45,7 +45,7 @@ def build_manifest(
     specs = tuple(_function_spec(model, function) for function in functions)
     used = {name for function in functions for name in function.arguments}
     used |= {"coordinate", "velocity", "internal", "input"}
-    used |= set(DIRECTED) if frame.column_name else set()  # a direction has them all
+    used |= set(DIRECTED) if request.differentiates_motions else set()  # a direction has them all
     driven = find_driven(model, specs, request) if request.integrators else ()
     integrators = tuple(_integrator_spec(model, name, specs, request, driven) for name in request.integrators)
     return Manifest(

@@ -18,7 +18,7 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import (
 )
 from tensegrity_codegen.codegen.choose_emitter import AUTO, EmitterChoice, choose_emitter, find_facts
 from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
-from tensegrity_codegen.codegen.integrators.columns import check_jumps, list_column_quantities
+from tensegrity_codegen.codegen.integrators.columns import check_jumps, list_derivative_quantities
 from tensegrity_codegen.codegen.integrators.energy_keeping import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators.events import find_events
 from tensegrity_codegen.codegen.integrators.integrators import PROJECTION
@@ -260,9 +260,10 @@ def _find_called(
     kept = KEPT_QUANTITIES if request.keep else ()
     touches = has_contacts(model.subject)
     of_forces = ("state_derivative", "energy_rate") if touches else ()
+    of_states = ("state_derivative",) if model.frame.n_internal else ()
     of_integrators = called_quantities(request.integrators, touches)
-    of_columns = list_column_quantities(model.frame)
-    called = (*PROJECTION, *kept, *of_forces, *of_integrators, *of_columns)
+    of_derivatives = list_derivative_quantities(model.arguments)
+    called = (*PROJECTION, *kept, *of_forces, *of_states, *of_integrators, *of_derivatives)
     offered = [name for name in called if emitter.is_offered(model, name)]
     return (*stiffness, *offered, *watched), events
 

@@ -6,7 +6,7 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.collision import check_collision
 from tensegrity_codegen.structure.ground_support import check_ground
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.symbolic.columns import add_columns
+from tensegrity_codegen.symbolic.columns import add_derivatives
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest
@@ -23,5 +23,5 @@ def build_model(structure: Structure | BodySystem, request: ModelRequest) -> Sym
     module = import_module(f"tensegrity_codegen.symbolic.formulations.{name}")
     model: SymbolicModel = getattr(module, f"build_{name}")(structure, request)
     if request.differentiates_motions:
-        add_columns(model, request)
+        add_derivatives(model, request)
     return model

@@ -11,18 +11,42 @@ from tensegrity_codegen.symbolic.model import ModelArgument, SymbolicModel
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import DuplicateNameError, FormulationError, check_choice
 from tensegrity_codegen.tables.integrators import INTEGRATORS
-from tensegrity_codegen.tables.quantities import DIRECTED, STATE
+from tensegrity_codegen.tables.quantities import ADJOINTS, DIRECTED, STATE
 from tensegrity_codegen.tables.request import ModelRequest
 
 STARTS = STATE[:2]  # what motions are differentiated to at their start
 
 
-def add_columns(model: SymbolicModel, request: ModelRequest) -> None:
-    """Add the derivatives of motions that a request asks for: arguments, rates, names of columns.
+def add_derivatives(model: SymbolicModel, request: ModelRequest) -> None:
+    """Add the derivatives of motions that a request asks for: columns beside the motion, and adjoints.
 
     Raises FormulationError or UnknownNameError for derivatives of motions that no library integrates.
     """
     check_columns(model, request)
+    if request.has_adjoint:
+        _add_adjoint(model)
+    if request.columns or request.directions:
+        _add_columns(model, request)
+
+
+def _add_adjoint(model: SymbolicModel) -> None:
+    """Add products of weights with derivatives of rates, tensions and margins, and the weights."""
+    varied = ca.vertcat(model.stack(STATE), model.stack(DIRECTED))
+
+    def weigh(value: ca.SX, symbol: ca.SX) -> Callable[[], ca.SX]:
+        return lambda: ca.jtimes(value, varied, symbol, True)
+
+    for name, (weight, quantity) in ADJOINTS.items():
+        if quantity == "cable_margin" and not model.subject.tension_only.any():
+            continue
+        value = ca.densify(ca.vec(model.expression(quantity)))
+        symbol = ca.SX.sym(weight, value.numel())
+        model.arguments[weight] = ModelArgument(symbol, np.zeros(value.numel()))
+        model.offer({name: weigh(value, symbol)})
+
+
+def _add_columns(model: SymbolicModel, request: ModelRequest) -> None:
+    """Add the derivatives that are integrated beside a motion: arguments, rates, names of columns."""
     names = request.directions or _name_columns(model, request.columns)
     state, given = model.stack(STATE), model.stack(DIRECTED)
     column, direction = ca.SX.sym("column", state.numel()), ca.SX.sym("direction", given.numel())

@@ -62,7 +62,7 @@ EVENT_KINDS = {
 JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick")
 
 # Fields of a manifest that stand in its file only where they hold something.
-ONLY_IF_ANY = ("internal_name", "contact_name", "column_name")
+ONLY_IF_ANY = ("internal_name", "contact_name", "column_name", "adjoint_work", "tape_row")
 
 
 def count_internal(n_coordinates: int, n_internal: int, n_columns: int) -> int:
@@ -135,7 +135,8 @@ class IntegratorSpec:
     event, which steps with error control pass over;
     batch_work_size: work array of `<symbol>_batch`, which integrates several states side by side; 0: there is
     none; keeps: what it can keep constant from step to step, "energy"; damped: cables in the matrix of
-    an implicit one.
+    an implicit one; adjoint_work: work array of `<symbol>_adjoint`, the gradient of a motion backwards over a
+    tape with tape_row numbers a step; 0: there is none.
     """
 
     name: str
@@ -149,6 +150,8 @@ class IntegratorSpec:
     batch_work_size: int = 0
     keeps: tuple[str, ...] = ()
     damped: tuple[int, ...] = ()
+    adjoint_work: int = 0
+    tape_row: int = 0
 
 
 @dataclass(frozen=True)

@@ -165,8 +165,13 @@ class ModelRequest:
 
     @property
     def differentiates_motions(self) -> bool:
-        """Whether motions carry derivatives, see `columns` and `directions`."""
-        return bool(self.columns or self.directions)
+        """Whether motions carry derivatives, see `columns` and `directions`, or have adjoints."""
+        return bool(self.columns or self.directions) or self.has_adjoint
+
+    @property
+    def has_adjoint(self) -> bool:
+        """Whether gradients of motions are taken backwards: ``"adjoint_rate"`` is wanted."""
+        return "adjoint_rate" in self.quantities
 
     def wanting(
         self,

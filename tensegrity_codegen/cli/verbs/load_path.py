@@ -315,9 +315,10 @@ def _advise(path: "LoadPath") -> str | None:
 def _summary(path: "LoadPath", digits: int) -> str:
     if not len(path.load_factor):
         return "no point of the path was found"
+    largest, last = (f"{load:.{digits}g}" for load in (path.load_factor.max(), path.load_factor[-1]))
     return (
-        f"{len(path.load_factor)} points; largest load factor {path.load_factor.max():.{digits}g}, at the end "
-        f"{path.load_factor[-1]:.{digits}g}; smallest eigenvalue at the end {path.smallest_eigenvalue[-1]:.6g}; "
+        f"{len(path.load_factor)} points; largest load factor {largest}, at the end {last}; "
+        f"smallest eigenvalue at the end {path.smallest_eigenvalue[-1]:.6g}; "
         f"largest residual {path.residual.max():.3g} N"
     )
 

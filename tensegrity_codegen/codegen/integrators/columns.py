@@ -1,21 +1,21 @@
 """Derivatives of motions as states: which functions they call, and what the templates read."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from typing import Any
 
 import numpy as np
 
 from tensegrity_codegen.codegen.integrators.profiles import PULL, pull_size
-from tensegrity_codegen.symbolic.model import Frame
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.quantities import DIRECTED
 from tensegrity_codegen.tables.request import ModelRequest
 
 
-def list_column_quantities(frame: Frame | Manifest) -> tuple[str, ...]:
-    """Return the quantities that the rates of the columns call; none without columns."""
-    return ("state_derivative", "column_rate", "margin_column") if frame.column_name else ()
+def list_derivative_quantities(arguments: Container[str]) -> tuple[str, ...]:
+    """Return the quantities by which integrators differentiate motions; arguments: names of the model's."""
+    of_columns = ("column_rate", "margin_column") if "column" in arguments else ()
+    return (*of_columns, *(("adjoint_rate", "adjoint_margin") if "state_weight" in arguments else ()))
 
 
 def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> None:
@@ -39,9 +39,9 @@ def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> N
 
 def columns_context(manifest: Manifest) -> dict[str, Any] | None:
     """Return sizes, and the row in a direction of each number that can change with time; None if none."""
-    if not manifest.column_name:
-        return None
     functions = {item.quantity: item for item in manifest.functions}
+    if not manifest.column_name and "adjoint_rate" not in functions:
+        return None
     rows, first = {}, 0
     for name in DIRECTED:
         for item in (item for item in manifest.arguments if item.name == name):
@@ -49,7 +49,15 @@ def columns_context(manifest: Manifest) -> dict[str, Any] | None:
             first += len(item.nominal)
     sizes = {item.name: len(item.nominal) for item in manifest.arguments} | {PULL: pull_size(manifest.axes)}
     driven = [row for name in manifest.driven for row in rows.get(name, [-1] * sizes[name])]
-    cables = functions["margin_column"].shape[0] if "margin_column" in functions else 0
+    margins = functions.get("cable_margin")
     moved = 2 * len(manifest.coordinate_name) + len(manifest.internal_name)
     is_directed = any("direction" in item.arguments for item in functions.values())
-    return {"cables": cables, "moved": moved, "directed": first, "driven": driven, "is_directed": is_directed}
+    return {
+        "cables": margins.shape[0] if margins else 0,
+        "moved": moved,
+        "directed": first,
+        "driven": driven,
+        "is_directed": is_directed,
+        "has_columns": bool(manifest.column_name),
+        "has_adjoint": "adjoint_rate" in functions,
+    }

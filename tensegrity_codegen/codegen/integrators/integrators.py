@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
-from tensegrity_codegen.codegen.integrators.columns import columns_context, list_column_quantities
+from tensegrity_codegen.codegen.integrators.columns import columns_context, list_derivative_quantities
 from tensegrity_codegen.codegen.integrators.energy_keeping import (
     KEPT_QUANTITIES,
     keeper_context,
@@ -24,7 +24,7 @@ from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.integrators import INTEGRATORS, called_quantities, find_row
 from tensegrity_codegen.tables.integrators.integrator import Integrator
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest
-from tensegrity_codegen.tables.quantities import STATE
+from tensegrity_codegen.tables.quantities import ADJOINTS, STATE, WEIGHTS
 from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 
 # Functions of redundant coordinates that bring a state back onto their constraints; integrators call them.
@@ -70,10 +70,10 @@ def integrator_spec(
     pulled = OF_NODES if PULL in driven else ()
     _check_called(model, row, functions)
     moving = moved_quantities(model)
-    of_columns = list_column_quantities(model.frame)
-    names = (*moving, *PROJECTION, *row.quantities, *watched.quantities, *kept, *pulled, *of_columns)
+    of_derivatives = list_derivative_quantities(model.arguments)
+    names = (*moving, *PROJECTION, *row.quantities, *watched.quantities, *kept, *pulled, *of_derivatives)
     called = [f for f in functions if f.quantity in names]
-    used = {a for f in called for a in f.arguments} - {*STATE, "column"}
+    used = {a for f in called for a in f.arguments} - {*STATE, "column", *WEIGHTS}
     passed = tuple(a for a in model.arguments if a in used)
     energy = keeper_memory(model, {f.quantity: f for f in functions}) if kept else 0
     size = count_driven(model, driven) if row.follows_events else 0
@@ -87,6 +87,8 @@ def integrator_spec(
         "N_DRIVEN": size,
         **{f"N_{f.quantity.upper()}": _count_entries(f) for f in called},
     }
+    has_adjoint = any(f.quantity == "adjoint_rate" for f in called)
+    adjoint_work, tape_row = _count_adjoint(model, row, sizes) if has_adjoint else (0, 0)
     return IntegratorSpec(
         name,
         f"{model.name}_integrate_{name}",
@@ -96,6 +98,8 @@ def integrator_spec(
         watched.cables,
         unwatched=watched.unwatched,
         keeps=keep if kept else (),
+        adjoint_work=adjoint_work,
+        tape_row=tape_row,
     )
 
 
@@ -140,6 +144,23 @@ def _count_work(row: Integrator, sizes: Mapping[str, int]) -> int:
     return max(count_bytes(struct, file, sizes) for struct, file in structs) // 8
 
 
+def _count_adjoint(model: EmittedModel, row: Integrator, sizes: Mapping[str, int]) -> tuple[int, int]:
+    """Return the numbers in the work memory of a method's adjoint, and in a step of its tape."""
+    assert row.tableau is not None
+    moved = 2 * sizes["N"] + len(model.frame.internal_name)
+    margins = sizes.get("N_CABLE_MARGIN", 0)
+    own = {
+        **sizes,
+        "METHOD_RATES": row.rates,
+        "N_MOVED": moved,
+        "N_VARIED": sizes["N_ADJOINT_RATE"],
+        "N_CABLE_MARGINS": margins,
+        "WITH_MARGIN_JUMPS": margins,
+    }
+    work = count_bytes("method_adjoint_work", "adjoint.h", own) // 8
+    return work, 4 + moved * (row.tableau.stages + 1)
+
+
 def integrator_context(
     manifest: Manifest,
     arguments: Mapping[str, dict[str, Any]],
@@ -177,11 +198,12 @@ def integrator_context(
                 "quantity": name,
                 "arguments": functions[name].arguments,
                 "size": _count_entries(functions[name]),
+                "weight": ADJOINTS[name][0] if name in ADJOINTS else None,
             }
             for name in dict.fromkeys(
                 (
                     *called_quantities(explicit, manifest.has_contacts),
-                    *(name for name in list_column_quantities(manifest)[1:] if name in functions),
+                    *(name for name in list_derivative_quantities(arguments) if name in functions),
                 )
             )
         ],
@@ -215,7 +237,7 @@ def _pull_context(manifest: Manifest, functions: Mapping[str, FunctionSpec]) -> 
 
 def _motion_call(names: Iterable[str]) -> str:
     """Return the arguments of a kernel: coordinate and velocity, and the others as fields of `with`."""
-    own = (*STATE, "column")
+    own = (*STATE, "column", *WEIGHTS)
     return "".join(f"{name}, " if name in own else f"with->{name}, " for name in names)
 
 
@@ -239,13 +261,18 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
     context: see integrator_context.
     """
     explicit, events, keeper = context["explicit"] or {}, context["events"] or {}, context["keeper"] or {}
+    columns = context["columns"] or {}
+    has_jumps = bool(columns and events and not events["is_smooth"])
     return {
         "WITH_PROFILE": bool(context["driven"]),
         "WITH_EVENTS": bool(events),
         "WITH_INTERNAL": bool(context["n_internal"]),
-        "WITH_COLUMNS": bool(context["columns"]),
-        "WITH_DIRECTION": bool(context["columns"] and context["columns"]["is_directed"]),
-        "WITH_COLUMN_JUMPS": bool(context["columns"] and events and not events["is_smooth"]),
+        "WITH_COLUMNS": bool(columns.get("has_columns")),
+        "WITH_DIRECTION": bool(columns.get("is_directed")),
+        "WITH_ADJOINT": bool(columns.get("has_adjoint")),
+        "WITH_MARGIN_JUMPS": has_jumps,
+        "WITH_PROFILE_RATE": has_jumps and bool(columns["is_directed"] or columns["has_adjoint"]),
+        "WITH_COLUMN_JUMPS": has_jumps and columns["has_columns"],
         "WITH_EVENT_FORECAST": any([events.get("is_smooth"), events.get("n_contacts")]),
         **{
             f"WITH_{word.upper()}_EVENTS": any(kind["word"] == word for kind in events.get("kinds", ()))
@@ -308,6 +335,8 @@ def _context(
         "dense_title": row.dense_title,
         "tableau": _tableau_context(row.tableau) if row.tableau else None,
         "batch_work_size": spec.batch_work_size,
+        "adjoint_work": spec.adjoint_work,
+        "tape_row": spec.tape_row,
     }
 
 

@@ -6,13 +6,13 @@ from typing import Any
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
-from tensegrity_codegen.tables.quantities import STATE
+from tensegrity_codegen.tables.quantities import STATE, WEIGHTS
 from tensegrity_codegen.tables.request import ModelRequest
 
 # A node's number, a spring constant, a damping constant and a point: no argument of any function.
 PULL = "pull"
 # The anchors of a motion stand still.
-CONSTANT = (*STATE, "column", "anchor_position")
+CONSTANT = (*STATE, "column", *WEIGHTS, "anchor_position")
 
 
 def find_driven(

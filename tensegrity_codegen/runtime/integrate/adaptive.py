@@ -19,10 +19,10 @@ def integrate_adaptive(motion: Motion, options: RunOptions) -> RawTrajectory:
     follow each other too closely; with the samples reached. Raises as integrate_rk4, what a condition raises,
     and FormulationError for events that the library lacks.
     """
-    return _Run(motion, options).finish()
+    return AdaptiveRun(motion, options).finish()
 
 
-class _Run(CRun):
+class AdaptiveRun(CRun):
     """One integration with error control."""
 
     def __init__(self, motion: Motion, options: RunOptions) -> None:

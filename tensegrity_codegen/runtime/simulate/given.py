@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
-from tensegrity_codegen.runtime.integrate.motion import Schedule
-from tensegrity_codegen.runtime.integrate.options import MAX_SAMPLES, RunOptions
+from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
+from tensegrity_codegen.runtime.integrate.options import MAX_SAMPLES, RunOptions, check_options
 from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_array
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs, unify_name
+from tensegrity_codegen.runtime.model.require import require_double, require_model
 from tensegrity_codegen.runtime.profiles.driven import (
     DrivenArguments,
     bind_profile,
@@ -23,6 +24,7 @@ from tensegrity_codegen.runtime.profiles.driven import (
 )
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import require_simulation
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError
@@ -168,3 +170,29 @@ def _read(model: CompiledModel, name: str, value: ArrayLike | None) -> FloatArra
     check_shape(given, nominal.shape, name)
     check_finite(given, "simulate", f"the initial {name} is not finite")
     return given
+
+
+def read_motion(
+    model: CompiledModel,
+    options: RunOptions,
+    t_end: float,
+    samples: int | ArrayLike,
+    arguments: Mapping[str, Any] | None,
+    schedule: Profile | Schedule | None,
+    coordinate: ArrayLike | None,
+    velocity: ArrayLike | None,
+) -> Motion:
+    """Return the motion that these arguments of `simulate` ask for; raises as that."""
+    require_model(model)
+    times = read_sample_times(samples, t_end)
+    check_options(options, t_end, len(times))
+    require_double(model.manifest, "a simulation from Python")
+    require_simulation(model)
+    check_sample_memory(model.manifest, len(times))
+    check_profiles(model, schedule, arguments)
+    given = merge_inputs(model.manifest, arguments)
+    check_arguments(model.manifest, given)
+    drive = read_schedule(model, schedule, options, given, t_end)
+    given |= drive(0.0) if isinstance(drive, DrivenArguments) else {}
+    state = find_start(model, coordinate, velocity, given)
+    return Motion(model, state, times, given, schedule=drive)

@@ -8,29 +8,17 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.accuracy.integrate import join_runs
 from tensegrity_codegen.runtime.integrate.event_log import Condition
-from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
+from tensegrity_codegen.runtime.integrate.motion import Progress, Schedule
 from tensegrity_codegen.runtime.integrate.options import (
     MOVED_TO_STEPPING,
     Stepping,
-    check_options,
     read_stepping,
 )
-from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_double, require_model
-from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.runtime.profiles.profile import Profile
-from tensegrity_codegen.runtime.simulate.given import (
-    check_profiles,
-    check_sample_memory,
-    find_start,
-    read_sample_times,
-    read_schedule,
-)
+from tensegrity_codegen.runtime.simulate.given import read_motion
 from tensegrity_codegen.runtime.simulate.until import Until, read_until
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
-from tensegrity_codegen.runtime.trajectory.simulation_quantities import require_simulation
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.moved_arguments import with_moved
@@ -119,25 +107,13 @@ def simulate(
     >>> trajectory.status, trajectory.node_position.shape
     ('ok', (11, 2, 3))
     """
-    require_model(model)
     check_callback(progress, "progress")
     ending = read_until(until)
     options = read_stepping(stepping).with_method(method, rtol)
-    times = read_sample_times(samples, t_end)
-    check_options(options, t_end, len(times))
-    require_double(model.manifest, "a simulation from Python")
-    require_simulation(model)
-    check_sample_memory(model.manifest, len(times))
-    check_profiles(model, schedule, arguments)
-    given = merge_inputs(model.manifest, arguments)
-    check_arguments(model.manifest, given)
-    drive = read_schedule(model, schedule, options, given, t_end)
-    given |= drive(0.0) if isinstance(drive, DrivenArguments) else {}
-    state = find_start(model, coordinate, velocity, given)
-    watch = ending.watch(model, options.method, given, drive)
+    motion = read_motion(model, options, t_end, samples, arguments, schedule, coordinate, velocity)
+    watch = ending.watch(model, options.method, motion.arguments, motion.schedule)
     follow = progress if options.control == "steps" else join_runs(progress)
-    motion = Motion(model, state, times, given, follow, watch, drive)
-    raw, events = ending.integrate(motion, options)
+    raw, events = ending.integrate(replace(motion, progress=follow, watch=watch), options)
     if progress is not None:
         progress(1.0)
-    return replace(evaluate_trajectory(model, raw, given, drive), events=events)
+    return replace(evaluate_trajectory(model, raw, motion.arguments, motion.schedule), events=events)

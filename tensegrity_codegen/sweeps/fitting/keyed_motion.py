@@ -19,6 +19,7 @@ from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.profile import Profile
+from tensegrity_codegen.runtime.simulate.gradient import Loss, MotionGradient, motion_gradient
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import CONTACT_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
@@ -27,7 +28,7 @@ from tensegrity_codegen.sweeps.fitting.keyed_scene import STEP, KeyedScene
 from tensegrity_codegen.sweeps.fitting.measurements import Measurements
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, check_choice
-from tensegrity_codegen.tables.quantities import DIRECTED
+from tensegrity_codegen.tables.quantities import ADJOINTS, DIRECTED
 
 METHOD = "rk853"
 FINER = 100.0  # times the accuracy of the steps that derivatives are compared with
@@ -75,6 +76,9 @@ class KeyedMotion(KeyedScene):
         As of `KeyedScene`; also knots of the profile of an input, as ``profile.winch[2]``.
     settings : RunSettings
         Method, tolerance, inputs over time.
+    backwards : bool
+        Whether gradients are taken backwards over the steps; one column along all keys is integrated beside
+        the motion then, which shortens steps that are too long for derivatives.
     compiler : str, optional
         C compiler.
 
@@ -92,6 +96,8 @@ class KeyedMotion(KeyedScene):
         keys: Sequence[str],
         settings: RunSettings,
         compiler: str | None = None,
+        *,
+        backwards: bool = False,
     ) -> None:
         knots = [text for text in keys if KNOT.fullmatch(text)]
         super().__init__(scene, [text for text in keys if text not in knots])
@@ -104,10 +110,15 @@ class KeyedMotion(KeyedScene):
             self.size = np.append(self.size, [size or KNOT_SIZE for size in largest])
         request = self.group.request
         wanted = find_needs("simulate", self.structure, request, method=settings.method).alone(request)
-        wanted = replace(wanted, directions=self.keys, batch_width=0, keep=(), interfaces=(), flags="native")
+        # What columns are along, as parts of each key.
+        self.mix = np.eye(len(self.keys))
+        if backwards:
+            self.mix = np.random.default_rng(0).choice([-1.0, 1.0], (len(self.keys), 1))
+        names = ("all",) if backwards else self.keys
+        wanted = replace(wanted, directions=names, batch_width=0, keep=(), interfaces=(), flags="native")
         # Forces of contacts are not measured, and take longer than the motion.
         needed = [name for name in wanted.quantities if name not in CONTACT_QUANTITIES]
-        wanted = replace(wanted, quantities=(*needed, "tension_column"))
+        wanted = replace(wanted, quantities=(*needed, "tension_column", *(ADJOINTS if backwards else ())))
         built = build_library(self.structure, wanted, compiler=compiler, calls=MANY_CALLS)
         self.model: CompiledModel = built.load()
 
@@ -119,7 +130,7 @@ class KeyedMotion(KeyedScene):
     def build_schedule(self, values: FloatArray, direction: FloatArray | None = None) -> Profile | None:
         """Return the inputs over time with values (n_keys,) of the keys, and what columns are along.
 
-        direction: (n_directed, n_keys), what does not change with time; None leaves it out.
+        direction: (n_directed, n_columns), what does not change with time; None leaves it out.
         """
         if not self.knots:
             return self.settings.schedule
@@ -130,7 +141,8 @@ class KeyedMotion(KeyedScene):
             rows = np.tile(direction, (len(self._schedule.time), 1, 1))
             first = direction.shape[0] - len(self.model.manifest.input_name)
             for column, (name, k) in enumerate(self.knots, start=self.n_scene):
-                rows[k, first + self.model.manifest.input_name.index(name), column] = self.size[column]
+                row = first + self.model.manifest.input_name.index(name)
+                rows[k, row] += self.size[column] * self.mix[column]
             found["direction"] = rows
         return Profile(self._schedule.time, found, self._schedule.kind)
 
@@ -185,17 +197,67 @@ class KeyedMotion(KeyedScene):
 
     def run(self, values: FloatArray, times: FloatArray, accuracy: float = 1.0) -> "MotionSlopes":
         """Return the motion at sample times (n_t,), the first 0, with values (n_keys,) of the keys."""
+        given = self._give(values)
+        motion = simulate(
+            self.model,
+            float(times[-1]),
+            samples=times,
+            method=self.settings.method,
+            rtol=self.settings.rtol / accuracy,
+            arguments=given.arguments | given.columns,
+            schedule=given.schedule,
+            coordinate=given.coordinate,
+            velocity=given.velocity,
+            stepping=Stepping(control="steps"),
+        )
+        return self._differentiate(given, motion)
+
+    def differentiate_loss(
+        self, values: FloatArray, times: FloatArray, loss: Loss
+    ) -> tuple[MotionGradient, FloatArray, float]:
+        """Return the gradient of a loss backwards, to each value over its size (n_keys,), and its error.
+
+        The error is the difference of two ways to compute the derivative along all keys: the column that is
+        integrated beside the motion, and this gradient; as a part of the largest entry.
+        """
+        given = self._give(values)
+        found = motion_gradient(
+            self.model,
+            loss,
+            float(times[-1]),
+            samples=times,
+            method=self.settings.method,
+            rtol=self.settings.rtol,
+            arguments=given.arguments | given.columns,
+            schedule=given.schedule,
+            coordinate=given.coordinate,
+            velocity=given.velocity,
+        )
+        slopes = np.zeros(len(values))
+        for name, part in given.slopes.items():
+            if name in found.by:
+                slopes += np.tensordot(found.by[name], part, axes=part.ndim - 1)
+        for column, (name, k) in enumerate(self.knots, start=self.n_scene):
+            slopes[column] += float(found.knots[name][k]) * self.size[column]
+        run, along = self._differentiate(given, found.motion), 0.0
+        for name, part in found.parts.items():
+            along += float(np.tensordot(part, getattr(run, name)[..., 0], axes=part.ndim))
+        error = abs(along - float(slopes @ self.mix[:, 0])) / max(np.abs(slopes).max(), 1e-300)
+        return found, slopes, float(error)
+
+    def _give(self, values: FloatArray) -> "_Given":
+        """Return the arguments of a motion with values (n_keys,) of the keys, and of its columns."""
         arguments, slopes = self.differentiate(values)
         coordinate, velocity = (arguments.pop(name, None) for name in ("coordinate", "velocity"))
-        manifest, count = self.model.manifest, len(values)
+        manifest, count = self.model.manifest, self.mix.shape[1]
         shapes = {item.name: item.shape for item in manifest.arguments}
-        along = {name: slopes[name].reshape(-1, count) for name in slopes}
+        mixed = {name: part @ self.mix for name, part in slopes.items()}
 
         def stack(names: Sequence[str]) -> FloatArray:
+            sizes = {name: int(np.prod(shapes[name])) for name in names if name in shapes}
             rows = [
-                along.get(name, np.zeros((int(np.prod(shapes[name])), count)))
-                for name in names
-                if name in shapes
+                mixed[name].reshape(size, count) if name in mixed else np.zeros((size, count))
+                for name, size in sizes.items()
             ]
             return np.vstack([np.zeros((0, count)), *rows])
 
@@ -204,28 +266,35 @@ class KeyedMotion(KeyedScene):
         columns = {"column": column, "direction": stack(DIRECTED)}
         columns = {name: value for name, value in columns.items() if name in shapes}
         schedule = self.build_schedule(values, columns.pop("direction", None) if self.knots else None)
-        motion = simulate(
-            self.model,
-            float(times[-1]),
-            samples=times,
-            method=self.settings.method,
-            rtol=self.settings.rtol / accuracy,
-            arguments={**arguments, **columns},
-            schedule=schedule,
-            coordinate=coordinate,
-            velocity=velocity,
-            stepping=Stepping(control="steps"),
-        )
-        chosen = schedule if self.knots else columns.get("direction")
-        return MotionSlopes(self.model, motion, arguments, chosen, slopes)
+        return _Given(arguments, coordinate, velocity, columns, schedule, slopes, mixed)
+
+    def _differentiate(self, given: "_Given", motion: Trajectory) -> "MotionSlopes":
+        chosen = given.schedule if self.knots else given.columns.get("direction")
+        return MotionSlopes(self.model, motion, given.arguments, chosen, given.mixed)
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What a motion is given: arguments, start, columns, inputs over time; derivatives of the arguments.
+
+    slopes: to each value over its size; mixed: along the columns.
+    """
+
+    arguments: dict[str, FloatArray]
+    coordinate: FloatArray | None
+    velocity: FloatArray | None
+    columns: dict[str, FloatArray]
+    schedule: Profile | None
+    slopes: dict[str, FloatArray]
+    mixed: dict[str, FloatArray]
 
 
 @dataclass(frozen=True)
 class MotionSlopes:
-    """A motion, and the derivatives of what can be measured along it, to each value over its size.
+    """A motion, and the derivatives of what can be measured along it, one for each column.
 
-    arguments: of the motion, without what follows a profile; direction: (n_directed, n_keys), or the profile
-    that has it; slopes: derivatives of the arguments.
+    arguments: of the motion, without what follows a profile; direction: (n_directed, n_columns), or the
+    profile that has it; slopes: derivatives of the arguments.
     """
 
     model: CompiledModel

@@ -3,7 +3,8 @@
 Registered once; header comments, docstrings, help texts and shape checks all read it from here.
 Shapes name dimensions: `n_nodes`, `n_members`, `n_axes`, `n_coordinates` (free node coordinates),
 `n_internal` (internal states), `n_states` = 2 n_coordinates + n_internal, `n_inputs`, `n_parameters` (all
-run-time parameters, stacked in argument order), `n_columns` (derivatives of a motion), `n_bar_pairs`,
+run-time parameters, stacked in argument order), `n_varied` = n_states + n_parameters + n_inputs, `n_columns`
+(derivatives of a motion), `n_bar_pairs`,
 `n_bar_points` = 2 n_bar_pairs, `n_law_values` = 3 + n_axes, `n_tension_only` (members that pull only),
 `n_switches` (members whose law switches its slope), `n_contacts` (nodes that can touch the ground); `k` is
 the number of nodes or members that the scene keeps changeable.
@@ -32,7 +33,16 @@ ARGUMENTS = _table(*ARGUMENT_ROWS)
 
 STATE = ("coordinate", "velocity", "internal")
 OF_COLUMNS = ("column", "direction")
-PARAMETERS = tuple(name for name in ARGUMENTS if name not in (*STATE, "input", *OF_COLUMNS))
+# Adjoints: the weights that each takes, and what they weigh.
+ADJOINTS = MappingProxyType(
+    {
+        "adjoint_rate": ("state_weight", "state_derivative"),
+        "adjoint_tension": ("tension_weight", "member_tension"),
+        "adjoint_margin": ("margin_weight", "cable_margin"),
+    }
+)
+WEIGHTS = tuple(weight for weight, _ in ADJOINTS.values())
+PARAMETERS = tuple(name for name in ARGUMENTS if name not in (*STATE, "input", *OF_COLUMNS, *WEIGHTS))
 DIRECTED = (*PARAMETERS, "input")  # the rows of a direction
 
 QUANTITIES = _table(*MEMBERS, *NODES, *STRUCTURES, *BODIES, *INTERFERENCE, *DISTANCES, *GROUND)

@@ -35,4 +35,7 @@ ARGUMENT_ROWS = (
         ("n_parameters", "n_columns"),
         "Derivatives of the run-time parameters, then of the inputs, that columns are along.",
     ),
+    Quantity("state_weight", "w", "mixed", ("n_states",), "Weights of the rates of a state."),
+    Quantity("tension_weight", "w", "mixed", ("n_members",), "Weights of the member tensions."),
+    Quantity("margin_weight", "w", "mixed", ("n_tension_only",), "Weights of the margins of cables."),
 )

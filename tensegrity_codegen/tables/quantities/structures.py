@@ -167,6 +167,31 @@ STRUCTURES = (
         "Aizerman and Gantmacher 1958",
     ),
     Quantity(
+        "adjoint_rate",
+        "(dx'/d(x, p))^T w",
+        "mixed",
+        ("n_varied",),
+        "Derivative of w . x' to the state, then to the run-time parameters and inputs.",
+        "Hairer, Norsett and Wanner 1993, II.15",
+    ),
+    Quantity(
+        "adjoint_tension",
+        "(dt/d(x, p))^T w",
+        "mixed",
+        ("n_varied",),
+        "Derivative of w . t, of the member tensions t, to the state, then to the run-time parameters and "
+        "inputs.",
+    ),
+    Quantity(
+        "adjoint_margin",
+        "(dg/d(x, p))^T w",
+        "mixed",
+        ("n_varied",),
+        "Derivative of w . g, of the margins g of cables, to the state, then to the run-time parameters and "
+        "inputs.",
+        "Aizerman and Gantmacher 1958",
+    ),
+    Quantity(
         "cable_margin",
         "g",
         "m",

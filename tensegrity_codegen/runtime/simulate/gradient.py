@@ -1,0 +1,278 @@
+"""Gradients of losses of motions to all run-time parameters at once, backwards over the steps."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensegrity_codegen.runtime.integrate.adjoint import TAPE_BYTES, TapedRun, directed_shapes
+from tensegrity_codegen.runtime.integrate.motion import Schedule
+from tensegrity_codegen.runtime.integrate.options import Stepping, read_stepping
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
+from tensegrity_codegen.runtime.profiles.profile import BUILD, Profile
+from tensegrity_codegen.runtime.simulate.given import read_motion
+from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_callback
+from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, NonFiniteError
+
+# What a loss may depend on: quantities of a motion at its samples.
+OBSERVED = ("node_position", "node_velocity", "member_length", "member_tension")
+Loss = Callable[[Trajectory], tuple[float, Mapping[str, FloatArray]]]
+START = ("coordinate", "velocity", "internal")
+
+
+@dataclass(frozen=True)
+class MotionGradient:
+    """A loss of a motion, and its derivatives.
+
+    Attributes
+    ----------
+    loss : float
+        The loss.
+    motion : Trajectory
+        The motion.
+    by : mapping of str to ndarray
+        Derivatives of the loss to every run-time parameter and to the inputs, each in the shape of its
+        argument, and to ``"coordinate"``, ``"velocity"`` and ``"internal"`` at the start. Numbers that follow
+        the schedule have those of a constant that is added to them.
+    knots : mapping of str to ndarray
+        Derivatives to the knots of the schedule, by the names there, in the shape of its values.
+    parts : mapping of str to ndarray
+        Derivatives of the loss to quantities at the samples, as it returns them.
+    """
+
+    loss: float
+    motion: Trajectory
+    by: Mapping[str, FloatArray]
+    knots: Mapping[str, FloatArray]
+    parts: Mapping[str, FloatArray]
+
+
+def motion_gradient(
+    model: CompiledModel,
+    loss: Loss,
+    t_end: float,
+    *,
+    samples: int | ArrayLike = 101,
+    method: str = "rk853",
+    rtol: float = 1e-8,
+    coordinate: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    arguments: Mapping[str, Any] | None = None,
+    schedule: Profile | None = None,
+    memory: int = TAPE_BYTES,
+) -> MotionGradient:
+    """Return the gradient of a loss of a motion to all run-time parameters, inputs and the start.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        A library with the quantities ``"adjoint_rate"`` and, for losses of tensions, ``"adjoint_tension"``.
+    loss : callable
+        Trajectory -> value, and its derivatives to quantities at the samples: a mapping from
+        ``"node_position"`` (n_t, n_nodes, 3), ``"node_velocity"``, ``"member_length"`` (n_t, n_members) or
+        ``"member_tension"`` to arrays of their shape.
+    t_end, samples, method, rtol, coordinate, velocity, arguments, schedule
+        As of `simulate`; method: ``"rk54"``, ``"tsit5"`` or ``"rk853"``.
+    memory : int
+        Bytes that the steps of the motion may take. A longer motion is integrated twice, piece by piece.
+
+    Returns
+    -------
+    MotionGradient
+        Loss, motion and derivatives.
+
+    Raises
+    ------
+    FormulationError
+        The library has no gradients of motions.
+    ConvergenceError
+        The motion fails.
+    InvalidValueError, NonFiniteError
+        The loss has another form, or is not finite; otherwise as `simulate`.
+
+    Notes
+    -----
+    The exact transpose of the steps (Hairer, Norsett and Wanner 1993, II.15), of their dense output, and of
+    the jumps of derivatives where damped cables are pulled taut (docs/model.md). It costs 2 to 3 motions,
+    whatever the number of parameters. Steps are controlled by the motion alone: on stiff ground they may be
+    too long for derivatives. A library with `directions` controls the derivatives along these too: one along
+    all numbers is enough, and shows in `motion.columns` whether both ways give the same.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensegrity_codegen import build_library, ModelRequest, load_scene, motion_gradient
+    >>> structure, _ = load_scene("two_nodes.toml")
+    >>> request = ModelRequest(
+    ...     ("member_tension", "acceleration", "kinetic_energy", "total_energy", "adjoint_rate"),
+    ...     integrators=("rk853",), parameters={"rest_length": (0,)})
+    >>> model = build_library(structure, request).load()
+    >>> def depth(motion):
+    ...     at = np.zeros_like(motion.node_position)
+    ...     at[-1, 1, 2] = 1.0
+    ...     return motion.node_position[-1, 1, 2], {"node_position": at}
+    >>> found = motion_gradient(model, depth, 0.5)
+    >>> found.by["rest_length"].shape
+    (1,)
+    """
+    check_callback(loss, "loss")
+    options = read_stepping(Stepping(control="steps")).with_method(method, rtol)
+    motion = read_motion(model, options, t_end, samples, arguments, schedule, coordinate, velocity)
+    run = TapedRun(motion, options, memory)
+    raw = run.finish()
+    trajectory = evaluate_trajectory(model, raw, motion.arguments, motion.schedule)
+    if trajectory.status != "ok":
+        raise ConvergenceError(f"the motion fails: {trajectory.message}", where=model.manifest.name)
+    value, parts = read_loss(loss, trajectory)
+    weights = _Weights(model, trajectory, motion.arguments, motion.schedule)
+    for name, part in parts.items():
+        getattr(weights, f"add_{name}")(part)
+    back = run.go_back(weights.state)
+    by = {name: array + weights.number.get(name, 0.0) for name, array in back.number.items()}
+    n = len(model.manifest.coordinate_name)
+    by |= dict(zip(START, np.split(back.state, (n, 2 * n)), strict=True))
+    if not all(np.isfinite(array).all() for array in by.values()):
+        raise NonFiniteError("the gradient of the loss is not finite", where="loss", given=value)
+    knots = {}
+    if back.coefficient is not None:
+        assert isinstance(motion.schedule, DrivenArguments)
+        assert schedule is not None
+        knots = _to_knots(schedule, back.coefficient + weights.driven(motion.schedule))
+    return MotionGradient(value, trajectory, by, knots, parts)
+
+
+def read_loss(loss: Loss, motion: Trajectory) -> tuple[float, dict[str, FloatArray]]:
+    """Return a loss of a motion, and its derivatives to quantities at the samples.
+
+    Raises InvalidValueError for a loss of another form, NonFiniteError for one that is not finite.
+    """
+    found = loss(motion)
+    if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], Mapping)):
+        raise InvalidValueError(
+            "a loss returns its value and a mapping of its derivatives",
+            where="loss",
+            given=type(found).__name__,
+            allowed=f"(value, {{name: array}}) with the names {', '.join(OBSERVED)}",
+        )
+    value, parts = float(found[0]), {}
+    for name, part in found[1].items():
+        if name not in OBSERVED:
+            raise InvalidValueError(
+                "a loss has no derivative to this", where="loss", given=name, allowed=", ".join(OBSERVED)
+            )
+        shape = find_observed(motion, name).shape
+        parts[name] = np.asarray(part, dtype=np.float64)
+        if parts[name].shape != shape:
+            raise InvalidValueError(
+                "a derivative of the loss has another shape",
+                where=f"loss: {name}",
+                given=parts[name].shape,
+                allowed=str(shape),
+            )
+    if not (np.isfinite(value) and all(np.isfinite(part).all() for part in parts.values())):
+        raise NonFiniteError("the loss or its derivatives are not finite", where="loss", given=value)
+    return value, parts
+
+
+def find_observed(motion: Trajectory, name: str) -> FloatArray:
+    """Return what a loss may depend on, at the samples."""
+    return motion.member_tension if name == "member_length" else np.asarray(getattr(motion, name))
+
+
+class _Weights:
+    """Weights of the states at the samples, and of run-time parameters that a loss depends on directly."""
+
+    def __init__(
+        self,
+        model: CompiledModel,
+        motion: Trajectory,
+        arguments: Mapping[str, Any],
+        schedule: Schedule | None,
+    ) -> None:
+        self.model, self.motion, self.manifest = model, motion, model.manifest
+        self.arguments, self.schedule = arguments, schedule
+        self.n = len(self.manifest.coordinate_name)
+        self.state = np.zeros((len(motion.time), 2 * self.n + len(self.manifest.internal_name)))
+        self.number: dict[str, FloatArray] = {}
+        self.node, self.axis = np.array(self.manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2).T
+        self.followed: list[tuple[float, dict[str, FloatArray]]] = []  # times, weights of numbers there
+
+    def add_node_position(self, weight: FloatArray) -> None:
+        """Add weights of positions (n_t, n_nodes, 3), of anchored nodes too."""
+        self.state[:, : self.n] += weight[:, self.node, self.axis]
+        anchors = next((item for item in self.manifest.arguments if item.name == "anchor_position"), None)
+        if anchors is None:
+            return
+        held = weight.sum(axis=0)
+        held[self.node, self.axis] = 0.0
+        rows = [self.manifest.node_name.index(name) for name in anchors.over]
+        self._add_number("anchor_position", held[rows][:, list(self.manifest.axes)])
+
+    def add_node_velocity(self, weight: FloatArray) -> None:
+        """Add weights of velocities (n_t, n_nodes, 3)."""
+        self.state[:, self.n : 2 * self.n] += weight[:, self.node, self.axis]
+
+    def add_member_length(self, weight: FloatArray) -> None:
+        """Add weights of lengths (n_t, n_members)."""
+        ends = np.array(self.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
+        span = self.motion.node_position[:, ends[:, 1]] - self.motion.node_position[:, ends[:, 0]]
+        along = weight[..., None] * span / np.linalg.norm(span, axis=-1, keepdims=True)
+        found = np.zeros_like(self.motion.node_position)
+        for k, (first, second) in enumerate(ends):
+            found[:, second] += along[:, k]
+            found[:, first] -= along[:, k]
+        self.add_node_position(found)
+
+    def add_member_tension(self, weight: FloatArray) -> None:
+        """Add weights of tensions (n_t, n_members), which depend on run-time parameters too."""
+        require_quantities(self.model, ("adjoint_tension",), "a loss of tensions")
+        moved = self.state.shape[1]
+        shapes = directed_shapes(self.manifest)
+        edges = np.cumsum([int(np.prod(shape)) for shape in shapes.values()])[:-1]
+        wanted = self.model.function("adjoint_tension").spec.arguments
+        for k in np.flatnonzero(weight.any(axis=1)):
+            time = float(self.motion.time[k])
+            given = {**self.arguments, **(self.schedule(time) if self.schedule else {})}
+            given |= {"coordinate": self.motion.coordinate[k], "velocity": self.motion.velocity[k]}
+            given |= {"tension_weight": weight[k]}
+            if self.motion.internal is not None:
+                given["internal"] = self.motion.internal[k]
+            given = {name: value for name, value in given.items() if name in wanted}
+            found = np.asarray(self.model.compute("adjoint_tension", **given))
+            self.state[k] += found[:moved]
+            numbers = dict(zip(shapes, np.split(found[moved:], edges), strict=True))
+            self.followed.append((time, numbers))
+            for name, part in numbers.items():
+                self._add_number(name, part.reshape(shapes[name]))
+
+    def driven(self, schedule: DrivenArguments) -> FloatArray:
+        """Return weights of the coefficients of a schedule that a loss depends on directly."""
+        pieces = schedule.pieces
+        found = np.zeros_like(pieces.coefficient)
+        for time, numbers in self.followed:
+            piece = int(np.searchsorted(pieces.time[1:-1], time, side="right"))
+            powers = (time - pieces.time[piece]) ** np.arange(found.shape[1])
+            found[piece] += np.outer(powers, [numbers[name][k] for name, k in schedule.place])
+        return found
+
+    def _add_number(self, name: str, part: FloatArray) -> None:
+        self.number[name] = self.number.get(name, 0.0) + part
+
+
+def _to_knots(profile: Profile, coefficient: FloatArray) -> dict[str, FloatArray]:
+    """Return derivatives to the knots of a profile, of which its coefficients are sums."""
+    each = BUILD[profile.kind](profile.time, np.eye(len(profile.time))).coefficient
+    whole = np.einsum("pdk,pdv->kv", each, coefficient)
+    edges = np.cumsum([array[0].size for array in profile.values.values()])[:-1]
+    parts = np.split(whole, edges, axis=1)
+    return {
+        name: part.reshape(value.shape)
+        for (name, value), part in zip(profile.values.items(), parts, strict=True)
+    }
