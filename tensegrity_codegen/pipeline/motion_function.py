@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.runtime.integrate.adjoint import TapedRun, directed_shapes
 from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping, read_stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.simulate.given import read_motion
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import check_choice
@@ -72,6 +73,7 @@ def motion_function(
     >>> shoot.size_out(0)[1]
     2
     """
+    require_model(model)
     options = read_stepping(Stepping(control="steps")).with_method(method, rtol)
     allowed = (*STARTS, *directed_shapes(model.manifest))
     for name in by:
