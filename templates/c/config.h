@@ -139,15 +139,16 @@ static inline void motion_adjoint_margin(
 
 #if WITH_COLUMNS
 
-/* Rates of the derivatives of a motion, which stand behind its own states, row by row. */
+/* Rates of a state, and of the derivatives of a motion behind it, row by row. */
 static inline void motion_column_rate(
     const real *coordinate, const real *velocity, const motion_arguments *with, real *result)
 {
+  real *column = result + N_MOVED;
   int k;
-  (void)velocity;
+  motion_state_derivative(coordinate, velocity, with, result);
   for (k = 0; k < N; ++k) {
-    result[k] = coordinate[N_MOVED + N + k];
-    result[N + k] = -with->stiffness[0] * coordinate[N_MOVED + k] - with->direction[0] * coordinate[k];
+    column[k] = coordinate[N_MOVED + N + k];
+    column[N + k] = -with->stiffness[0] * coordinate[N_MOVED + k] - with->direction[0] * coordinate[k];
   }
 }
 

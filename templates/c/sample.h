@@ -21,9 +21,10 @@ static inline double motion_next_sample(const motion_samples *to)
 /* Derivative (v, a, z') of the state (q, v, z). */
 static inline void motion_rate(const real *state, const motion_arguments *with, real *rate)
 {
-  motion_state_derivative(state, state + N, with, rate);
 #if WITH_COLUMNS
-  motion_column_rate(state, state + N, with, rate + N_MOVED);
+  motion_column_rate(state, state + N, with, rate);
+#else
+  motion_state_derivative(state, state + N, with, rate);
 #endif
 }
 #else

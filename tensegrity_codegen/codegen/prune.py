@@ -17,7 +17,8 @@ from tensegrity_codegen.tables.quantities.quantity import Quantity
 class PrunedFunction:
     """One wanted quantity: a CasADi function named `<scene>_<quantity>` and the arguments it kept.
 
-    columns: of a quantity over columns how many it has; the function is that of one column.
+    columns: of a quantity over columns how many it has; the function is that of one column, behind what does
+    not depend on columns where the quantity has that.
     """
 
     quantity: Quantity
@@ -52,6 +53,8 @@ class PrunedFunction:
     def shape(self) -> tuple[int, int]:
         """Rows and columns of the result as CasADi has it: vectors of a table are columns."""
         rows, columns = self.sparsity.shape
+        if self.quantity.follows_state:
+            return (int(rows) // 2 * (1 + self.columns), 1)
         return (self.columns, int(rows)) if self.columns else (int(rows), int(columns))
 
     @property

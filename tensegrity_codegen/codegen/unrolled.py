@@ -61,7 +61,9 @@ def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precisio
     for function in functions:
         name, arguments = function.quantity.name, list(function.arguments)
         if function.quantity.over_columns:
-            statements[name] = print_columns(function.function, arguments, OF_COLUMNS, name).lines
+            before = function.sparsity.numel() // 2 if function.quantity.follows_state else 0
+            printed = print_columns(function.function, arguments, OF_COLUMNS, name, before)
+            statements[name] = printed.lines
         else:
             annotations = landmarks.annotate(function)
             body = print_body(function.function, arguments, [name], precision, annotations=annotations)

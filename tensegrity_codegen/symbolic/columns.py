@@ -55,15 +55,16 @@ def _add_columns(model: SymbolicModel, request: ModelRequest) -> None:
     model.arguments["column"] = ModelArgument(column, start)
     model.arguments["direction"] = ModelArgument(direction, along)
 
-    def find_change(quantity: str) -> Callable[[], ca.SX]:
+    def find_change(quantity: str) -> ca.SX:
         variables, change = ca.vertcat(state, given), ca.vertcat(column, direction)
-        return lambda: ca.jtimes(ca.densify(model.expression(quantity)), variables, change)
+        return ca.jtimes(ca.densify(model.expression(quantity)), variables, change)
 
-    changes = {"column_rate": "state_derivative", "tension_column": "member_tension"}
-    builders = {name: find_change(quantity) for name, quantity in changes.items()}
+    def find_rates() -> ca.SX:
+        return ca.vertcat(ca.densify(model.expression("state_derivative")), find_change("state_derivative"))
+
+    model.offer({"column_rate": find_rates, "tension_column": lambda: find_change("member_tension")})
     if model.subject.tension_only.any():
-        builders["margin_column"] = find_change("cable_margin")
-    model.offer(builders)
+        model.offer({"margin_column": lambda: find_change("cable_margin")})
 
 
 def check_columns(model: SymbolicModel, request: ModelRequest) -> None:

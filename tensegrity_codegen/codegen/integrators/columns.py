@@ -37,10 +37,14 @@ def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> N
         )
 
 
-def columns_context(manifest: Manifest) -> dict[str, Any] | None:
-    """Return sizes, and the row in a direction of each number that can change with time; None if none."""
+def columns_context(manifest: Manifest, is_dense: bool) -> dict[str, Any] | None:
+    """Return sizes, and the row in a direction of each number that can change with time; None if none.
+
+    is_dense: whether an integrator has dense output of its own.
+    """
     functions = {item.quantity: item for item in manifest.functions}
-    if not manifest.column_name and "adjoint_rate" not in functions:
+    has_adjoint = "adjoint_rate" in functions
+    if not manifest.column_name and not has_adjoint:
         return None
     rows, first = {}, 0
     for name in DIRECTED:
@@ -59,5 +63,6 @@ def columns_context(manifest: Manifest) -> dict[str, Any] | None:
         "driven": driven,
         "is_directed": is_directed,
         "has_columns": bool(manifest.column_name),
-        "has_adjoint": "adjoint_rate" in functions,
+        "has_adjoint": has_adjoint,
+        "calls_state_rate": not manifest.column_name or (has_adjoint and is_dense),
     }

@@ -214,7 +214,7 @@ def integrator_context(
         "first_trial": tried[0].name if tried else "",
         "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *counted)), ""),
         "n_internal": manifest.n_internal,
-        "columns": columns_context(manifest),
+        "columns": columns_context(manifest, any(row.dense_order for row in rows.values())),
         "state_text": f"2 * {len(manifest.coordinate_name)}"
         + (f" + {manifest.n_internal}" if manifest.n_internal else ""),
         "has_run": bool(watching) or has_run,

@@ -95,13 +95,13 @@ def print_body(
 
 
 def print_columns(
-    function: ca.Function, inputs: Sequence[str], seeds: Sequence[str], output: str
+    function: ca.Function, inputs: Sequence[str], seeds: Sequence[str], output: str, before: int = 0
 ) -> PrintedBody:
     """Return the C statements of a function that is linear in some inputs, for N_COLUMNS columns of these.
 
-    Inputs named in `seeds`, and the output, are arrays of rows with N_COLUMNS numbers each. What does not
-    depend on seeds is computed once, before a loop over as many columns as a column_lanes has.
-    Raises what print_body raises.
+    Inputs named in `seeds`, and the output behind its first `before` entries, which depend on none of these,
+    are arrays of rows with N_COLUMNS numbers each. What does not depend on seeds is computed once, before a
+    loop over as many columns as a column_lanes has. Raises what print_body raises.
     """
 
     def place(name: str, k: int) -> str:
@@ -117,6 +117,7 @@ def print_columns(
             linear.add(k)
     where, uses = f"a constant of {function.name()}", _uses(instructions)
     body = _Body(instructions, inputs, [output], DOUBLE, place, Annotations(), where, uses, frozenset(linear))
+    body.before = before
     printed = body.print()
     loop = ("COLUMNS_EACH(c) {", *(f"  {line}" for line in body.in_loop), "}")
     zero = ("const column_lanes none = {0};",) if any("none" in line for line in loop) else ()
@@ -146,6 +147,7 @@ class _Body:
     where: str
     uses: Sequence[tuple[int, ...]]
     linear: frozenset[int] = frozenset()  # instructions that stand in the loop over columns
+    before: int = 0  # entries of the result that stand before columns
     in_loop: list[str] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
     value: dict[int, Text] = field(default_factory=dict)
@@ -157,7 +159,7 @@ class _Body:
             for operand in item.operands if k in self.linear else ():
                 if operand not in self.linear and self.value[operand].operations:
                     self._keep(operand)  # computed once, before the loop
-            if item.operation == ca.OP_OUTPUT and self.linear:
+            if item.operation == ca.OP_OUTPUT and self.linear and item.place[1] >= self.before:
                 self._put_columns(*item.place, item.operands[0])
             elif item.operation == ca.OP_CONST:
                 number = print_number(item.value, self.precision, self.where)
@@ -180,7 +182,8 @@ class _Body:
     def _put_columns(self, result: int, entry: int, source: int) -> None:
         """Give the columns of a result their values; what depends on no seed is zero."""
         value = self.value[source].text if source in self.linear else "none"
-        at = f"COLUMNS_AT({self.outputs[result]} + {entry} * N_COLUMNS + c)"
+        first = f"{self.before} + " if self.before else ""
+        at = f"COLUMNS_AT({self.outputs[result]} + {first}{entry - self.before} * N_COLUMNS + c)"
         self.in_loop.append(f"{at} = {value};")
 
     def _express(self, item: Instruction) -> Text:

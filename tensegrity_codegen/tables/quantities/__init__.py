@@ -4,7 +4,7 @@ Registered once; header comments, docstrings, help texts and shape checks all re
 Shapes name dimensions: `n_nodes`, `n_members`, `n_axes`, `n_coordinates` (free node coordinates),
 `n_internal` (internal states), `n_states` = 2 n_coordinates + n_internal, `n_inputs`, `n_parameters` (all
 run-time parameters, stacked in argument order), `n_varied` = n_states + n_parameters + n_inputs, `n_columns`
-(derivatives of a motion), `n_bar_pairs`,
+(derivatives of a motion), `n_followed` = n_states (1 + n_columns), `n_bar_pairs`,
 `n_bar_points` = 2 n_bar_pairs, `n_law_values` = 3 + n_axes, `n_tension_only` (members that pull only),
 `n_switches` (members whose law switches its slope), `n_contacts` (nodes that can touch the ground); `k` is
 the number of nodes or members that the scene keeps changeable.

@@ -23,4 +23,9 @@ class Quantity:
     @property
     def over_columns(self) -> bool:
         """Whether the quantity has one column for each number that motions are differentiated to."""
-        return "n_columns" in self.shape
+        return "n_columns" in self.shape or self.follows_state
+
+    @property
+    def follows_state(self) -> bool:
+        """Whether these columns stand behind a part of their length that does not depend on them."""
+        return "n_followed" in self.shape

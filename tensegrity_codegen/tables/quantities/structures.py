@@ -145,10 +145,11 @@ STRUCTURES = (
     ),
     Quantity(
         "column_rate",
-        "S'",
+        "x', S'",
         "mixed",
-        ("n_states", "n_columns"),
-        "Rates of the derivatives of a motion, dx'/dx S + dx'/dp P.",
+        ("n_followed",),
+        "Rates of a state, and behind them, row by row, those of the derivatives of a motion, "
+        "dx'/dx S + dx'/dp P.",
         "Dickinson and Gelinas 1976",
     ),
     Quantity(
