@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.live.live_page import LivePage, view
     from tensegrity_codegen.pipeline.build_library import build_library
     from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
+    from tensegrity_codegen.pipeline.forming.form import form
+    from tensegrity_codegen.pipeline.forming.formed import Form
     from tensegrity_codegen.pipeline.motion_function import motion_function
     from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions, symbolic_functions
     from tensegrity_codegen.runtime.analysis.analyse import analyse
@@ -95,6 +97,7 @@ __all__ = [
     "Equilibrium",
     "EquilibriumPath",
     "Estimator",
+    "Form",
     "Gains",
     "Gust",
     "Identification",
@@ -135,6 +138,7 @@ __all__ = [
     "export_fmu",
     "find_equilibria",
     "find_equilibrium",
+    "form",
     "identify",
     "linearize",
     "load_controller",
@@ -181,6 +185,8 @@ _HOME = {
     "Design": "sweeps.fitting.optimise",
     "LossGradient": "sweeps.fitting.optimise",
     "optimise": "sweeps.fitting.optimise",
+    "Form": "pipeline.forming.formed",
+    "form": "pipeline.forming.form",
     "Gust": "control.feedback.loop.sampled_plant",
     "LinearModel": "runtime.linear.linearize",
     "LivePage": "live.live_page",

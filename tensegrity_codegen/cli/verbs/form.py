@@ -1,0 +1,89 @@
+"""`tensegrity-codegen form`: a shape in balance, and the rest lengths that hold it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.scene_files import check_result
+from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
+
+OF = "NAME is a member, a group, a class, cables or bars; may be repeated."
+DensityOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--density", help=f"Tension over length [N/m]: NAME=VALUE, below 0 for bars that push. {OF}"
+    ),
+]
+ForceOption = Annotated[list[str] | None, typer.Option("--force", help=f"Tension [N]: NAME=VALUE. {OF}")]
+LengthOption = Annotated[list[str] | None, typer.Option("--length", help=f"Length [m]: NAME=VALUE. {OF}")]
+
+
+def form(
+    scene: SceneArgument,
+    density: DensityOption = None,
+    force: ForceOption = None,
+    length: LengthOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Write the scene in this shape, with rest lengths (.toml)."),
+    ] = None,
+    overwrite: OverwriteOption = False,
+    compiler: CompilerOption = None,
+    *,
+    printing: PrintOptions,
+) -> None:
+    """Find a shape in which the forces balance, from force densities, forces and lengths of members.
+
+    Bars keep their lengths unless something else is stated. Loads, weights, anchors and stiffnesses are
+    those of the scene; its rest lengths are not used. Exit code 3 where there is no such shape, where it is
+    not determined, or where the structure would leave it.
+
+    Example: tensegrity-codegen form prism.toml --density cables=100 --out formed.toml
+    """
+    output = Output(printing.json, printing.all)
+    with output.guard(scene):
+        check_result(out, ".toml", inputs=[scene], overwrite=overwrite)
+        stated = {
+            word: _read_values(texts or [], f"--{word}")
+            for word, texts in (("density", density), ("force", force), ("length", length))
+        }
+        from tensegrity_codegen.pipeline.forming.form import form as find
+        from tensegrity_codegen.report.tables import members_table
+        from tensegrity_codegen.scene.write import write_scene
+
+        found = find(scene, **stated, compiler=compiler)
+        if out is not None:
+            write_scene(found.document, out, overwrite=overwrite)
+        data = {**found.as_evidence(), "out": None if out is None else str(out)}
+        lines = [f"largest force that is not balanced: {found.residual:.3g} N"]
+        if out is not None:
+            lines.append(str(out))
+        table = members_table(found.structure, found.member_length, found.member_tension)
+        output.result(data, found.headline(), table, *lines)
+        if found.status != "stable":
+            raise typer.Exit(3)
+
+
+def _read_values(texts: Sequence[str], option: str) -> dict[str, float]:
+    """Return NAME=VALUE as values by name; raises InvalidValueError or DuplicateNameError."""
+    found: dict[str, float] = {}
+    for text in texts:
+        name, _, number = text.partition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            raise InvalidValueError(
+                "not a value of members", where=option, given=text, allowed="NAME=VALUE", hint="cables=100"
+            ) from None
+        if name in found:
+            raise DuplicateNameError("a name twice", where=option, given=name, allowed="each name once")
+        found[name] = value
+    return found
+
+
+VERB = Verb(form, order=105)

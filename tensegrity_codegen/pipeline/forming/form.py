@@ -1,0 +1,267 @@
+"""Shapes in balance from force densities, forces and lengths of members, and rest lengths that hold them."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.pipeline.analyses import find_needs
+from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.pipeline.forming.formed import Form
+from tensegrity_codegen.pipeline.forming.statements import read_statements
+from tensegrity_codegen.pipeline.settle import with_statics
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.runtime.statics.force_density import check_lengths, find_density_shape, static_load
+from tensegrity_codegen.scene.describe import describe_structure
+from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import (
+    ConvergenceError,
+    FormulationError,
+    InvalidValueError,
+)
+from tensegrity_codegen.system.summaries import count_names
+from tensegrity_codegen.tables.request import ModelRequest
+
+NO_LENGTH = (
+    1e-12  # of the structure's size: rest length of a spring whose force is in proportion to its length
+)
+TOLERANCE = 1e-12  # of equilibria
+MOST_SHAPES, UNMOVED = 200, 1e-11  # of shapes that forces take, and motion, over the size, at which they end
+
+
+def form(
+    scene: str | Path | Mapping[str, Any] | Scene,
+    *,
+    density: Mapping[str, float] | None = None,
+    force: Mapping[str, float] | None = None,
+    length: Mapping[str, float] | None = None,
+    compiler: str | None = None,
+) -> Form:
+    """Find a shape in which the forces balance, and the rest lengths that hold it.
+
+    Parameters
+    ----------
+    scene : str, Path, mapping or Scene
+        As for `read_scene`: nodes, anchors, loads, members with their stiffnesses. Positions are where the
+        search begins, rest lengths are not used.
+    density, force, length : mapping of str to float
+        Force density [N/m], tension [N] or length [m] by member, group, class, ``"cables"`` or ``"bars"``;
+        what is stated of fewer members comes first: of a member before that of its group, class and kind.
+        Bars of which nothing is stated keep the lengths that they have in the scene.
+    compiler : str, optional
+        C compiler.
+
+    Returns
+    -------
+    Form
+        The shape, tensions, rest lengths, and whether it is stable.
+
+    Raises
+    ------
+    UnknownNameError, DuplicateNameError, InvalidValueError
+        A name that is none, two statements of one member, a value that no member can have, a cable of which
+        nothing is stated.
+    ConvergenceError
+        There is no such shape, or it is not determined.
+    FormulationError
+        A structure of bodies, or on the ground.
+
+    Notes
+    -----
+    Without stated lengths the shape follows from linear equations (Schek 1974), repeated for forces. Lengths
+    are kept by rigid bars, between springs whose force is in proportion to their length; the shape is a
+    minimum of the energy of these, found as `find_equilibrium` does. Positive force densities between anchors
+    are stable whatever the stiffnesses are; all else is judged by the equilibrium with the stiffnesses of the
+    scene.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import form
+    >>> found = form("prism.toml", density={"cables": 100.0})
+    >>> found.status
+    'stable'
+    """
+    subject, request = load_scene(scene)
+    structure = _require_nodes(subject)
+    stated = read_statements(structure, density or {}, force or {}, length or {})
+    position, q = _find_shape(structure, request, *stated, compiler)
+    return _settle(structure, request, position, q, compiler)
+
+
+def _require_nodes(subject: Any) -> Structure:
+    """Return a structure of nodes in the air; raises FormulationError."""
+    if not isinstance(subject, Structure) or subject.ground is not None:
+        raise FormulationError(
+            "only structures of nodes, bars and cables between anchors or in the air are formed",
+            where=subject.name,
+            given="bodies" if not isinstance(subject, Structure) else "a ground",
+            hint="leave out the ground, and settle on it afterwards",
+        )
+    return subject
+
+
+def _find_shape(
+    structure: Structure,
+    request: ModelRequest,
+    density: FloatArray,
+    force: FloatArray,
+    length: FloatArray,
+    compiler: str | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return positions (n_nodes, 3) and force densities (n_members,) in balance."""
+    if np.isnan(length).all():
+        shape = find_density_shape(structure, density, force)
+        return shape.node_position, shape.force_density
+    kept, is_force = np.isfinite(length), np.isfinite(force)
+    if (np.where(is_force, force, density)[~kept] < 0).any():
+        names = [structure.member_name[e] for e in np.flatnonzero(np.fmin(density, force) < 0)]
+        raise InvalidValueError(
+            "members that push, beside members of a stated length",
+            where=structure.name,
+            given=count_names(names),
+            allowed="lengths of members that push, or force densities of all members",
+            hint="state their lengths",
+        )
+    size = float(np.ptp(structure.node_position, axis=0).max())
+    own = structure.member_length()
+    q = np.where(kept, 0.0, np.where(is_force, force / own, density))
+    springs = structure.with_changes(
+        is_bar=kept,
+        tension_only=np.zeros(structure.n_members, dtype=bool),
+        rest_length=np.where(kept, length, NO_LENGTH * size),
+        spring_constant=q,
+        axial_stiffness=np.zeros(structure.n_members),
+        damping=np.zeros(structure.n_members),
+        law_parameter={},
+        inputs=(),
+        actuators=(),
+        sensors=(),
+        limits=Limits(),
+        collision=None,
+        interference=(),
+    )
+    free = tuple(np.flatnonzero(~kept).tolist())
+    parameters = {"spring_constant": free} if free else {}
+    asked = replace(request, formulation="rigid_bar", parameters={}, integrators=(), options={}, events=None)
+    model = build_library(
+        springs, _ask(springs, asked, parameters), compiler=compiler, calls=FEW_CALLS
+    ).load()
+
+    def settle(start: FloatArray | None) -> Equilibrium:
+        given = {"spring_constant": q[list(free)]} if free else {}
+        return find_equilibrium(model, coordinate=start, arguments=given, tolerance=TOLERANCE)
+
+    found = settle(None)
+    for _ in range(MOST_SHAPES):
+        if not is_force.any():
+            break
+        q = np.where(is_force, force / found.member_length, q)
+        again = settle(found.coordinate)
+        motion = float(np.abs(again.node_position - found.node_position).max())
+        found = again
+        if motion <= UNMOVED * size:
+            break
+    else:
+        raise ConvergenceError(
+            "the forces have no shape in balance",
+            evidence={"shapes": MOST_SHAPES, "last_motion": motion, "size": size},
+            where=structure.name,
+        )
+    own = check_lengths(structure, found.node_position, size)
+    return found.node_position, found.member_tension / own
+
+
+def _ask(structure: Structure, request: ModelRequest, parameters: dict[str, tuple[int, ...]]) -> ModelRequest:
+    """Return the request for what an equilibrium takes, with these run-time parameters alone."""
+    statics = with_statics(structure, request)
+    return replace(find_needs("equilibrium", structure, statics).alone(statics), parameters=parameters)
+
+
+def _settle(
+    structure: Structure, request: ModelRequest, position: FloatArray, q: FloatArray, compiler: str | None
+) -> Form:
+    """Return the shape with the stiffnesses of the scene: rest lengths, balance, stability."""
+    moved = structure.with_changes(node_position=position, node_velocity=np.zeros_like(position))
+    length = moved.member_length()
+    tension = q * length
+    _check_tensions(structure, tension)
+    held = moved.with_changes(rest_length=_find_rest_length(moved, length, tension))
+    i, j = structure.connectivity.T
+    forces = static_load(structure)
+    span = q[:, None] * (position[j] - position[i])
+    np.add.at(forces, i, span)
+    np.add.at(forces, j, -span)
+    forces[structure.node_anchored] = 0.0
+    residual = float(np.abs(forces[:, list(structure.axes)]).max(initial=0.0))
+    if (q >= 0.0).all() and not structure.is_rigid.any():
+        status, proof = "stable", "every member pulls, so that no motion lowers the energy"
+    else:
+        status, proof = _judge(held, request, compiler)
+    cables = tension[structure.tension_only]
+    farthest = int(np.linalg.norm(position - structure.node_position, axis=1).argmax())
+    way = float(np.linalg.norm(position[farthest] - structure.node_position[farthest]))
+    pulls = f"cables {cables.min():.6g} to {cables.max():.6g} N" if cables.size else "no cables"
+    return Form(
+        status=status,
+        message=f"{structure.n_members} members in balance, {pulls}; {structure.node_name[farthest]} moved "
+        f"{way:.6g} m; {proof}",
+        node_position=position,
+        member_length=length,
+        member_tension=tension,
+        force_density=q,
+        rest_length=held.rest_length,
+        residual=residual,
+        largest_force=float(np.abs(tension).max(initial=0.0)),
+        proof=proof,
+        structure=held,
+        document=describe_structure(held, request),
+    )
+
+
+def _check_tensions(structure: Structure, tension: FloatArray) -> None:
+    """Raise ConvergenceError where cables of a stated length would have to push."""
+    pushed = structure.tension_only & (tension < 0.0)
+    if pushed.any():
+        names = [structure.member_name[e] for e in np.flatnonzero(pushed)]
+        raise ConvergenceError(
+            "cables of a stated length would have to push",
+            evidence={"cables": count_names(names), "least_tension": float(tension[pushed].min())},
+            where=structure.name,
+            hint="state longer ones, or a force",
+        )
+
+
+def _find_rest_length(structure: Structure, length: FloatArray, tension: FloatArray) -> FloatArray:
+    """Return rest lengths [m] with these tensions; those of rigid bars are their lengths."""
+    rest = np.where(structure.is_rigid, length, structure.find_rest_length(length, tension))
+    bad = ~(np.isfinite(rest) & (rest > 0.0))
+    if bad.any():
+        e = int(np.argmax(bad))
+        raise InvalidValueError(
+            "no rest length gives a member its tension",
+            where=f"{structure.name}: members.{structure.member_name[e]}",
+            given=f"{tension[e]:.6g} N at a length of {length[e]:.6g} m",
+            allowed="a tension that its stiffness has at a positive rest length",
+            hint="smaller force densities, or a stiffer member",
+        )
+    return np.asarray(rest)
+
+
+def _judge(held: Structure, request: ModelRequest, compiler: str | None) -> tuple[str, str]:
+    """Return whether the equilibrium at this shape is stable, and why."""
+    wanted = _ask(held, request, {})
+    model = build_library(held, wanted, compiler=compiler, calls=FEW_CALLS).load()
+    found: Equilibrium = find_equilibrium(model, raise_on_failure=False)
+    size = float(np.ptp(held.node_position, axis=0).max())
+    stays = found.is_found and not found.is_start_unstable and found.change <= 1e-4 * size
+    if stays:
+        return "stable", f"smallest stiffness {found.smallest_eigenvalue:.6g} N/m"
+    where = f"it settles {found.change:.3g} m away" if found.is_found else found.message
+    return "unstable", f"with its stiffnesses the structure leaves the shape: {where}"

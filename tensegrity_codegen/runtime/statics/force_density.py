@@ -1,0 +1,261 @@
+"""Shapes of nets whose force densities are stated: linear equations (Schek 1974).
+
+With the tension over the length q_e of each member, the forces at a node are linear in positions:
+D x = p, D = C^T diag(q) C with the differences C of the ends of members. Where forces t_e are stated the
+shape is a stationary point of the energy sum(q_e l_e^2 / 2) + sum(t_e l_e) - p x, found by Newton's method.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.statics.factors import Factoriser
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import ConvergenceError
+from tensegrity_codegen.system.summaries import count_names
+
+FIRST_SHAPES = 5  # with q_e = t_e / l_e of the one before, from which Newton's method begins
+MOST_STEPS = 100
+BALANCED = 1e-12  # of the largest force: a residual from which the shape is found
+SINGULAR = 1e-11  # smallest over largest pivot
+LEAST_LENGTH = 1e-6  # of the structure's size: a shorter member has no direction
+
+
+@dataclass(frozen=True)
+class DensityShape:
+    """A shape in balance: node_position (n_nodes, 3) [m], force_density (n_members,) [N/m].
+
+    is_minimum: whether D is positive definite, so that the shape is stable whatever the stiffnesses are;
+    shapes: how many were computed.
+    """
+
+    node_position: FloatArray
+    force_density: FloatArray
+    is_minimum: bool
+    shapes: int
+
+
+def static_load(structure: Structure) -> FloatArray:
+    """Return loads and weights of all nodes, (n_nodes, 3) [N]."""
+    return np.asarray(structure.node_load + structure.lumped_mass[:, None] * structure.gravity)
+
+
+def find_density_shape(structure: Structure, density: FloatArray, force: FloatArray) -> DensityShape:
+    """Return the shape with these force densities and, where a force is stated, forces.
+
+    Parameters
+    ----------
+    structure : Structure
+        Nodes, anchors, loads; positions where forces begin.
+    density : ndarray, shape (n_members,) [N/m]
+        Force densities; of members with a force, not used.
+    force : ndarray, shape (n_members,) [N]
+        Forces; nan where the density is stated.
+
+    Returns
+    -------
+    DensityShape
+        Positions and force densities.
+
+    Raises
+    ------
+    ConvergenceError
+        Nothing holds some nodes, densities of both signs cancel, a member shrinks to a point, or the forces
+        have no shape.
+    """
+    position = structure.node_position.copy()
+    size = float(np.ptp(position, axis=0).max(initial=0.0)) or 1.0
+    is_force = np.isfinite(force)
+    factoriser, is_minimum = Factoriser(), True
+    count = FIRST_SHAPES if is_force.any() else 1
+    for _ in range(count):
+        q = np.where(is_force, force / check_lengths(structure, position, size), density)
+        position, is_minimum = _solve(structure, q, position, factoriser)
+    length = check_lengths(structure, position, size)
+    if not is_force.any():
+        return DensityShape(position, q, is_minimum, count)
+    newton = _Energy(structure, np.where(is_force, 0.0, density), np.where(is_force, force, 0.0))
+    position, steps, residual = newton.minimise(position, size)
+    length = check_lengths(structure, position, size)
+    q = np.where(is_force, force / length, density)
+    largest = float(np.abs(q * length).max())
+    if residual <= 1e3 * BALANCED * largest:
+        return DensityShape(position, q, bool((q >= 0.0).all()), count + steps)
+    raise ConvergenceError(
+        "the forces have no shape in balance",
+        evidence={"steps": steps, "residual": residual, "largest_force": largest},
+        where=structure.name,
+        hint="state force densities of some of these members",
+    )
+
+
+class _Energy:
+    """Energy of members with force densities q and forces t, zero where the other one is stated."""
+
+    def __init__(self, structure: Structure, density: FloatArray, force: FloatArray) -> None:
+        self.structure, self.density, self.force = structure, density, force
+        self.i, self.j = structure.connectivity.T
+        place = np.full((structure.n_nodes, 3), -1)
+        node, axis = structure.coordinate_node_axis.T
+        place[node, axis] = np.arange(len(node))
+        self.node, self.axis = node, axis
+        ends = np.stack([place[self.i], place[self.j]], axis=1)  # (n_members, 2, 3)
+        self.rows = np.broadcast_to(ends[:, :, :, None, None], (*ends.shape, 2, 3)).reshape(-1)
+        self.columns = np.broadcast_to(ends[:, None, None, :, :], (*ends.shape, 2, 3)).reshape(-1)
+        self.is_free = (self.rows >= 0) & (self.columns >= 0)
+        self.load = static_load(structure)
+        self.factoriser = Factoriser()
+
+    def find_force(self, position: FloatArray) -> FloatArray:
+        """Return the force on every coordinate, minus the slope of the energy."""
+        span = position[self.j] - position[self.i]
+        q = self.density + self.force / np.linalg.norm(span, axis=1)
+        found = self.load.copy()
+        np.add.at(found, self.i, q[:, None] * span)
+        np.add.at(found, self.j, -q[:, None] * span)
+        return np.asarray(found[self.node, self.axis])
+
+    def find_step(self, position: FloatArray, force: FloatArray) -> FloatArray:
+        """Return the step of Newton's method, with more stiffness where that has directions without any."""
+        span = position[self.j] - position[self.i]
+        length = np.linalg.norm(span, axis=1)
+        along, q = span / length[:, None], self.force / length
+        block = (self.density + q)[:, None, None] * np.eye(3)
+        block = block - q[:, None, None] * along[:, :, None] * along[:, None, :]
+        signs = np.array([[1.0, -1.0], [-1.0, 1.0]])
+        values = (signs[None, :, None, :, None] * block[:, None, :, None, :]).reshape(-1)
+        n, kept = len(force), self.is_free
+        matrix = scipy.sparse.csc_array((values[kept], (self.rows[kept], self.columns[kept])), shape=(n, n))
+        mean = float(np.abs(matrix.diagonal()).mean())
+        for more in (0.0, 1e-6, 1e-3, 1e-1, 1.0, 10.0):
+            whole = scipy.sparse.csc_array(matrix + more * mean * scipy.sparse.eye_array(n, format="csc"))
+            solve = self.factoriser.factorise(whole)
+            if solve is not None:
+                step = solve(force)
+                if np.isfinite(step).all():
+                    return step
+        return force / mean
+
+    def minimise(self, position: FloatArray, size: float) -> tuple[FloatArray, int, float]:
+        """Return positions, steps and the largest residual [N] where no step makes that smaller."""
+        force = self.find_force(position)
+        largest = float(np.abs(self.force).max())
+        for count in range(MOST_STEPS):
+            residual = float(np.abs(force).max(initial=0.0))
+            if residual <= BALANCED * largest:
+                return position, count, residual
+            step = self.find_step(position, force)
+            step *= min(1.0, 0.3 * size / float(np.abs(step).max()))
+            for _ in range(12):
+                trial = position.copy()
+                trial[self.node, self.axis] += step
+                after = self.find_force(trial)
+                if np.linalg.norm(after) < np.linalg.norm(force):
+                    break
+                step /= 3.0
+            else:
+                return position, count, residual
+            position, force = trial, after
+        return position, MOST_STEPS, residual
+
+
+def check_lengths(structure: Structure, position: FloatArray, size: float) -> FloatArray:
+    """Return the lengths of members; raises ConvergenceError for one that is a point."""
+    ends = position[structure.connectivity]
+    length = np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+    points = np.flatnonzero(length < LEAST_LENGTH * size)
+    if points.size:
+        names = [structure.member_name[e] for e in points]
+        raise ConvergenceError(
+            "members have shrunk to points",
+            where=f"{structure.name}: members",
+            evidence={"members": count_names(names), "shortest": float(length.min())},
+            hint="anchor more nodes, or state a length of these members",
+        )
+    return length
+
+
+def _solve(
+    structure: Structure, q: FloatArray, position: FloatArray, factoriser: Factoriser
+) -> tuple[FloatArray, bool]:
+    """Return the positions with force densities q, and whether the matrix is positive definite."""
+    i, j = structure.connectivity.T
+    n, ones = structure.n_nodes, np.concatenate([q, q])
+    rows, columns = np.concatenate([i, j]), np.concatenate([j, i])
+    matrix = scipy.sparse.csr_array((-ones, (rows, columns)), shape=(n, n))
+    matrix = scipy.sparse.csr_array(matrix + scipy.sparse.diags_array(np.bincount(rows, ones, n)))
+    load, moved, is_minimum = static_load(structure), position.copy(), True
+    held = [structure.node_anchored[:, axis] for axis in structure.axes]
+    for group in {mask.tobytes() for mask in held}:  # axes along which the same nodes are anchored
+        axes = [axis for axis, mask in zip(structure.axes, held, strict=True) if mask.tobytes() == group]
+        fixed = structure.node_anchored[:, axes[0]]
+        free = ~fixed
+        if not free.any():
+            continue
+        own = scipy.sparse.csc_array(matrix[free][:, free])
+        right = load[free][:, axes] - matrix[free][:, fixed] @ position[fixed][:, axes]
+        solve = factoriser.factorise(own)
+        if solve is None or not _is_regular(own, solve):
+            is_minimum = False
+            found = _solve_indefinite(structure, own, right, free, q)
+        else:
+            found = np.stack([solve(column) for column in right.T], axis=1)
+        for axis, column in zip(axes, found.T, strict=True):
+            moved[free, axis] = column
+    return moved, is_minimum
+
+
+def _is_regular(matrix: "scipy.sparse.csc_array", solve: "object") -> bool:
+    """Return whether the factors of a matrix with a positive diagonal solve it."""
+    n = matrix.shape[0]
+    given = np.cos(np.arange(n))  # no eigenvector of anything
+    found = solve(matrix @ given)  # type: ignore[operator]
+    return bool(np.abs(found - given).max() < 1e-6)
+
+
+def _solve_indefinite(
+    structure: Structure,
+    matrix: "scipy.sparse.csc_array",
+    right: FloatArray,
+    free: NDArray[np.bool_],
+    q: FloatArray,
+) -> FloatArray:
+    """Return D^-1 p for densities of both signs; raises ConvergenceError where D is singular."""
+    nodes = np.flatnonzero(free)
+    try:
+        factors = scipy.sparse.linalg.splu(matrix)
+        pivots = np.abs(factors.U.diagonal())
+        is_singular = pivots.min() <= SINGULAR * pivots.max()
+    except RuntimeError:  # exactly singular
+        is_singular = True
+    if not is_singular:
+        return np.asarray(factors.solve(right))
+    shift = 1e-10 * float(np.abs(matrix.diagonal()).max() or 1.0)
+    shifted = scipy.sparse.linalg.splu(matrix + shift * scipy.sparse.eye_array(len(nodes), format="csc"))
+    null = np.cos(np.arange(len(nodes)))
+    for _ in range(5):  # inverse iteration
+        null = shifted.solve(null)
+        null /= np.abs(null).max()
+    moving = [structure.node_name[k] for k in nodes[np.abs(null) > 0.1]]
+    whole = np.zeros(structure.n_nodes)
+    whole[nodes] = null
+    i, j = structure.connectivity.T
+    share = np.abs(q * (whole[i] - whole[j]))
+    where = f"{structure.name}: force densities"
+    if (share <= 1e-6 * np.abs(q).max()).all():
+        raise ConvergenceError(
+            "nothing holds some nodes",
+            evidence={"nodes": count_names(moving)},
+            where=where,
+            hint="anchor one of them, or state lengths of bars",
+        )
+    most = [structure.member_name[e] for e in np.flatnonzero(share > 0.1 * share.max())]
+    raise ConvergenceError(
+        "force densities of both signs cancel: the shape is not determined",
+        evidence={"nodes": count_names(moving), "members": count_names(most)},
+        where=where,
+        hint="change these densities, or state lengths of bars",
+    )

@@ -1,0 +1,184 @@
+"""Shapes in balance: closed forms of arches, prisms and nets, and what has no shape.
+
+Schek 1974 (force densities); jax_fdm's arch (Pastrana et al. 2023); prisms of Connelly and Terrell 1995:
+twist 90 + 180/n degrees, and the density of verticals 2 sin(pi/n) times that of rings.
+"""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.pipeline.forming.form import form
+from tensegrity_codegen.pipeline.forming.formed import Form
+from tensegrity_codegen.runtime.statics.force_density import static_load
+from tensegrity_codegen.system.errors import (
+    ConvergenceError,
+    DuplicateNameError,
+    FormulationError,
+    InvalidValueError,
+    UnknownNameError,
+)
+
+
+def arch() -> dict[str, Any]:
+    """Ten bars in a row over 5 m, 0.3 N down at each joint."""
+    ends = {0: True, 10: True}
+    nodes = {
+        f"n{k}": {"position": [0.5 * k - 2.5, 0.0, 0.0], "anchored": ends.get(k, "y")} for k in range(11)
+    }
+    members = {f"m{k}": {"nodes": [f"n{k}", f"n{k + 1}"], "class": "rib"} for k in range(10)}
+    loads = [{"node": f"n{k}", "force": [0.0, 0.0, -0.3]} for k in range(1, 10)]
+    classes = {"rib": {"kind": "bar", "axial_stiffness": 1e5}}
+    return {"name": "arch", "nodes": nodes, "classes": classes, "members": members, "loads": loads}
+
+
+def prism(n: int, twist: float = 120.0) -> dict[str, Any]:
+    """A prism of n bars, not in balance."""
+    nodes: dict[str, Any] = {}
+    members: dict[str, Any] = {}
+    for k in range(n):
+        bottom, top = 2.0 * np.pi * k / n, 2.0 * np.pi * k / n + np.radians(twist)
+        nodes[f"b{k}"] = {"position": [float(np.cos(bottom)), float(np.sin(bottom)), 0.0]}
+        nodes[f"t{k}"] = {"position": [float(np.cos(top)), float(np.sin(top)), 1.0]}
+        after = (k + 1) % n
+        members[f"rb{k}"] = {"nodes": [f"b{k}", f"b{after}"], "class": "ring"}
+        members[f"rt{k}"] = {"nodes": [f"t{k}", f"t{after}"], "class": "ring"}
+        members[f"bar{k}"] = {"nodes": [f"b{k}", f"t{k}"], "class": "strut"}
+        members[f"v{k}"] = {"nodes": [f"b{after}", f"t{k}"], "class": "vertical"}
+    cable = {"kind": "cable", "axial_stiffness": 1e3}
+    classes = {"strut": {"kind": "bar", "axial_stiffness": 1e5}, "ring": cable, "vertical": dict(cable)}
+    return {"name": "prism", "nodes": nodes, "classes": classes, "members": members}
+
+
+def net(n: int = 6) -> dict[str, Any]:
+    """A square net with its edge on a saddle."""
+    nodes = {}
+    for i in range(n + 1):
+        for j in range(n + 1):
+            x, y = 2.0 * i / n - 1.0, 2.0 * j / n - 1.0
+            at_edge = i in (0, n) or j in (0, n)
+            if i in (0, n) and j in (0, n):
+                continue
+            nodes[f"n{i}_{j}"] = {"position": [x, y, 0.5 * x * y if at_edge else 0.0], "anchored": at_edge}
+    pairs = [((i, j), (i + 1, j)) for i in range(n) for j in range(1, n)]
+    pairs += [((i, j), (i, j + 1)) for i in range(1, n) for j in range(n)]
+    members = {
+        f"m{k}": {"nodes": ["n{}_{}".format(*a), "n{}_{}".format(*b)], "class": "rope"}
+        for k, (a, b) in enumerate(pairs)
+    }
+    classes = {"rope": {"kind": "cable", "axial_stiffness": 1e4}}
+    return {"name": "net", "nodes": nodes, "classes": classes, "members": members}
+
+
+def check_balance(found: Form) -> None:
+    """Forces balance at the free nodes, and rest lengths give the tensions, as the scene says when read."""
+    structure, _ = load_scene(found.document)
+    i, j = structure.connectivity.T
+    span = structure.node_position[j] - structure.node_position[i]
+    forces = static_load(structure)
+    pull = (structure.static_tension() / structure.member_length())[:, None] * span
+    np.add.at(forces, i, pull)
+    np.add.at(forces, j, -pull)
+    largest = np.abs(found.member_tension).max()
+    assert np.abs(forces[~structure.node_anchored]).max() < 1e-7 * largest
+    np.testing.assert_allclose(structure.static_tension(), found.member_tension, atol=1e-7 * largest)
+    np.testing.assert_allclose(found.force_density * found.member_length, found.member_tension)
+
+
+def test_an_arch_of_equal_force_densities_is_a_parabola() -> None:
+    """Crown at 3.75 m, load path sum |t| l = 9.925 N m; as a chain of pinned bars it falls over."""
+    found = form(arch(), density={"bars": -1.0})
+    assert found.node_position[5] == pytest.approx([0.0, 0.0, 3.75], abs=1e-12)
+    assert np.abs(found.member_tension) @ found.member_length == pytest.approx(9.925, abs=1e-12)
+    assert found.status == "unstable"
+    check_balance(found)
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 6])
+def test_prisms_of_bars_with_a_length_twist_as_they_must(n: int) -> None:
+    found = form(prism(n), density={"ring": 10.0, "vertical": 20.0 * np.sin(np.pi / n)})
+    assert found.status == "stable"
+    check_balance(found)
+    bottom, top = (np.array([found.position(f"{ring}{k}") for k in range(n)]) for ring in ("b", "t"))
+    axis = top.mean(axis=0) - bottom.mean(axis=0)
+    axis /= np.linalg.norm(axis)
+    arms = [ring[0] - ring.mean(axis=0) for ring in (bottom, top)]
+    first, second = (arm - axis * (arm @ axis) for arm in arms)
+    twist = np.degrees(np.arctan2(axis @ np.cross(first, second), first @ second)) % 360.0
+    assert twist == pytest.approx(90.0 + 180.0 / n, abs=1e-6)
+    bars = found.structure.is_bar
+    np.testing.assert_allclose(found.force_density[bars], -20.0 * np.sin(np.pi / n), rtol=1e-7)
+    np.testing.assert_allclose(found.member_length[bars], load_scene(prism(n))[0].member_length()[bars])
+
+
+def test_a_net_has_the_forces_that_are_stated() -> None:
+    found = form(net(), force={"cables": 20.0})
+    np.testing.assert_allclose(found.member_tension, 20.0)
+    assert found.status == "stable"
+    check_balance(found)
+    mixed = form(net(), force={"cables": 20.0}, density={"m0": 50.0})
+    assert mixed.force_density[0] == pytest.approx(50.0)
+    np.testing.assert_allclose(mixed.member_tension[1:], 20.0)
+
+
+def test_cables_can_have_a_length_too() -> None:
+    found = form(prism(3), density={"ring": 10.0}, length={"vertical": 1.2})
+    verticals = [k for k, name in enumerate(found.member_name) if name.startswith("v")]
+    np.testing.assert_allclose(found.member_length[verticals], 1.2)
+    check_balance(found)
+
+
+def test_weights_of_bars_and_nodes_count() -> None:
+    """A rope with a mass in its middle: half of its density times the fall is half of the weight."""
+    nodes = {
+        "a": {"position": [0.0, 0.0, 0.0], "anchored": True},
+        "b": {"position": [1.0, 0.0, 0.0], "mass": 0.5},
+        "c": {"position": [2.0, 0.0, 0.0], "anchored": True},
+    }
+    classes = {"rope": {"kind": "cable", "spring_constant": 100.0}}
+    members = {"m1": {"nodes": ["a", "b"], "class": "rope"}, "m2": {"nodes": ["b", "c"], "class": "rope"}}
+    scene = {"name": "rope", "gravity": [0, 0, -10.0], "nodes": nodes, "classes": classes, "members": members}
+    found = form(scene, density={"rope": 10.0})
+    assert found.position("b")[2] == pytest.approx(-0.25)
+    check_balance(found)
+    with pytest.raises(InvalidValueError, match="no rest length"):
+        form(scene, density={"rope": 150.0})  # more than its spring constant
+
+
+@pytest.mark.parametrize(
+    ("stated", "error", "word"),
+    [
+        ({}, InvalidValueError, "nothing is stated"),
+        ({"density": {"cables": -1.0}}, InvalidValueError, "above 0"),
+        ({"density": {"cables": float("nan")}}, InvalidValueError, "nan"),
+        ({"force": {"cables": 0.0}}, InvalidValueError, "not a force"),
+        ({"length": {"bars": -2.0}, "density": {"cables": 1.0}}, InvalidValueError, "above 0"),
+        ({"density": {"cables": 1.0}, "force": {"cables": 2.0}}, DuplicateNameError, "two statements"),
+        ({"density": {"cable": 1.0}}, UnknownNameError, "did you mean"),
+        ({"density": {"cables": 1.0, "bars": -1.0}}, ConvergenceError, "both signs"),
+        ({"density": {"cables": 1.0}}, ConvergenceError, "shrunk to points"),
+        ({"density": {"ring": 1.0}, "length": {"vertical": 3.0}}, ConvergenceError, "have to push"),
+    ],
+)
+def test_wrong_statements_are_named(stated: Any, error: type[Exception], word: str) -> None:
+    with pytest.raises(error) as raised:
+        form(prism(3), **stated)
+    assert word in str(raised.value)
+
+
+def test_what_nothing_holds_is_named() -> None:
+    scene = net(2)
+    scene["nodes"] |= {"x": {"position": [5.0, 0.0, 0.0]}, "y": {"position": [6.0, 0.0, 0.0]}}
+    scene["members"]["loose"] = {"nodes": ["x", "y"], "class": "rope"}
+    with pytest.raises(ConvergenceError, match="x, y"):
+        form(scene, density={"rope": 1.0})
+
+
+def test_structures_on_the_ground_are_refused() -> None:
+    scene = prism(3)
+    for node in scene["nodes"].values():
+        node["mass"] = 0.1
+    with pytest.raises(FormulationError, match="ground"):
+        form({**scene, "ground": {"stiffness": 1e4}}, density={"cables": 1.0})
