@@ -24,6 +24,7 @@ VERBS = [
     "equilibrium",
     "examples",
     "export",
+    "form",
     "identify",
     "import",
 ]
@@ -53,6 +54,7 @@ GOOD_CALLS = {
     "doctor": ["doctor"],
     "equilibrium": ["equilibrium", "two_nodes.toml"],
     "examples": ["examples"],
+    "form": ["form", "two_nodes.toml", "--density", "cables=5"],
     "import": ["import", "nodes.csv", "members.csv", "-o", "new.toml", "--gravity", "-1,0,0"],
     "linearize": ["linearize", "two_nodes.toml", "--settle"],
     "new": ["new", "fresh.toml"],

@@ -10,12 +10,12 @@ import numpy as np
 from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.pipeline.forming.force_density import check_lengths, find_density_shape, static_load
 from tensegrity_codegen.pipeline.forming.formed import Form
 from tensegrity_codegen.pipeline.forming.statements import read_statements
 from tensegrity_codegen.pipeline.settle import with_statics
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.runtime.statics.force_density import check_lengths, find_density_shape, static_load
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.limits import Limits
@@ -84,9 +84,9 @@ def form(
     Examples
     --------
     >>> from tensegrity_codegen import form
-    >>> found = form("prism.toml", density={"cables": 100.0})
-    >>> found.status
-    'stable'
+    >>> found = form("two_nodes.toml", density={"cables": 5.0})
+    >>> found.status, found.member_name
+    ('stable', ('member1',))
     """
     subject, request = load_scene(scene)
     structure = _require_nodes(subject)

@@ -31,8 +31,6 @@ class Form(ByName, Summarised):
         The structure in this shape, at rest, with these rest lengths.
     document : mapping
         The same as a scene.
-    node_name, member_name : tuple of str
-        Names.
     """
 
     status: str

@@ -1,4 +1,4 @@
-"""What is stated of members: force densities, forces and lengths, by name."""
+"""Statements of members by name: force densities, forces and lengths."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -22,7 +22,7 @@ def read_statements(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return density, force and length of each member, nan where another one is stated."""
     values = np.full((3, structure.n_members), np.nan)
-    rank = np.full(structure.n_members, len(structure.member_name) + 1)
+    rank = np.full(structure.n_members, 9)  # behind all that can be stated
     said = [""] * structure.n_members
     for which, (word, given) in enumerate((("density", density), ("force", force), ("length", length))):
         for name, value in given.items():
@@ -47,7 +47,7 @@ def read_statements(
             where=structure.name,
             given=count_names(names),
             allowed="a force density, force or length of each cable",
-            hint='density={"cables": 100}, on the command line --density cables=100 [N/m]',
+            hint='density={"cables": 100} [N/m]',
         )
     values[2, bare] = structure.member_length()[bare]
     return values[0], values[1], values[2]

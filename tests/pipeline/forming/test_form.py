@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.pipeline.forming.force_density import static_load
 from tensegrity_codegen.pipeline.forming.form import form
 from tensegrity_codegen.pipeline.forming.formed import Form
-from tensegrity_codegen.runtime.statics.force_density import static_load
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     DuplicateNameError,

@@ -19,7 +19,7 @@ from tensegrity_codegen.system.summaries import count_names
 
 FIRST_SHAPES = 5  # with q_e = t_e / l_e of the one before, from which Newton's method begins
 MOST_STEPS = 100
-BALANCED = 1e-12  # of the largest force: a residual from which the shape is found
+LEAST_RESIDUAL = 1e-12  # of the largest force: a residual from which the shape is found
 SINGULAR = 1e-11  # smallest over largest pivot
 LEAST_LENGTH = 1e-6  # of the structure's size: a shorter member has no direction
 
@@ -82,7 +82,7 @@ def find_density_shape(structure: Structure, density: FloatArray, force: FloatAr
     length = check_lengths(structure, position, size)
     q = np.where(is_force, force / length, density)
     largest = float(np.abs(q * length).max())
-    if residual <= 1e3 * BALANCED * largest:
+    if residual <= 1e3 * LEAST_RESIDUAL * largest:
         return DensityShape(position, q, bool((q >= 0.0).all()), count + steps)
     raise ConvergenceError(
         "the forces have no shape in balance",
@@ -145,7 +145,7 @@ class _Energy:
         largest = float(np.abs(self.force).max())
         for count in range(MOST_STEPS):
             residual = float(np.abs(force).max(initial=0.0))
-            if residual <= BALANCED * largest:
+            if residual <= LEAST_RESIDUAL * largest:
                 return position, count, residual
             step = self.find_step(position, force)
             step *= min(1.0, 0.3 * size / float(np.abs(step).max()))
