@@ -152,7 +152,7 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
         tc.LossGradient(SCENE, ["gravity[2]"], loss, 0.1, samples=3), max_iterations=1
     )
     assert design.loss <= design.start_loss
-    shape: tc.Form = tc.form(SCENE, density={"cables": 100.0})
+    shape: tc.Form = tc.form(SCENE, density={"cables": 5.0})
     assert shape.status == "stable"
     structure, _ = tc.load_scene(SCENE)
     backwards = tc.ModelRequest(
