@@ -1,6 +1,6 @@
 """Gradients of motions: columns beside them, backwards over their steps, differences of motions, and diffrax.
 
-python benchmarks/gradients.py [--document docs/identify.md]   diffrax's rows need jax and diffrax
+python benchmarks/gradients.py [--document docs/identify.md]   rows of others need diffrax, mujoco-mjx
 
 The tilted prism of benchmarks/ground.py (three rigid bars, nine damped cables, friction), dropped from 0.5
 m, 0.6 s, 30 events; the x of its last node at the end, to the logarithms of nine rest lengths, of the
@@ -11,6 +11,9 @@ column along all numbers is integrated beside the motion, which controls its ste
 Then the shipped tower without ground, 0.5 s from a push of its top: the x of its last node to 60 numbers, 39
 rest lengths of cables and 21 of their damping constants; backwards with and without that column.
 
+MJX has its own contacts, so that its motion is another one: its derivative to the logarithm of one rest
+length, forward, is compared with central differences of its own runs (step 1e-6).
+
 Times are medians of CPU time over rounds that take turns, of whole runs called from Python.
 """
 
@@ -20,12 +23,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import tostring
 
 import numpy as np
 from harness.turns import replace_figures, table_text, time_in_turns
 from numpy.typing import NDArray
 
 import tensegrity_codegen
+from tensegrity_codegen.export.export_mjcf import build_mjcf
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
@@ -85,6 +90,8 @@ def main() -> None:
         rows.append((name, f"{errors[name]:.1e}", f"{1e3 * times[name]:.1f}", cost, notes[name]))
     head = ("gradient to 11 numbers", "error", "CPU [ms]", "in motions", "")
     text = f"Measured on {name_processor()}.\n\n{table_text(head, rows)}\n\n{compare_tower()}"
+    if importlib.util.find_spec("mujoco.mjx"):
+        text += f"\n\n{compare_mjx(prism)}"
     print(text)
     if chosen.document:
         replace_figures(chosen.document, BEGIN, END, text)
@@ -194,6 +201,48 @@ def find_differences(model: CompiledModel, step: float, rtol: float) -> FloatArr
                 ends.append(move(model, rtol, **{name: changed}))
             found.append((ends[0] - ends[1]) / (2.0 * step))
     return np.array(found)
+
+
+def compare_mjx(prism: Structure) -> str:
+    """Return the table of derivatives by MJX (Euler and RK4, steps of 1 ms) beside its own differences."""
+    import jax
+    import jax.numpy as jnp
+    import mujoco
+    from mujoco import mjx
+
+    jax.config.update("jax_enable_x64", True)
+    rows = []
+    for name in ("Euler", "RK4"):
+        element, _ = build_mjcf(prism, 1e-3, name)
+        model = mujoco.MjModel.from_xml_string(tostring(element, encoding="unicode"))
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        mujoco.mj_forward(model, data)
+        given, start = mjx.put_model(model), mjx.put_data(model, data)
+        site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, prism.node_name[-1])
+        length = jnp.array(model.tendon_lengthspring)
+
+        def end(
+            log: Any, given: Any = given, start: Any = start, length: Any = length, site: int = site
+        ) -> Any:
+            own = given.replace(tendon_lengthspring=length.at[0].multiply(jnp.exp(log)))
+
+            def step(state: Any, _: Any) -> tuple[Any, None]:
+                after = mjx.step(own, state)
+                return jax.tree.map(lambda a, b: jnp.asarray(b, jnp.asarray(a).dtype), state, after), None
+
+            last, _ = jax.lax.scan(step, start, None, length=round(T_END / 1e-3))
+            return mjx.forward(own, last).site_xpos[site, 0]
+
+        run, slope = jax.jit(end), jax.jit(lambda x, end=end: jax.jvp(end, (x,), (1.0,))[1])
+        began = time.perf_counter()
+        found = float(slope(0.0))
+        compiled = time.perf_counter() - began
+        own = (float(run(1e-6)) - float(run(-1e-6))) / 2e-6
+        taken = time_in_turns({"mjx": lambda slope=slope: float(slope(0.0))}, 3)["mjx"]  # type: ignore[misc]
+        rows.append((name, f"{found:.3f}", f"{own:.3f}", f"{1e3 * taken:.0f}", f"{compiled:.0f}"))
+    head = ("MJX", "derivative to one number", "its own differences", "CPU [ms]", "compiled in [s]")
+    return table_text(head, rows)
 
 
 def build_diffrax(prism: Structure) -> dict[str, tuple[Callable[[], FloatArray], float]]:
