@@ -28,9 +28,10 @@ from tensegrity_codegen.sweeps.fitting.keyed_scene import STEP, KeyedScene
 from tensegrity_codegen.sweeps.fitting.measurements import Measurements
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, check_choice
-from tensegrity_codegen.tables.quantities import ADJOINTS, DIRECTED
+from tensegrity_codegen.tables.quantities import DIRECTED
 
 METHOD = "rk853"
+BACKWARDS = ("adjoint_rate", "adjoint_tension")  # what gradients backwards take
 FINER = 100.0  # times the accuracy of the steps that derivatives are compared with
 MEANINGLESS = 0.1  # of the largest derivative so far: a difference from which derivatives mean nothing
 
@@ -118,7 +119,7 @@ class KeyedMotion(KeyedScene):
         wanted = replace(wanted, directions=names, batch_width=0, keep=(), interfaces=(), flags="native")
         # Forces of contacts are not measured, and take longer than the motion.
         needed = [name for name in wanted.quantities if name not in CONTACT_QUANTITIES]
-        wanted = replace(wanted, quantities=(*needed, "tension_column", *(ADJOINTS if backwards else ())))
+        wanted = replace(wanted, quantities=(*needed, "tension_column", *(BACKWARDS if backwards else ())))
         built = build_library(self.structure, wanted, compiler=compiler, calls=MANY_CALLS)
         self.model: CompiledModel = built.load()
 

@@ -131,6 +131,24 @@ def test_gradients_reach_inputs_over_time(kind: Any) -> None:
         assert found.by[argument].reshape(-1)[0] == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-6)
 
 
+def test_a_structure_without_cables_or_parameters_has_gradients_to_its_start() -> None:
+    """x = x0 cos(w t) + v0 / w sin(w t), w^2 = k / m."""
+    swing = make_structure(
+        [[0, 0, 0], [1.2, 0, 0]], [spring(0, 1, 1.0, 40.0)], anchored={0: "xyz", 1: "yz"}, mass=1.0
+    )
+    model = simulator(swing, "rk853", more=("adjoint_rate",))
+
+    def end(motion: Trajectory) -> tuple[float, dict[str, Any]]:
+        weight = np.zeros_like(motion.node_position)
+        weight[-1, 1, 0] = 1.0
+        return float(motion.node_position[-1, 1, 0]), {"node_position": weight}
+
+    found = motion_gradient(model, end, 0.7, samples=3, rtol=1e-11)
+    w = np.sqrt(40.0)
+    assert found.by["coordinate"] == pytest.approx([np.cos(0.7 * w)], rel=1e-8)
+    assert found.by["velocity"] == pytest.approx([np.sin(0.7 * w) / w], rel=1e-8)
+
+
 def test_a_library_without_the_adjoint_says_how_to_build_one() -> None:
     model = simulator(fall(), "rk853")
     with pytest.raises(FormulationError, match="adjoint_rate"):

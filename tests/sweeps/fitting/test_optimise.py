@@ -61,6 +61,19 @@ def test_the_gradient_of_everything_is_that_of_differences() -> None:
     compare_with_differences(gradient, np.array([300.0, 5.0, 2.0, 0.3]), 2e-6)
 
 
+def test_gradients_backwards_are_those_of_columns_without_cables_too() -> None:
+    """A structure of springs, whose forces have no margin; backwards on request."""
+    document = {**PRISM, "classes": {**PRISM["classes"]}}
+    document["classes"]["cable"] = {**PRISM["classes"]["cable"], "tension_only": False}
+    keys = ["classes.cable.spring_constant", "shape.prestress", "shape.height"]
+    found = []
+    for backwards in (False, True):
+        gradient = LossGradient(document, keys, all_parts, 0.3, samples=7, rtol=1e-11, backwards=backwards)
+        found.append(gradient(gradient.problem.start)[1])
+        assert gradient.error < 1e-9
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-7)
+
+
 DROPPED: dict[str, Any] = {
     "name": "dropped",
     "gravity": [0.5, 0.2, -9.81],
