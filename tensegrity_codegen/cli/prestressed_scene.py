@@ -76,7 +76,8 @@ def write_prestressed(
     tension = shape * _find_scale(subject, shape, name, force)
     moved = _move(subject, found, coordinate)
     length = _find_length(moved, found)
-    settled = moved.with_changes(rest_length=_find_rest_length(moved, length, tension))
+    rest = moved.require_rest_length(length, tension, "a smaller --prestress, or a stiffer member")
+    settled = moved.with_changes(rest_length=rest)
     document = describe_subject(settled, request)
     again, _ = load_scene(document)
     stored = np.where(_find_rigid(again), tension, again.compute_static_tension(_find_length(again, found)))
@@ -186,22 +187,6 @@ def _find_rigid(subject: "Subject") -> NDArray[np.bool_]:
     """Return which members are rigid bars, whose force does not follow from their length."""
     rigid: NDArray[np.bool_] = (subject.spring_constant == 0) & (subject.axial_stiffness == 0)
     return rigid
-
-
-def _find_rest_length(subject: "Subject", length: FloatArray, tension: FloatArray) -> FloatArray:
-    """Return the rest lengths [m] with these tensions; rigid bars keep theirs."""
-    rest = subject.find_rest_length(length, tension)
-    bad = ~(np.isfinite(rest) & (rest > 0)) & ~_find_rigid(subject)
-    if bad.any():
-        e = int(np.argmax(bad))
-        raise InvalidValueError(
-            "no rest length gives a member its tension",
-            where=f"members.{subject.member_name[e]}",
-            given=f"{tension[e]:g} N",
-            allowed="a tension that its law has at a positive rest length",
-            hint="a smaller --prestress, or a stiffer member",
-        )
-    return np.where(_find_rigid(subject), subject.rest_length, rest)
 
 
 def _find_residual(found: "Analysis", tension: FloatArray) -> float:

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
+from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS, LAWS, LINEAR, MEMBER_VALUES, find_law
 from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
 
@@ -131,6 +132,25 @@ class WithMemberLaws:
         if curved.any():
             rest = np.where(curved, self._bisect_rest_length(length, tension), rest)
         return rest
+
+    def require_rest_length(self, length: FloatArray, tension: FloatArray, hint: str) -> FloatArray:
+        """Return the rest lengths of find_rest_length; rigid members keep those that they have.
+
+        Raises InvalidValueError, with the hint, for a member that has none.
+        """
+        rigid = (self.spring_constant == 0) & (self.axial_stiffness == 0)
+        rest = self.find_rest_length(length, tension)
+        bad = ~(np.isfinite(rest) & (rest > 0)) & ~rigid
+        if bad.any():
+            e = int(np.argmax(bad))
+            raise InvalidValueError(
+                "no rest length gives a member its tension",
+                where=f"members.{self.member_name[e]}",
+                given=f"{tension[e]:g} N",
+                allowed="a tension that its law has at a positive rest length",
+                hint=hint,
+            )
+        return np.where(rigid, self.rest_length, rest)
 
     def _bisect_rest_length(self, length: FloatArray, tension: FloatArray) -> FloatArray:
         low = np.where(tension > 0, 0.0, length)

@@ -26,21 +26,25 @@ LEAST_LENGTH = 1e-6  # of the structure's size: a shorter member has no directio
 
 @dataclass(frozen=True)
 class DensityShape:
-    """A shape in balance: node_position (n_nodes, 3) [m], force_density (n_members,) [N/m].
-
-    is_minimum: whether D is positive definite, so that the shape is stable whatever the stiffnesses are;
-    shapes: how many were computed.
-    """
+    """A shape in balance: node_position (n_nodes, 3) [m], force_density (n_members,) [N/m]."""
 
     node_position: FloatArray
     force_density: FloatArray
-    is_minimum: bool
-    shapes: int
 
 
 def static_load(structure: Structure) -> FloatArray:
     """Return loads and weights of all nodes, (n_nodes, 3) [N]."""
     return np.asarray(structure.node_load + structure.lumped_mass[:, None] * structure.gravity)
+
+
+def sum_forces(structure: Structure, position: FloatArray, q: FloatArray) -> FloatArray:
+    """Return loads, weights and the pull of members with force densities q at all nodes, (n_nodes, 3) [N]."""
+    i, j = structure.connectivity.T
+    pull = q[:, None] * (position[j] - position[i])
+    found = static_load(structure)
+    np.add.at(found, i, pull)
+    np.add.at(found, j, -pull)
+    return found
 
 
 def find_density_shape(structure: Structure, density: FloatArray, force: FloatArray) -> DensityShape:
@@ -69,21 +73,20 @@ def find_density_shape(structure: Structure, density: FloatArray, force: FloatAr
     position = structure.node_position.copy()
     size = float(np.ptp(position, axis=0).max(initial=0.0)) or 1.0
     is_force = np.isfinite(force)
-    factoriser, is_minimum = Factoriser(), True
-    count = FIRST_SHAPES if is_force.any() else 1
-    for _ in range(count):
+    factoriser = Factoriser()
+    for _ in range(FIRST_SHAPES if is_force.any() else 1):
         q = np.where(is_force, force / check_lengths(structure, position, size), density)
-        position, is_minimum = _solve(structure, q, position, factoriser)
+        position = _solve(structure, q, position, factoriser)
     length = check_lengths(structure, position, size)
     if not is_force.any():
-        return DensityShape(position, q, is_minimum, count)
+        return DensityShape(position, q)
     newton = _Energy(structure, np.where(is_force, 0.0, density), np.where(is_force, force, 0.0))
     position, steps, residual = newton.minimise(position, size)
     length = check_lengths(structure, position, size)
     q = np.where(is_force, force / length, density)
     largest = float(np.abs(q * length).max())
     if residual <= 1e3 * LEAST_RESIDUAL * largest:
-        return DensityShape(position, q, bool((q >= 0.0).all()), count + steps)
+        return DensityShape(position, q)
     raise ConvergenceError(
         "the forces have no shape in balance",
         evidence={"steps": steps, "residual": residual, "largest_force": largest},
@@ -106,17 +109,12 @@ class _Energy:
         self.rows = np.broadcast_to(ends[:, :, :, None, None], (*ends.shape, 2, 3)).reshape(-1)
         self.columns = np.broadcast_to(ends[:, None, None, :, :], (*ends.shape, 2, 3)).reshape(-1)
         self.is_free = (self.rows >= 0) & (self.columns >= 0)
-        self.load = static_load(structure)
         self.factoriser = Factoriser()
 
     def find_force(self, position: FloatArray) -> FloatArray:
         """Return the force on every coordinate, minus the slope of the energy."""
-        span = position[self.j] - position[self.i]
-        q = self.density + self.force / np.linalg.norm(span, axis=1)
-        found = self.load.copy()
-        np.add.at(found, self.i, q[:, None] * span)
-        np.add.at(found, self.j, -q[:, None] * span)
-        return np.asarray(found[self.node, self.axis])
+        q = self.density + self.force / np.linalg.norm(position[self.j] - position[self.i], axis=1)
+        return np.asarray(sum_forces(self.structure, position, q)[self.node, self.axis])
 
     def find_step(self, position: FloatArray, force: FloatArray) -> FloatArray:
         """Return the step of Newton's method, with more stiffness where that has directions without any."""
@@ -178,16 +176,14 @@ def check_lengths(structure: Structure, position: FloatArray, size: float) -> Fl
     return length
 
 
-def _solve(
-    structure: Structure, q: FloatArray, position: FloatArray, factoriser: Factoriser
-) -> tuple[FloatArray, bool]:
-    """Return the positions with force densities q, and whether the matrix is positive definite."""
+def _solve(structure: Structure, q: FloatArray, position: FloatArray, factoriser: Factoriser) -> FloatArray:
+    """Return the positions with force densities q."""
     i, j = structure.connectivity.T
     n, ones = structure.n_nodes, np.concatenate([q, q])
     rows, columns = np.concatenate([i, j]), np.concatenate([j, i])
     matrix = scipy.sparse.csr_array((-ones, (rows, columns)), shape=(n, n))
     matrix = scipy.sparse.csr_array(matrix + scipy.sparse.diags_array(np.bincount(rows, ones, n)))
-    load, moved, is_minimum = static_load(structure), position.copy(), True
+    load, moved = static_load(structure), position.copy()
     held = [structure.node_anchored[:, axis] for axis in structure.axes]
     for group in {mask.tobytes() for mask in held}:  # axes along which the same nodes are anchored
         axes = [axis for axis, mask in zip(structure.axes, held, strict=True) if mask.tobytes() == group]
@@ -199,13 +195,12 @@ def _solve(
         right = load[free][:, axes] - matrix[free][:, fixed] @ position[fixed][:, axes]
         solve = factoriser.factorise(own)
         if solve is None or not _is_regular(own, solve):
-            is_minimum = False
             found = _solve_indefinite(structure, own, right, free, q)
         else:
             found = np.stack([solve(column) for column in right.T], axis=1)
         for axis, column in zip(axes, found.T, strict=True):
             moved[free, axis] = column
-    return moved, is_minimum
+    return moved
 
 
 def _is_regular(matrix: "scipy.sparse.csc_array", solve: "object") -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
-from tensegrity_codegen.pipeline.forming.force_density import check_lengths, find_density_shape, static_load
+from tensegrity_codegen.pipeline.forming.force_density import check_lengths, find_density_shape, sum_forces
 from tensegrity_codegen.pipeline.forming.formed import Form
 from tensegrity_codegen.pipeline.forming.statements import read_statements
 from tensegrity_codegen.pipeline.settle import with_statics
@@ -29,11 +29,9 @@ from tensegrity_codegen.system.errors import (
 from tensegrity_codegen.system.summaries import count_names
 from tensegrity_codegen.tables.request import ModelRequest
 
-NO_LENGTH = (
-    1e-12  # of the structure's size: rest length of a spring whose force is in proportion to its length
-)
+NO_LENGTH = 1e-12  # of the structure's size: rest length of springs with forces in proportion to lengths
 TOLERANCE = 1e-12  # of equilibria
-MOST_SHAPES, UNMOVED = 200, 1e-11  # of shapes that forces take, and motion, over the size, at which they end
+MOST_SHAPES, UNMOVED = 200, 1e-11  # shapes that forces take, and motion over the size at which they end
 
 
 def form(
@@ -75,11 +73,11 @@ def form(
 
     Notes
     -----
-    Without stated lengths the shape follows from linear equations (Schek 1974), repeated for forces. Lengths
-    are kept by rigid bars, between springs whose force is in proportion to their length; the shape is a
-    minimum of the energy of these, found as `find_equilibrium` does. Positive force densities between anchors
-    are stable whatever the stiffnesses are; all else is judged by the equilibrium with the stiffnesses of the
-    scene.
+    Without stated lengths the shape follows from linear equations (Schek 1974), with stated forces from
+    Newton's method. Lengths are kept by rigid bars, between springs whose force is in proportion to their
+    length; the shape is a minimum of the energy of these, found as `find_equilibrium` does. Positive force
+    densities between anchors are stable whatever the stiffnesses are; all else is judged by the equilibrium
+    with the stiffnesses of the scene.
 
     Examples
     --------
@@ -192,12 +190,10 @@ def _settle(
     length = moved.member_length()
     tension = q * length
     _check_tensions(structure, tension)
-    held = moved.with_changes(rest_length=_find_rest_length(moved, length, tension))
-    i, j = structure.connectivity.T
-    forces = static_load(structure)
-    span = q[:, None] * (position[j] - position[i])
-    np.add.at(forces, i, span)
-    np.add.at(forces, j, -span)
+    moved = moved.with_changes(rest_length=length)  # which rigid bars keep
+    rest = moved.require_rest_length(length, tension, "smaller force densities, or a stiffer member")
+    held = moved.with_changes(rest_length=rest)
+    forces = sum_forces(structure, position, q)
     forces[structure.node_anchored] = 0.0
     residual = float(np.abs(forces[:, list(structure.axes)]).max(initial=0.0))
     if (q >= 0.0).all() and not structure.is_rigid.any():
@@ -236,22 +232,6 @@ def _check_tensions(structure: Structure, tension: FloatArray) -> None:
             where=structure.name,
             hint="state longer ones, or a force",
         )
-
-
-def _find_rest_length(structure: Structure, length: FloatArray, tension: FloatArray) -> FloatArray:
-    """Return rest lengths [m] with these tensions; those of rigid bars are their lengths."""
-    rest = np.where(structure.is_rigid, length, structure.find_rest_length(length, tension))
-    bad = ~(np.isfinite(rest) & (rest > 0.0))
-    if bad.any():
-        e = int(np.argmax(bad))
-        raise InvalidValueError(
-            "no rest length gives a member its tension",
-            where=f"{structure.name}: members.{structure.member_name[e]}",
-            given=f"{tension[e]:.6g} N at a length of {length[e]:.6g} m",
-            allowed="a tension that its stiffness has at a positive rest length",
-            hint="smaller force densities, or a stiffer member",
-        )
-    return np.asarray(rest)
 
 
 def _judge(held: Structure, request: ModelRequest, compiler: str | None) -> tuple[str, str]:
