@@ -32,6 +32,7 @@ from tensegrity_codegen.scene.names import check_names, check_scene_name
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.collision import check_collision
 from tensegrity_codegen.structure.ground_support import check_ground, has_contacts
+from tensegrity_codegen.structure.ring_support import check_rings
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError, suggest
@@ -137,6 +138,7 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
         check_names(names, what, structure.name)
     check_names([item.name for item in structure.inputs], "inputs", structure.name)
     check_ground(structure, request)
+    check_rings(structure, request)
     check_collision(structure, request)
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")

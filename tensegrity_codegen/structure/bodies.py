@@ -26,6 +26,7 @@ from tensegrity_codegen.structure.member_laws import WithMemberLaws
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
+from tensegrity_codegen.tables.segments import Segments, list_segments
 
 Vector3: TypeAlias = tuple[float, float, float]
 Frame: TypeAlias = Literal["inertial", "body"]
@@ -190,6 +191,11 @@ class BodySystem(WithMemberLaws, Summarised):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return reduce_fields(self)
+
+    @cached_property
+    def segments(self) -> Segments:
+        """The straight pieces of tendons: each tendon is one."""
+        return list_segments(self.connectivity.reshape(-1, 2), ())
 
     @property
     def n_nodes(self) -> int:

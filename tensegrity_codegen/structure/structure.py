@@ -23,6 +23,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
+from tensegrity_codegen.tables.segments import Segments, list_segments
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,9 @@ class Structure(WithMemberLaws, Summarised):
         The plane that nodes can touch.
     collision : Collision or None
         The force between bars that touch; None: contacts of bars are detected only.
+    ring_nodes : tuple of tuple of int
+        The rings (nodes) that each member slides through between its two ends, in order, without friction;
+        empty where no member passes any. Its length is the sum of its segments, with one tension in all.
 
     Notes
     -----
@@ -141,6 +145,7 @@ class Structure(WithMemberLaws, Summarised):
     interference: tuple[tuple[int, int], ...] | None = None  # pairs of bars to watch, see bar_pairs
     ground: Ground | None = None
     collision: Collision | None = None  # force between bars that touch
+    ring_nodes: tuple[tuple[int, ...], ...] = ()  # that each member passes between its ends; (): none does
 
     def headline(self) -> str:
         """Return the name of the scene."""
@@ -179,6 +184,21 @@ class Structure(WithMemberLaws, Summarised):
     def n_members(self) -> int:
         """Number of members."""
         return len(self.member_name)
+
+    @cached_property
+    def segments(self) -> Segments:
+        """The straight pieces of all members: of most members they are the member itself."""
+        return list_segments(self.connectivity.reshape(-1, 2), self.ring_nodes)
+
+    @property
+    def passes_rings(self) -> NDArray[np.bool_]:
+        """(n_members,): cables that slide through rings."""
+        return self.segments.passes_rings
+
+    def path(self, e: int) -> tuple[int, ...]:
+        """Return the nodes of member e, from its first to its last."""
+        i, j = (int(node) for node in self.connectivity[e])
+        return (i, *(self.ring_nodes[e] if self.ring_nodes else ()), j)
 
     @cached_property
     def coordinate_node_axis(self) -> NDArray[np.int64]:
@@ -229,7 +249,8 @@ class Structure(WithMemberLaws, Summarised):
         mass = self.node_mass.copy()
         np.add.at(mass, self.connectivity.ravel(), np.repeat(self.member_mass / 6, 2))
         mass[self.node_anchored[:, list(self.axes)].all(axis=1)] = np.inf
-        lighter = mass[self.connectivity].min(axis=1)
+        lighter = np.full(self.n_members, np.inf)
+        np.minimum.at(lighter, self.segments.member, mass[self.segments.ends].min(axis=1))
         much: NDArray[np.bool_] = (self.damping > 0) & (self.damping**2 >= self.mu * lighter)
         return self.tension_only & much
 
@@ -261,9 +282,7 @@ class Structure(WithMemberLaws, Summarised):
 
     def member_length(self) -> FloatArray:
         """Return the member lengths at the stated node positions, (n_members,) [m]."""
-        ends = self.node_position[self.connectivity]
-        length: FloatArray = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-        return length
+        return self.segments.lengths(self.node_position)
 
     def static_tension(self) -> FloatArray:
         """Return the member tensions at the stated node positions, without damping, (n_members,) [N].

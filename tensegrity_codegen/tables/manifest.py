@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.quantities import OF_COLUMNS
+from tensegrity_codegen.tables.segments import Segments, list_segments
 
 ABI_VERSION = 2
 
@@ -62,7 +63,7 @@ EVENT_KINDS = {
 JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick")
 
 # Fields of a manifest that stand in its file only where they hold something.
-ONLY_IF_ANY = ("internal_name", "contact_name", "column_name", "adjoint_work", "tape_row")
+ONLY_IF_ANY = ("internal_name", "contact_name", "column_name", "ring_nodes", "adjoint_work", "tape_row")
 
 
 def count_internal(n_coordinates: int, n_internal: int, n_columns: int) -> int:
@@ -237,6 +238,12 @@ class Manifest:
     internal_name: tuple[str, ...] = ()  # internal states, which follow the velocities in a state
     contact_name: tuple[str, ...] = ()  # nodes that can touch the ground
     column_name: tuple[str, ...] = ()  # numbers that motions are differentiated to
+    ring_nodes: tuple[tuple[int, ...], ...] = ()  # that each member passes between its ends; (): none does
+
+    @cached_property
+    def segments(self) -> Segments:
+        """The straight pieces of all members: of most members they are the member itself."""
+        return list_segments(np.array(self.connectivity, dtype=np.int64).reshape(-1, 2), self.ring_nodes)
 
     @cached_property
     def stated_position(self) -> NDArray[np.float64]:

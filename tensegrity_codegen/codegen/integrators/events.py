@@ -154,7 +154,6 @@ def events_context(
     continuous = BEGINNINGS if n_slips else CONTINUOUS
     contacts = [kind for kind in kinds if kind["word"] in BEGINNINGS]
     position = np.array(manifest.node_position).reshape(-1, 3)
-    ends = position[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
     n_coordinates = len(manifest.coordinate_name)
     return {
         "kinds": kinds,
@@ -168,7 +167,7 @@ def events_context(
         "n_measured": max(
             (reach.get(kind["quantity"], n_coordinates) for kind in kinds), default=n_coordinates
         ),
-        "size": repr(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))),
+        "size": repr(float(manifest.segments.lengths(position).max(initial=0.0))),
         "is_smooth": all(kind["word"] in continuous or "velocity" not in kind["arguments"] for kind in kinds),
         "most_in_succession": MOST_IN_SUCCESSION,
     }

@@ -19,6 +19,7 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.structure.ring_support import require_no_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import (
@@ -102,6 +103,7 @@ def _require_nodes(subject: Any) -> Structure:
             given="bodies" if not isinstance(subject, Structure) else "a ground",
             hint="leave out the ground, and settle on it afterwards",
         )
+    require_no_rings(subject, "form finding")
     return subject
 
 
