@@ -11,7 +11,7 @@ from tensegrity_codegen.codegen.lanes.kernel import BLOCKS
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.structure.ground_support import has_contacts
+from tensegrity_codegen.structure.ground_support import needs_state_jacobian
 from tensegrity_codegen.structure.ring_support import has_rings
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.system.summaries import describe_count
@@ -119,7 +119,7 @@ def list_candidates(structure: Subject, request: ModelRequest) -> tuple[str, ...
 
 def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return what is wanted, also by wanted integrators, and the emitter table does not serve."""
-    wanted = [*request.quantities, *called_quantities(request.integrators, has_contacts(structure))]
+    wanted = [*request.quantities, *called_quantities(request.integrators, needs_state_jacobian(structure))]
     if request.integrators:
         # Quantities behind the events that integrators watch, see events.find_events.
         kinds = request.events

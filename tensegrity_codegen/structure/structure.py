@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.collision import Collision
 from tensegrity_codegen.structure.frozen import freeze_fields
-from tensegrity_codegen.structure.ground import ENERGY_STATES, Ground
+from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_laws import WithMemberLaws
+from tensegrity_codegen.structure.memory import name_internal_states
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.pickling import reduce_fields
@@ -216,14 +217,8 @@ class Structure(WithMemberLaws, Summarised):
 
     @property
     def internal_name(self) -> tuple[str, ...]:
-        """Names of the internal states: bristles, what energy went to, which contacts slip if that counts."""
-        ground = self.ground
-        if ground is None or not (ground.friction or ground.balances_energy):
-            return ()
-        tangents, nodes = range(1, len(self.axes)), self.contact_name if ground.friction else ()
-        bristles = (f"{name}_stick{k}" for name in nodes for k in tangents)
-        spent = ENERGY_STATES if ground.balances_energy else ()
-        return (*bristles, *spent, *(f"{name}_slips" for name in nodes if ground.has_static_friction))
+        """Names of the internal states, see structure/memory.py."""
+        return name_internal_states(self)
 
     @property
     def contact_name(self) -> tuple[str, ...]:

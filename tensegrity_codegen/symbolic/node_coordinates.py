@@ -18,6 +18,7 @@ from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
 from tensegrity_codegen.symbolic.members.ring_cable import Pairs
+from tensegrity_codegen.symbolic.memory import POWERS, Memory
 from tensegrity_codegen.symbolic.node_forces import build_node_forces
 from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce
 from tensegrity_codegen.symbolic.node_quantities import build_node_quantities
@@ -89,28 +90,32 @@ class NodeCoordinates:
         """Forces on nodes besides members, weights and loads."""
         return build_node_forces(self.structure, self.arguments)
 
-    def force_quantities(self) -> dict[str, Callable[[], ca.SX]]:
-        """Return the builders of what forces on nodes offer, none where there are no such forces."""
-        if not self.node_forces:
+    @cached_property
+    def memories(self) -> Sequence[Memory]:
+        """What remembers, and the other forces on nodes."""
+        return self.node_forces
+
+    def memory_quantities(self) -> dict[str, Callable[[], ca.SX]]:
+        """Return the builders of what forces on nodes and memory offer, none where there is nothing."""
+        if not self.memories:
             return {}
         found: dict[str, Callable[[], ca.SX]] = {"energy_rate": self.energy_rate}
         for name in ("friction", "impact"):
-            found[f"{name}_power"] = partial(self.force_powers.__getitem__, name)
-        for part in self.node_forces:
+            found[f"{name}_power"] = partial(self.powers.__getitem__, name)
+        for part in self.memories:
             found |= part.builders()
         if self.structure.internal_name:
             found["internal_rate"] = self.internal_rate
         return found
 
     def internal_rate(self) -> ca.SX:
-        """Return the rates z' of the internal states, (n_internal, 1); which contacts slip is constant."""
-        rates = [rate for part in self.node_forces for rate in part.internal_rate()]
-        ground = self.structure.ground
-        if ground is not None and ground.balances_energy:
-            powers = {**self.force_powers, "damping": self.damping_power()}
-            rates += [powers[name.removesuffix("_work")] for name in ENERGY_STATES]
-        slips = len(self.structure.internal_name) - len(rates)
-        return ca.vertcat(ca.SX(0, 1), *rates, *[ca.SX(0.0)] * slips)
+        """Return the rates z' of the internal states, (n_internal, 1); those set at events are constant."""
+        rates = {name: rate for part in self.memories for name, rate in part.internal_rates().items()}
+        names = self.structure.internal_name
+        if set(ENERGY_STATES) <= set(names):
+            powers = {**self.powers, "damping": self.damping_power()}
+            rates |= {name: powers[name.removesuffix("_work")] for name in ENERGY_STATES}
+        return ca.vertcat(ca.SX(0, 1), *[rates.get(name, ca.SX(0.0)) for name in names])
 
     def state(self) -> ca.SX:
         """Return the state (q, v, z), (n_states, 1)."""
@@ -124,8 +129,8 @@ class NodeCoordinates:
         return ca.jacobian(self.map.free(total), self.state())
 
     def energy_rate(self) -> Scalar:
-        """Return what damping takes, and what forces on nodes add [W]."""
-        return sum(self.force_powers.values(), self.damping_power())
+        """Return what damping takes, and what forces on nodes and memory add [W]."""
+        return sum(self.powers.values(), self.damping_power())
 
     def damping_power(self) -> Scalar:
         """Return what damping of members adds to the total energy, -sum (t - t_static) l' [W]."""
@@ -136,10 +141,10 @@ class NodeCoordinates:
         return power
 
     @cached_property
-    def force_powers(self) -> dict[str, Scalar]:
-        """What all forces on nodes add to the total energy, see NodeForce.powers [W]."""
-        found = {name: ca.SX(0.0) for name in ("friction", "impact", "belt")}
-        for part in self.node_forces:
+    def powers(self) -> dict[str, Scalar]:
+        """What all forces on nodes and memory add to the total energy, see Memory.powers [W]."""
+        found = {name: ca.SX(0.0) for name in POWERS}
+        for part in self.memories:
             found |= {name: found[name] + power for name, power in part.powers().items()}
         return found
 
@@ -254,7 +259,7 @@ class NodeCoordinates:
         for force, position in zip(self.external_force, self.arguments.position, strict=True):
             work = work + dot(force, position)
         energy = self.members.elastic_energy() - work
-        for part in self.node_forces:
+        for part in self.memories:
             energy = energy + part.stored_energy()
         return energy
 

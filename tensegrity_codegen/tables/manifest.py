@@ -62,6 +62,9 @@ EVENT_KINDS = {
 # Those at which a force or its slope jumps: runs watch them by themselves.
 JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick")
 
+# Kinds that set internal states, see structure/memory.py, and the word that the names of these end with.
+SET_STATES = {"stick": "slips"}
+
 # Fields of a manifest that stand in its file only where they hold something.
 ONLY_IF_ANY = ("internal_name", "contact_name", "column_name", "ring_nodes", "adjoint_work", "tape_row")
 
@@ -287,6 +290,16 @@ class Manifest:
     def has_contacts(self) -> bool:
         """Whether nodes touch the ground or bars press each other, with forces."""
         return bool(self.contact_name) or any(item.quantity == "collision_margin" for item in self.functions)
+
+    @property
+    def needs_state_jacobian(self) -> bool:
+        """Whether implicit integrators take the Jacobian of the whole state: contacts or memory."""
+        return self.has_contacts or bool(self.internal_name)
+
+    def subjects_of(self, kind: str) -> tuple[str, ...]:
+        """Return what each internal state that events of this kind set is of, in their order."""
+        end = f"_{SET_STATES[kind]}"
+        return tuple(name.removesuffix(end) for name in self.internal_name if name.endswith(end))
 
     def argument(self, name: str) -> ArgumentSpec:
         """Return the argument of that name."""

@@ -67,7 +67,7 @@ class _NodePosition(NodeCoordinates):
             "cable_margin": members.cable_margin,
             "switch_margin": members.switch_margin,
             **build_bar_quantities(self.bar_pairs, self.arguments.symbols["coordinate"]),
-            **self.force_quantities(),
+            **self.memory_quantities(),
         }
 
     def with_net_force(self, force: list[Vector]) -> "_NodePosition":

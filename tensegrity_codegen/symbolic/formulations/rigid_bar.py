@@ -139,7 +139,7 @@ class _RigidBar(NodeCoordinates):
             **self.mixed_form(),
             **self.statics(),
             **build_bar_quantities(self.bar_pairs, self.q),
-            **self.force_quantities(),
+            **self.memory_quantities(),
         }
 
     def mixed_form(self) -> dict[str, Any]:
