@@ -13,7 +13,6 @@ from tensegrity_codegen.live.live_scene import LiveScene
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.structure.outline import outline_bodies
-from tensegrity_codegen.structure.ring_support import require_no_rings
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR, find_row
 from tensegrity_codegen.tables.manifest import STATUS, STATUS_TEXT, ArgumentSpec, Manifest
@@ -187,7 +186,6 @@ def add_engine(
     LiveScene
         The scene with the module and its description.
     """
-    require_no_rings(subject, "a page in which the model runs", "simulate a motion and show that")
     structure = outline_bodies(subject)
     methods = {item.name: item for item in manifest.integrators}
     method = choose_method(structure, methods) if method == "auto" else method

@@ -57,7 +57,7 @@ def compute_uses(
     limits = subject.limits.for_members(subject.n_members)
     if not any(np.any(getattr(limits, name) != none) for name, none in MEMBER_LIMITS.items()):
         return None
-    length = structure.segments.lengths(position)[:, : subject.n_members]
+    length = structure.strands.lengths(position)[:, : subject.n_members]
     use = check_members(subject, tension[:, : subject.n_members], length).use
     result = np.full(tension.shape, np.nan)
     result[:, : subject.n_members] = np.fmax.reduce([use[name] for name in MEMBER_CHECKS])
@@ -223,9 +223,10 @@ def build_live_scene(
     reaction = compute_reactions(structure, position, tension, held, loads, find_joints(subject))
     shapes, labels = _list_modes(analysis)
     uses = compute_uses(subject, structure, position, tension)
+    headline = _headline(structure, motion)
     # Each strand of a cable through rings is a line of its own
-    segments, structure = structure.segments, split_at_rings(structure)
-    tension = segments.spread(tension)
+    strands, structure = structure.strands, split_at_rings(structure)
+    tension = strands.spread(tension)
     channels = _pack_structure(structure) | {
         "time": pack(time, "float64"),
         "node_position": pack_rounded(position - origin, by_place=True),
@@ -238,7 +239,9 @@ def build_live_scene(
     if held.size:
         channels |= {"held": pack(held, "int32"), "reaction": pack_rounded(reaction)}
     if uses is not None:
-        channels["use"] = pack_rounded(segments.spread(uses))
+        channels["use"] = pack_rounded(strands.spread(uses))
+    if not strands.is_plain:
+        channels["strand_of"] = pack(strands.member, "int32")
     if motion is not None:
         channels |= {
             name: pack(getattr(motion, name), "float64") for name in ("kinetic_energy", "total_energy")
@@ -265,7 +268,7 @@ def build_live_scene(
         "unknown_reactions": int(np.isnan(size).any(axis=0).sum()),
     }
     facts = _list_facts(structure, motion, rounding)
-    return LiveScene(structure.name, _headline(structure, motion), facts, data, channels)
+    return LiveScene(structure.name, headline, facts, data, channels)
 
 
 def _describe_plane(subject: Structure | BodySystem, origin: FloatArray) -> dict[str, Any] | None:

@@ -226,7 +226,7 @@ def check_motion(structure: Structure | BodySystem, tension: FloatArray, positio
     for k in range(0, len(tension), size):
         place = position[k : k + size]
         with np.errstate(all="ignore"):  # of motions that blow up
-            length = structure.segments.lengths(place)
+            length = structure.strands.lengths(place)
         found = check_members(structure, tension[k : k + size], length)
         for name, kept in worst.items():
             for item in getattr(found, name):

@@ -82,18 +82,18 @@ def outline_bodies(subject: Structure | BodySystem) -> Structure:
 
 
 def split_at_rings(structure: Structure) -> Structure:
-    """Return a structure whose members are the segments of all members, for pages that draw straight lines.
+    """Return a structure whose members are the strands of all members, for pages that draw straight lines.
 
     Strands of one cable share its rest length in proportion to their lengths, and are called by its name and
     a number. Groups, inputs and limits are left out.
     """
-    segments = structure.segments
-    if segments.is_plain:
+    strands = structure.strands
+    if strands.is_plain:
         return structure
-    e = segments.member
+    e = strands.member
     number = np.arange(len(e)) - np.searchsorted(e, e) + 1
-    passes = segments.passes_rings[e]
-    part = segments.segment_lengths(structure.node_position) / structure.member_length()[e]
+    passes = strands.passes_rings[e]
+    part = strands.strand_lengths(structure.node_position) / structure.member_length()[e]
     columns = ("is_bar", "tension_only", "damping", "member_mass", "radius")
     stiffness = {
         "spring_constant": structure.spring_constant[e],
@@ -105,7 +105,7 @@ def split_at_rings(structure: Structure) -> Structure:
             for k, n, is_split in zip(e.tolist(), number.tolist(), passes.tolist(), strict=True)
         ),
         member_class=tuple(structure.member_class[k] for k in e),
-        connectivity=segments.ends,
+        connectivity=strands.ends,
         ring_nodes=(),
         rest_length=structure.rest_length[e] * part,
         **stiffness,

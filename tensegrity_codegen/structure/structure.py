@@ -24,7 +24,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
-from tensegrity_codegen.tables.segments import Segments, list_segments
+from tensegrity_codegen.tables.strands import Strands, list_strands
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Structure(WithMemberLaws, Summarised):
         The force between bars that touch; None: contacts of bars are detected only.
     ring_nodes : tuple of tuple of int
         The rings (nodes) that each member slides through between its two ends, in order, without friction;
-        empty where no member passes any. Its length is the sum of its segments, with one tension in all.
+        empty where no member passes any. Its length is the sum of its strands, with one tension in all.
 
     Notes
     -----
@@ -187,14 +187,14 @@ class Structure(WithMemberLaws, Summarised):
         return len(self.member_name)
 
     @cached_property
-    def segments(self) -> Segments:
+    def strands(self) -> Strands:
         """The straight pieces of all members: of most members they are the member itself."""
-        return list_segments(self.connectivity.reshape(-1, 2), self.ring_nodes)
+        return list_strands(self.connectivity.reshape(-1, 2), self.ring_nodes)
 
     @property
     def passes_rings(self) -> NDArray[np.bool_]:
         """(n_members,): cables that slide through rings."""
-        return self.segments.passes_rings
+        return self.strands.passes_rings
 
     def path(self, e: int) -> tuple[int, ...]:
         """Return the nodes of member e, from its first to its last."""
@@ -245,7 +245,7 @@ class Structure(WithMemberLaws, Summarised):
         np.add.at(mass, self.connectivity.ravel(), np.repeat(self.member_mass / 6, 2))
         mass[self.node_anchored[:, list(self.axes)].all(axis=1)] = np.inf
         lighter = np.full(self.n_members, np.inf)
-        np.minimum.at(lighter, self.segments.member, mass[self.segments.ends].min(axis=1))
+        np.minimum.at(lighter, self.strands.member, mass[self.strands.ends].min(axis=1))
         much: NDArray[np.bool_] = (self.damping > 0) & (self.damping**2 >= self.mu * lighter)
         return self.tension_only & much
 
@@ -277,7 +277,7 @@ class Structure(WithMemberLaws, Summarised):
 
     def member_length(self) -> FloatArray:
         """Return the member lengths at the stated node positions, (n_members,) [m]."""
-        return self.segments.lengths(self.node_position)
+        return self.strands.lengths(self.node_position)
 
     def static_tension(self) -> FloatArray:
         """Return the member tensions at the stated node positions, without damping, (n_members,) [N].

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.quantities import OF_COLUMNS
-from tensegrity_codegen.tables.segments import Segments, list_segments
+from tensegrity_codegen.tables.strands import Strands, list_strands
 
 ABI_VERSION = 2
 
@@ -244,9 +244,9 @@ class Manifest:
     ring_nodes: tuple[tuple[int, ...], ...] = ()  # that each member passes between its ends; (): none does
 
     @cached_property
-    def segments(self) -> Segments:
+    def strands(self) -> Strands:
         """The straight pieces of all members: of most members they are the member itself."""
-        return list_segments(np.array(self.connectivity, dtype=np.int64).reshape(-1, 2), self.ring_nodes)
+        return list_strands(np.array(self.connectivity, dtype=np.int64).reshape(-1, 2), self.ring_nodes)
 
     @cached_property
     def stated_position(self) -> NDArray[np.float64]:

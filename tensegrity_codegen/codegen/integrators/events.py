@@ -177,7 +177,7 @@ def events_context(
         "n_measured": max(
             (reach.get(kind["quantity"], n_coordinates) for kind in kinds), default=n_coordinates
         ),
-        "size": repr(float(manifest.segments.lengths(position).max(initial=0.0))),
+        "size": repr(float(manifest.strands.lengths(position).max(initial=0.0))),
         "is_smooth": all(kind["word"] in continuous or "velocity" not in kind["arguments"] for kind in kinds),
         "most_in_succession": MOST_IN_SUCCESSION,
     }

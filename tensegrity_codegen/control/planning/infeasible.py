@@ -176,7 +176,7 @@ def _find_balance(plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, i
     structure = plan_model.model.structure
     if not isinstance(structure, Structure):
         return math.inf
-    length = structure.segments.lengths(start.position)
+    length = structure.strands.lengths(start.position)
     free = [
         node
         for node in structure.connectivity[index].tolist()
@@ -194,10 +194,8 @@ def _sum_largest_forces(
     """Return the sum of the largest forces of the other members at a node, and of the loads on it [N]."""
     structure = plan_model.model.structure
     assert isinstance(structure, Structure)
-    segments = structure.segments
-    beside = segments.member[
-        (segments.ends == node).any(axis=1)
-    ].tolist()  # twice where a cable passes a ring
+    strands = structure.strands
+    beside = strands.member[(strands.ends == node).any(axis=1)].tolist()  # twice where a cable passes a ring
     total = float(np.abs(start.tension)[beside].sum())
     for member in beside:
         if structure.is_rigid[member]:

@@ -279,10 +279,10 @@ def compute_slopes(
     found = equilibrium_sensitivity(
         plan_model.model, at.model_coordinate, arguments, columns=plan_model.columns
     )
-    segments = manifest.segments
-    unit = segments.vectors(at.position) / segments.segment_lengths(at.position)[:, None]
-    apart = found.node[segments.ends[:, 0]] - found.node[segments.ends[:, 1]]
-    length = segments.add_up(np.einsum("ea,eak->ke", unit, apart)).T
+    strands = manifest.strands
+    unit = strands.vectors(at.position) / strands.strand_lengths(at.position)[:, None]
+    apart = found.node[strands.ends[:, 0]] - found.node[strands.ends[:, 1]]
+    length = strands.add_up(np.einsum("ea,eak->ke", unit, apart)).T
     count = len(at.change)
 
     def move(column: int, step: float) -> tuple[StaticProblem, FloatArray]:

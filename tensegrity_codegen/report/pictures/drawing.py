@@ -77,7 +77,7 @@ def find_slack(structure: Structure, node_position: FloatArray, tension: FloatAr
     node_position (n_nodes, 3) [m], tension (n_members,) [N]; without tensions those cables are slack that
     are shorter than their stated rest length.
     """
-    length = structure.segments.lengths(node_position)
+    length = structure.strands.lengths(node_position)
     excess, noise = length - structure.rest_length, 1e-9 * structure.rest_length
     loose = excess < -noise if tension is None else (tension <= 0) & (np.abs(excess) > noise)
     slack: BoolArray = structure.tension_only & loose
@@ -146,7 +146,7 @@ class StructureDrawing:
         color = tension if color is None else color
         self.slack = find_slack(self._structure, node_position, tension)
         place, depth = self.view.project(node_position)
-        pair, member = self._structure.segments.ends, self._structure.segments.member
+        pair, member = self._structure.strands.ends, self._structure.strands.member
         order = np.argsort(depth[pair].mean(axis=1), kind="stable")
         nearness = self.view.magnification(depth) ** WIDTH_DEPTH
         segments, widths, colors = self._strokes(place[pair], nearness[pair].mean(axis=1), color)
@@ -172,11 +172,11 @@ class StructureDrawing:
     def _strokes(
         self, ends: FloatArray, nearness: FloatArray, color: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return rim, outline and fill of each segment of members.
+        """Return rim, outline and fill of each strand of members.
 
-        Segments (n_segments, 3, 2, 2), widths (n_segments, 3) and colours (n_segments, 3, 4).
+        Segments (n_strands, 3, 2, 2), widths (n_strands, 3) and colours (n_strands, 3, 4).
         """
-        member = self._structure.segments.member
+        member = self._structure.strands.member
         bar = self._structure.is_bar[member]
         width = self._scale * nearness * np.where(bar, BAR_WIDTH, CABLE_WIDTH)
         inner = np.where(bar, width - 1.5 * self._scale, width)
@@ -210,7 +210,7 @@ def _group_anchors(structure: Structure, view: View) -> list[tuple[BoolArray, st
     Nodes that are held on all modelled axes are filled; a node whose members lead down hangs.
     """
     place, _ = view.project(structure.node_position)
-    i, j = structure.segments.ends.T
+    i, j = structure.strands.ends.T
     lead = np.zeros(structure.n_nodes)
     np.add.at(lead, i, place[j, 1] - place[i, 1])
     np.add.at(lead, j, place[i, 1] - place[j, 1])

@@ -48,22 +48,22 @@ def find_rest_tension(subject: Structure | BodySystem, rigid: BoolArray | None =
 
 def _solve(structure: Structure, tension: FloatArray, rigid: BoolArray) -> FloatArray:
     """Return the tensions of the rigid bars (n_rigid,) [N], NaN where statics does not tell them."""
-    ends, segments = structure.connectivity, structure.segments
-    vector = segments.vectors(structure.node_position)
+    ends, strands = structure.connectivity, structure.strands
+    vector = strands.vectors(structure.node_position)
     unit = vector / np.linalg.norm(vector, axis=1)[:, None]
     force = np.array(structure.node_load, dtype=float)
     mass = np.array(structure.node_mass, dtype=float)
     np.add.at(mass, ends.ravel(), np.repeat(structure.member_mass / 2, 2))
     force += mass[:, None] * structure.gravity
-    pull = segments.spread(tension)[:, None] * unit
-    np.add.at(force, segments.ends[:, 0], -pull)
-    np.add.at(force, segments.ends[:, 1], pull)
+    pull = strands.spread(tension)[:, None] * unit
+    np.add.at(force, strands.ends[:, 0], -pull)
+    np.add.at(force, strands.ends[:, 1], pull)
     free = np.zeros_like(structure.node_anchored)
     free[:, list(structure.axes)] = ~structure.node_anchored[:, list(structure.axes)]
     rows = np.flatnonzero(rigid)
     matrix = np.zeros((*force.shape, len(rows)))
     columns = np.arange(len(rows))
-    along = unit[np.isin(segments.member, rows)]
+    along = unit[np.isin(strands.member, rows)]
     matrix[ends[rows, 0], :, columns] += along
     matrix[ends[rows, 1], :, columns] -= along
     left, size, right = np.linalg.svd(matrix[free], full_matrices=True)
@@ -166,7 +166,7 @@ def compute_colors(shown: Shown, name: str) -> FloatArray | None:
     if name == "tension":
         return tension
     if name == "force_density":
-        return _divide(tension, structure.segments.lengths(shown.position))
+        return _divide(tension, structure.strands.lengths(shown.position))
     area = np.asarray(structure.section_area, dtype=float)
     if not (area[~shown.parts.edge] > 0).any():
         raise InvalidValueError(

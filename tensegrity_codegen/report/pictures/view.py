@@ -246,7 +246,7 @@ def _perspective(
 def _clutter(view: View, structure: Structure, node_position: FloatArray) -> float:
     """Return sum 1 / (1 + (d / near)^2) over the distances d on paper from nodes to members of others."""
     place, _ = view.project(node_position)
-    first, second = structure.segments.ends.T
+    first, second = structure.strands.ends.T
     start, end = place[first], place[second]
     along, apart = end - start, place[:, None] - start
     squared = np.maximum(np.sum(along**2, axis=-1), np.finfo(float).tiny)

@@ -131,7 +131,7 @@ class _Check:
         """Return the error of each component (n_states,) at which a run (n_t, n_states) is lost."""
         n = state.shape[1] // 2
         place = np.array(self.manifest.node_position).reshape(-1, 3)
-        lengths = self.manifest.segments.lengths(place)
+        lengths = self.manifest.strands.lengths(place)
         length = float(lengths.mean()) if len(lengths) else 0.0
         if find_formulation(self.manifest.formulation).has_angles or not length > 0.0:
             length = float(np.abs(state[:, :n]).max()) or 1.0

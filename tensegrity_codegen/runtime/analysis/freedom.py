@@ -44,13 +44,13 @@ def count_freedom(structure: Structure) -> Freedom | None:
     n, m = len(free), structure.n_members
     if min(n, m) > MAX_DENSE_SIZE:
         return None
-    segments = structure.segments
-    first, second = segments.ends.T
-    vector = segments.vectors(structure.node_position)
+    strands = structure.strands
+    first, second = strands.ends.T
+    vector = strands.vectors(structure.node_position)
     matrix = np.zeros((structure.n_nodes, m, 3))
     unit = vector / np.linalg.norm(vector, axis=1)[:, None]
     for node, sign in ((first, 1.0), (second, -1.0)):
-        np.add.at(matrix, (node, segments.member), sign * unit)
+        np.add.at(matrix, (node, strands.member), sign * unit)
     matrix = matrix[free[:, 0], :, free[:, 1]]
     square = np.linalg.eigvalsh(matrix @ matrix.T if n < m else matrix.T @ matrix)
     rank = int((square > ZERO_TOLERANCE**2 * square.max(initial=0.0)).sum())

@@ -221,11 +221,11 @@ class _Weights:
 
     def add_member_length(self, weight: FloatArray) -> None:
         """Add weights of lengths (n_t, n_members)."""
-        segments = self.manifest.segments
-        span = segments.vectors(self.motion.node_position)
-        along = segments.spread(weight)[..., None] * span / np.linalg.norm(span, axis=-1, keepdims=True)
+        strands = self.manifest.strands
+        span = strands.vectors(self.motion.node_position)
+        along = strands.spread(weight)[..., None] * span / np.linalg.norm(span, axis=-1, keepdims=True)
         found = np.zeros_like(self.motion.node_position)
-        for k, (first, second) in enumerate(segments.ends):
+        for k, (first, second) in enumerate(strands.ends):
             found[:, first] += along[:, k]
             found[:, second] -= along[:, k]
         self.add_node_position(found)

@@ -16,7 +16,7 @@ from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.laws import LAWS, LINEAR
 from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
-from tensegrity_codegen.tables.segments import list_segments
+from tensegrity_codegen.tables.strands import list_strands
 
 
 def build_member_arrays(
@@ -36,9 +36,9 @@ def build_member_arrays(
     _check_needed(given, names, is_bar, where)
     connectivity, ring_nodes = _find_nodes(names, rows, node_name, where)
     _check_rings(ring_nodes, names, tension_only, where)
-    segments = list_segments(connectivity, ring_nodes)
-    check_connectivity(segments, names, node_name, node_position, where)
-    length = segments.lengths(node_position)
+    strands = list_strands(connectivity, ring_nodes)
+    check_connectivity(strands, names, node_name, node_position, where)
+    length = strands.lengths(node_position)
     stiffness = {key: _or_zero(given[key]) for key in STIFFNESS}
     laws = _find_laws(given, names, is_bar, where)
     rest_length = _rest_length({**given, **stiffness}, laws, length, tension_only, names, where)

@@ -57,11 +57,9 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
     _check_laws(structure, where)
     _check_rings(structure, where)
     check_connectivity(
-        structure.segments, structure.member_name, structure.node_name, structure.node_position, where
+        structure.strands, structure.member_name, structure.node_name, structure.node_position, where
     )
-    check_freedom(
-        structure.segments.ends, structure.node_anchored, structure.axes, structure.node_name, where
-    )
+    check_freedom(structure.strands.ends, structure.node_anchored, structure.axes, structure.node_name, where)
     _check_rigid_bars(structure, where)
     _check_anchored_velocity(structure, where)
     _check_plane(structure, where)

@@ -7,7 +7,7 @@ from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
-from tensegrity_codegen.tables.segments import Segments
+from tensegrity_codegen.tables.strands import Strands
 
 IndexArray = NDArray[np.int64]
 
@@ -22,24 +22,24 @@ def find_fully_anchored(node_anchored: NDArray[np.bool_], axes: tuple[int, ...])
 
 
 def check_connectivity(
-    segments: Segments,
+    strands: Strands,
     member_name: tuple[str, ...],
     node_name: tuple[str, ...],
     node_position: FloatArray,
     where: str,
 ) -> None:
-    """Raise unless every segment joins two different, not coincident nodes, and no two members the same pair.
+    """Raise unless every strand joins two different, not coincident nodes, and no two members the same pair.
 
     Raises StructureError or DuplicateNameError (two members on one pair, in either order).
     """
-    first, second = segments.ends.T
-    place = _Ends(segments.ends, node_name)
-    owner = member_name if segments.is_plain else tuple(member_name[e] for e in segments.member)
+    first, second = strands.ends.T
+    place = _Ends(strands.ends, node_name)
+    owner = member_name if strands.is_plain else tuple(member_name[e] for e in strands.member)
     refuse(
         first == second,
         StructureError,
         "the member joins a node to itself"
-        if segments.is_plain
+        if strands.is_plain
         else "the member passes a node twice in a row",
         section="members",
         names=owner,
@@ -48,10 +48,10 @@ def check_connectivity(
         given=place,
         allowed="two different nodes",
     )
-    is_alone = np.bincount(segments.member, minlength=segments.n_members)[segments.member] == 1
-    straight = segments.ends if segments.is_plain else segments.ends[is_alone]
+    is_alone = np.bincount(strands.member, minlength=strands.n_members)[strands.member] == 1
+    straight = strands.ends if strands.is_plain else strands.ends[is_alone]
     _check_pairs(straight, tuple(np.array(owner, dtype=object)[is_alone]), node_name, where)
-    length = segments.segment_lengths(node_position)
+    length = strands.strand_lengths(node_position)
     refuse(
         ~np.isfinite(length),
         StructureError,

@@ -251,7 +251,7 @@ class _KeyReader:
         for key, found in stated.items():
             for name, row, factor in found:
                 columns[name].keys[place[row]], columns[name].factors[place[row]] = key, factor
-        length = subject.segments.lengths(position)[members]
+        length = subject.strands.lengths(position)[members]
         return RestLengths(members, length, columns, subject.tension_only[members])
 
     def _find_rows(self, section: object, name: str, word: str) -> list[int]:

@@ -314,16 +314,16 @@ class MotionSlopes:
         """Return a quantity at the samples, (n_t, ...)."""
         if quantity != "member_length":
             return np.asarray(getattr(self.motion, quantity))
-        return self.model.manifest.segments.lengths(self.motion.node_position)
+        return self.model.manifest.strands.lengths(self.motion.node_position)
 
     @cached_property
     def _spans(self) -> FloatArray:
-        """Vectors from end to end of all segments of members, (n_t, n_segments, 3) [m]."""
+        """Vectors from end to end of all strands of members, (n_t, n_strands, 3) [m]."""
         return self._span(self.motion.node_position)
 
     def _span(self, position: FloatArray) -> FloatArray:
-        """Return from end to end of all segments, (n_t, n_segments, 3, ...), of (n_t, n_nodes, 3, ...)."""
-        ends = self.model.manifest.segments.ends
+        """Return from end to end of all strands, (n_t, n_strands, 3, ...), of (n_t, n_nodes, 3, ...)."""
+        ends = self.model.manifest.strands.ends
         return np.asarray(position[:, ends[:, 1]] - position[:, ends[:, 0]])
 
     @cached_property
@@ -352,7 +352,7 @@ class MotionSlopes:
         """Derivatives of all member lengths, (n_t, n_members, n_keys) [m]."""
         along = self._spans / np.linalg.norm(self._spans, axis=-1, keepdims=True)
         rates = np.einsum("tma,tmak->tkm", along, self._span(self.node_position))
-        return self.model.manifest.segments.add_up(rates).swapaxes(1, 2)
+        return self.model.manifest.strands.add_up(rates).swapaxes(1, 2)
 
     @cached_property
     def member_tension(self) -> FloatArray:

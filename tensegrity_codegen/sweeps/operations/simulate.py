@@ -204,7 +204,7 @@ class Simulate(Operation):
                 found = bound[text.name].evaluate(values, shape)
                 arrays[text.name][rows] = reduce_values(text, found, batch.time)
             elif text.expression == LIMIT_USE:
-                length = model.manifest.segments.lengths(batch.node_position)
+                length = model.manifest.strands.lengths(batch.node_position)
                 arrays[text.name][rows] = compute_limit_use(
                     model, case_arguments, rows, batch.member_tension, length
                 )

@@ -66,8 +66,8 @@ class MemberSet:
     def strand_ends(self) -> list[list[tuple[int, int]]]:
         """Nodes of the straight parts of each member: of most members its own two."""
         found: list[list[tuple[int, int]]] = [[] for _ in self.ends]
-        segments = self.structure.segments
-        for e, (i, j) in zip(segments.member.tolist(), segments.ends.tolist(), strict=True):
+        strands = self.structure.strands
+        for e, (i, j) in zip(strands.member.tolist(), strands.ends.tolist(), strict=True):
             found[e].append((i, j))
         return found
 

@@ -7,7 +7,7 @@ from tensegrity_codegen.scene.checks.geometry import (
     find_fully_anchored,
 )
 from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
-from tensegrity_codegen.tables.segments import list_segments
+from tensegrity_codegen.tables.strands import list_strands
 from tests.scene.samples import WHERE, build, changed
 
 POSITION = np.array([[0.0, 0, 0], [3, 0, 4], [1, 1, 1]])
@@ -16,8 +16,8 @@ NODES = ("a", "b", "c")
 
 def check(pairs, position=POSITION):
     names = tuple(f"m{row}" for row in range(len(pairs)))
-    segments = list_segments(np.array(pairs, dtype=np.int64), ())
-    check_connectivity(segments, names, NODES, np.asarray(position, float), WHERE)
+    strands = list_strands(np.array(pairs, dtype=np.int64), ())
+    check_connectivity(strands, names, NODES, np.asarray(position, float), WHERE)
 
 
 def test_a_member_to_itself():

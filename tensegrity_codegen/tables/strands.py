@@ -1,4 +1,4 @@
-"""Segments: the straight pieces between the nodes that members pass, one for each member without rings."""
+"""Strands: the straight pieces between the nodes that members pass, one for each member without rings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
-class Segments:
-    """The segments of all members, member by member.
+class Strands:
+    """The strands of all members, member by member.
 
     Attributes
     ----------
-    ends : ndarray of int, shape (n_segments, 2)
-        The two nodes of each segment, in the order in which the member passes them.
-    member : ndarray of int, shape (n_segments,)
+    ends : ndarray of int, shape (n_strands, 2)
+        The two nodes of each strand, in the order in which the member passes them.
+    member : ndarray of int, shape (n_strands,)
         The member that each is a part of.
     n_members : int
         Number of members.
@@ -29,12 +29,12 @@ class Segments:
 
     @property
     def is_plain(self) -> bool:
-        """Whether every member is one segment."""
+        """Whether every member is one strand."""
         return len(self.member) == self.n_members
 
     @property
     def first_ends(self) -> IntArray:
-        """The nodes of the first segment of each member, (n_members, 2)."""
+        """The nodes of the first strand of each member, (n_members, 2)."""
         return self.ends if self.is_plain else self.ends[self._first]
 
     @property
@@ -43,35 +43,35 @@ class Segments:
 
     @property
     def passes_rings(self) -> BoolArray:
-        """Which members have more than one segment, (n_members,)."""
+        """Which members have more than one strand, (n_members,)."""
         return np.asarray(np.bincount(self.member, minlength=self.n_members) > 1)
 
     def spread(self, values: FloatArray) -> FloatArray:
-        """Return values of members (..., n_members) for each segment, (..., n_segments)."""
+        """Return values of members (..., n_members) for each strand, (..., n_strands)."""
         return values if self.is_plain else values[..., self.member]
 
     def add_up(self, values: FloatArray) -> FloatArray:
-        """Return the sums of values of segments (..., n_segments) over each member, (..., n_members)."""
+        """Return the sums of values of strands (..., n_strands) over each member, (..., n_members)."""
         if self.is_plain:
             return values
         return np.asarray(np.add.reduceat(values, self._first, axis=-1))
 
     def vectors(self, position: FloatArray) -> FloatArray:
-        """Return r_i - r_j of each segment (..., n_segments, 3) [m] for node positions (..., n_nodes, 3)."""
+        """Return r_i - r_j of each strand (..., n_strands, 3) [m] for node positions (..., n_nodes, 3)."""
         return np.asarray(position[..., self.ends[:, 0], :] - position[..., self.ends[:, 1], :])
 
     def lengths(self, position: FloatArray) -> FloatArray:
         """Return the lengths of members (..., n_members) [m] for node positions (..., n_nodes, 3) [m]."""
-        return self.add_up(self.segment_lengths(position))
+        return self.add_up(self.strand_lengths(position))
 
-    def segment_lengths(self, position: FloatArray) -> FloatArray:
-        """Return the lengths of segments (..., n_segments) [m]; infinite beyond the largest number."""
+    def strand_lengths(self, position: FloatArray) -> FloatArray:
+        """Return the lengths of strands (..., n_strands) [m]; infinite beyond the largest number."""
         with np.errstate(over="ignore", under="ignore"):
             return np.asarray(np.linalg.norm(self.vectors(position), axis=-1))
 
 
-def list_segments(ends: IntArray, ring_nodes: Sequence[Sequence[int]]) -> Segments:
-    """Return the segments of members.
+def list_strands(ends: IntArray, ring_nodes: Sequence[Sequence[int]]) -> Strands:
+    """Return the strands of members.
 
     Parameters
     ----------
@@ -82,13 +82,13 @@ def list_segments(ends: IntArray, ring_nodes: Sequence[Sequence[int]]) -> Segmen
 
     Returns
     -------
-    Segments
+    Strands
         Member by member, from the first node to the last.
     """
     count = len(ends)
     if not ring_nodes:
-        return Segments(ends, np.arange(count), count)
+        return Strands(ends, np.arange(count), count)
     paths = [(int(i), *rings, int(j)) for (i, j), rings in zip(ends, ring_nodes, strict=True)]
     pairs = [pair for path in paths for pair in pairwise(path)]
     member = np.repeat(np.arange(count), [len(path) - 1 for path in paths])
-    return Segments(np.array(pairs, dtype=np.int64).reshape(-1, 2), member, count)
+    return Strands(np.array(pairs, dtype=np.int64).reshape(-1, 2), member, count)
