@@ -54,6 +54,8 @@ def build_lines(
     NonFiniteError or InvalidValueError for places that are no numbers, lines without length, and values out
     of range, and what `build_result` raises.
     """
+    from scipy.spatial import cKDTree
+
     for key, value in (("tolerance", tolerance), ("axial_stiffness", axial_stiffness)):
         if value is not None and not 0 < value < LARGEST:
             raise InvalidValueError("the value is out of range", where=key, given=value, allowed="above 0")
@@ -77,13 +79,16 @@ def build_lines(
     if moved > 1e-3 * reach:
         network.notes.append(f"ends of lines were moved by up to {moved:g} to a node nearby")
     # Nodes by the names of the file, the others by their numbers
-    keys, fresh = [""] * len(places), (f"n{k}" for k in itertools.count(1))
-    for key, place in (named or {}).items():
-        distance = np.linalg.norm(places - place, axis=1)
-        if distance.min() <= reach:
-            keys[int(distance.argmin())], places[distance.argmin()] = key, place
+    keys = [""] * len(places)
+    known = {key: place for key, place in (named or {}).items() if (np.abs(place) < LARGEST).all()}
+    if known:
+        found = cKDTree(places).query(list(known.values()))
+        for key, distance, number in zip(known, *found, strict=True):
+            if distance <= reach:
+                keys[number], places[number] = key, known[key]
+    fresh = (key for k in itertools.count(1) if (key := f"n{k}") not in known)
     for number, place in enumerate(places.tolist()):
-        keys[number] = keys[number] or next(key for key in fresh if key not in keys)
+        keys[number] = keys[number] or next(fresh)
         network.nodes[keys[number]] = {"position": place}
     # Members, with a stiffness for cables
     counts = {"bar": itertools.count(1), "cable": itertools.count(1)}
@@ -112,7 +117,8 @@ def _merge(ends: FloatArray, reach: float, path: Path) -> tuple[NDArray[np.int64
 
     different, row = np.unique(ends, axis=0, return_inverse=True)
     tree, count = cKDTree(different), len(different)
-    if tree.count_neighbors(tree, reach) > MOST_NEIGHBOURS * count:
+    some = different[:: count // 1000 + 1]
+    if tree.query_ball_point(some, reach, return_length=True).mean() > MOST_NEIGHBOURS:
         raise InvalidValueError("the tolerance merges nearly all ends", where=str(path), given=reach)
     pairs = tree.query_pairs(reach, output_type="ndarray")
     joined = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
