@@ -9,9 +9,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from tensegrity_codegen.scene.formats.files.lines import Line, build_lines, is_bar
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_bytes
-from tensegrity_codegen.scene.formats.lines import Line, build_lines, is_bar
 from tensegrity_codegen.system.errors import SceneSyntaxError
 from tensegrity_codegen.system.extras import CAD, import_extra
 
@@ -38,29 +38,35 @@ def import_dxf(
     ezdxf = import_extra("ezdxf", CAD)
     read_bytes(path, LARGEST_DXF, WHAT)
     try:
-        document = ezdxf.readfile(path)
-        found = [(entity, _list_places(entity)) for entity in document.modelspace()]
+        lines, notes = _read_lines(ezdxf, path)
     except Exception as error:  # of any kind, from whatever a damaged tag leads to
         problem = f"the file cannot be read as a drawing: {str(error)[:200] or type(error).__name__}"
         raise SceneSyntaxError(problem, where=str(path), allowed=WHAT) from error
-    lines, others, arcs = list[Line](), Counter[str](), 0
-    for entity, places in found:
-        layer, kind = str(entity.dxf.layer), entity.dxftype()
-        where = f"{path}: {kind} {entity.dxf.handle} on layer {layer[:80]}"
-        lines += [Line(ends, is_bar(layer), where) for ends in pairwise(places)]
-        others[kind] += not places
-        arcs += kind != "LINE" and bool(places) and entity.has_arc
-    notes = []
+    return build_lines(lines, path, name, gravity, tolerance, axial_stiffness, notes=notes)
+
+
+def _read_lines(ezdxf: Any, path: Path) -> tuple[list[Line], list[str]]:
+    """Return the lines of the model space, and notes on what is not read or not converted."""
+    document = ezdxf.readfile(path)
+    lines, others, arcs, notes = list[Line](), Counter[str](), 0, list[str]()
+    for entity in document.modelspace():
+        kind, places = entity.dxftype(), _list_places(entity)
+        if not places:
+            others[kind] += 1
+            continue
+        where = f"{path}: {kind} {entity.dxf.handle} on layer {entity.dxf.layer[:80]}"
+        lines += [Line(ends, is_bar(entity.dxf.layer), where) for ends in pairwise(places)]
+        arcs += kind != "LINE" and entity.has_arc
     if document.units not in (0, METRES):
         factor = ezdxf.units.conversion_factor(document.units, METRES)
         unit = f"the drawing has the unit {ezdxf.units.unit_name(document.units)}"
         notes.append(f"{unit}, its numbers are read as metres: `scale` {factor:g} converts them")
-    if +others:
-        listed = ", ".join(f"{kind} ({count})" for kind, count in (+others).items())
+    if others:
+        listed = ", ".join(f"{kind} ({count})" for kind, count in others.items())
         notes.append(f"entities that are not read: {listed}")
     if arcs:
         notes.append(f"polylines with arcs, which are read as straight between their points: {arcs}")
-    return build_lines(lines, path, name, gravity, tolerance, axial_stiffness, notes=notes)
+    return lines, notes
 
 
 def _list_places(entity: Any) -> list[Any]:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
 from tensegrity_codegen.scene.formats.files.json_file import parse_json
+from tensegrity_codegen.scene.formats.files.lines import Line, build_lines, is_bar
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_bytes
-from tensegrity_codegen.scene.formats.lines import Line, build_lines, is_bar
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import SceneSyntaxError
 
@@ -47,7 +47,8 @@ def import_gltf(
     try:
         text, binary = _split(data) if data[:4] == struct.pack("<I", MAGIC) else (data, b"")
         file = _File(parse_json(text.decode("utf-8-sig"), path), binary)
-        lines, named = file.list_lines(str(path))
+        with np.errstate(all="ignore"):  # places are checked later
+            lines, named = file.list_lines(str(path))
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error) as error:
         problem = f"the file cannot be read as glTF: {type(error).__name__}: {str(error)[:200]}"
         raise SceneSyntaxError(problem, where=str(path), allowed=WHAT) from error

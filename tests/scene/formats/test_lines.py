@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.scene.formats.files.lines import Line, build_lines, is_bar
 from tensegrity_codegen.scene.formats.imported import ImportResult
-from tensegrity_codegen.scene.formats.lines import Line, build_lines, is_bar
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.system.errors import (
