@@ -97,8 +97,6 @@ def export_scene(
     """Write a scene in the format of another program, its shape or a motion of it for viewers.
 
     Example: tensegrity-codegen export fmu prism.toml --out prism.fmu
-
-    Example: tensegrity-codegen export gltf prism.toml --trajectory prism.npz --out prism.glb
     """
     # An option that is not given is None.
     options: dict[str, Any] = {
