@@ -37,9 +37,7 @@ def write_tables(source: ExportSource, path: Path, *, trajectory: Path | None = 
             allowed="scenes of nodes and members",
             hint="the format json writes scenes of bodies",
         )
-    require_no_rings(
-        structure, "tables, whose members have two nodes", "the format json writes the whole scene"
-    )
+    require_no_rings(structure, "tables of members with two nodes", "the format json writes such scenes")
     files = {
         "nodes.csv": _format_table(NODE_COLUMNS, _list_nodes(structure)),
         "members.csv": _format_table(MEMBER_COLUMNS, _list_members(structure)),

@@ -21,9 +21,8 @@ class Shapes:
     """One shape, or those of a motion.
 
     structure: nodes and members, of bodies the tendons, bars, and edges of rigid bodies, of cables through
-    rings a member for each strand; time (n_t,) [s];
-    node_position, node_load (n_t, n_nodes, 3) [m, N]; member_tension (n_t, n_members) [N], NaN where unknown;
-    notes: what these arrays do not say.
+    rings their strands; time (n_t,) [s]; node_position, node_load (n_t, n_nodes, 3) [m, N]; member_tension
+    (n_t, n_members) [N], NaN where unknown; notes: what these arrays do not say.
     """
 
     structure: Structure
@@ -52,6 +51,6 @@ def read_shapes(source: ExportSource, trajectory: Path | None = None) -> Shapes:
     if isinstance(subject, BodySystem):
         notes.append("bodies are drawn: bars and edges of rigid bodies are members without a tension")
     other = describe_other_loads(subject, motion)
-    load = compute_loads(subject, motion)
-    lines, tension = split_at_rings(structure), structure.strands.spread(tension)
-    return Shapes(lines, time, position, load, tension, (*notes, *([other] if other else ())))
+    load, tension = compute_loads(subject, motion), structure.strands.spread(tension)
+    notes += [other] if other else []
+    return Shapes(split_at_rings(structure), time, position, load, tension, tuple(notes))

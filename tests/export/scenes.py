@@ -109,3 +109,19 @@ def load_source(folder: Path, name: str) -> ExportSource:
     path = folder / f"{name}.toml"
     path.write_text(read_example(name), encoding="utf-8")
     return ExportSource(path, *load_scene(path))
+
+
+# A cable through a ring, which a second cable holds.
+HOIST: dict[str, Any] = {
+    "name": "hoist",
+    "nodes": {
+        "a": {"position": [0, 0, 1], "anchored": True},
+        "ring": {"position": [0.5, 0, 0], "mass": 0.2},
+        "b": {"position": [1, 0, 1], "anchored": True},
+        "foot": {"position": [0.5, 0, -1], "anchored": True},
+    },
+    "members": {
+        "rope": {"kind": "cable", "nodes": ["a", "ring", "b"], "prestress": 3.0, "axial_stiffness": 1e3},
+        "stay": {"kind": "cable", "nodes": ["ring", "foot"], "prestress": 5.0, "axial_stiffness": 1e3},
+    },
+}

@@ -13,7 +13,7 @@ from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.write import write_scene
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, OutputError
-from tests.export.scenes import load_source, write_loose, write_motion
+from tests.export.scenes import HOIST, load_source, write_loose, write_motion
 
 # What the tables have of a structure.
 NUMBERS = (
@@ -118,6 +118,15 @@ def test_scenes_of_bodies_and_names_of_files_are_refused(tmp_path: Path) -> None
         write_export("csv", bodies, tmp_path / "tables.csv")
     assert other.value.hint == "tables"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["svd_tower.toml"]
+
+
+def test_cables_through_rings_are_refused(tmp_path: Path) -> None:
+    write_scene(HOIST, tmp_path / "hoist.toml", overwrite=False)
+    source = ExportSource(tmp_path / "hoist.toml", *load_scene(tmp_path / "hoist.toml"))
+    with pytest.raises(FormulationError, match="rings are not supported here: tables") as caught:
+        write_export("csv", source, tmp_path / "tables")
+    assert "rope" in caught.value.where
+    assert not (tmp_path / "tables").exists()
 
 
 def test_tables_that_exist_are_replaced_on_request_only(tmp_path: Path) -> None:

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tensegrity_codegen.export.exporter import write_export
+from tensegrity_codegen import load_scene
+from tensegrity_codegen.export.exporter import ExportSource, write_export
+from tensegrity_codegen.scene.write import write_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import InvalidValueError, OutputError, SceneSyntaxError, StructureError
-from tests.export.scenes import load_source, write_motion
+from tests.export.scenes import HOIST, load_source, write_motion
 
 DTYPES = {"Float64": "<f8", "Int64": "<i8", "Int32": "<i4"}
 
@@ -96,6 +98,19 @@ def test_bodies_are_drawn_with_their_bars_and_edges(tmp_path: Path) -> None:
     position = write_motion(tmp_path / "m.npz", system)
     write_export("vtk", source, tmp_path / "tower.pvd", trajectory=tmp_path / "m.npz")
     check_shape(read_arrays(tmp_path / "tower" / "sample_00004.vtp"), outline, position[4])
+
+
+def test_cables_through_rings_are_lines_of_their_strands(tmp_path: Path) -> None:
+    write_scene(HOIST, tmp_path / "hoist.toml", overwrite=False)
+    source = ExportSource(tmp_path / "hoist.toml", *load_scene(tmp_path / "hoist.toml"))
+    write_motion(tmp_path / "m.npz", source.structure)
+    write_export("vtk", source, tmp_path / "a.vtp")
+    write_export("vtk", source, tmp_path / "a.pvd", trajectory=tmp_path / "m.npz")
+    for path, tension in ((tmp_path / "a.vtp", [3, 3, 5]), (tmp_path / "a/sample_00000.vtp", [1, 1, 2])):
+        found = read_arrays(path)
+        assert found["connectivity"].reshape(-1, 2).tolist() == [[0, 1], [1, 2], [1, 3]]
+        assert found["member_name"] == ["rope.1", "rope.2", "stay"]
+        np.testing.assert_allclose(found["tension"], tension, rtol=1e-12)
 
 
 def test_a_motion_that_failed_is_noted(tmp_path: Path) -> None:
