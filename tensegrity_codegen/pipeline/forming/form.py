@@ -87,17 +87,17 @@ def form(
     ('stable', ('member1',))
     """
     subject, request = load_scene(scene)
-    structure = _require_nodes(subject)
+    structure = require_nodes(subject, "formed")
     stated = read_statements(structure, density or {}, force or {}, length or {})
     position, q = _find_shape(structure, request, *stated, compiler)
     return _settle(structure, request, position, q, compiler)
 
 
-def _require_nodes(subject: Any) -> Structure:
-    """Return a structure of nodes in the air; raises FormulationError."""
+def require_nodes(subject: Any, done: str) -> Structure:
+    """Return a structure of nodes in the air; raises FormulationError. done: "formed", for the message."""
     if not isinstance(subject, Structure) or subject.ground is not None:
         raise FormulationError(
-            "only structures of nodes, bars and cables between anchors or in the air are formed",
+            f"only structures of nodes, bars and cables between anchors or in the air are {done}",
             where=subject.name,
             given="bodies" if not isinstance(subject, Structure) else "a ground",
             hint="leave out the ground, and settle on it afterwards",
