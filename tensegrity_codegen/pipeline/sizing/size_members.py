@@ -92,7 +92,7 @@ def size_members(
     --------
     >>> from tensegrity_codegen import size_members
     >>> steel = {"youngs_modulus": 2e11, "density": 7850.0, "yield_stress": 3e8}
-    >>> found = size_members("two_nodes.toml", load_cases={"pull": {"load": [0.0, 0.0, -100.0]}}, **steel)
+    >>> found = size_members("two_nodes.toml", load_cases={"pull": {"n2": [0.0, 0.0, -100.0]}}, **steel)
     >>> found.status, found.limit
     ('optimal', ('yield',))
     """
@@ -208,7 +208,7 @@ def _record(
     limits = (program.lower[0] * force, program.upper[0] * force)
     gradient = find_mass_gradient(structure, law, tension, program.matrix, limits)
     held = _build(structure, material, area, radius, member_mass, tension[0], used)
-    proof = f"proved to {(total - bound) / total:.1g}" if status == "optimal" else f"proved {bound:.6g} kg"
+    proof = f"proved to {gap:.0e}" if status == "optimal" else f"proved {bound:.6g} kg"
     idle = f"; {describe_count(int((~used).sum()), 'member')} without force" if not used.all() else ""
     leaves = f"; not stable: {describe_count(unstable, 'motion')} without strain" if unstable else ""
     return Sizing(
