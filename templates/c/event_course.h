@@ -14,7 +14,7 @@ static const double MAX_NOISE_TIME = 1e-6;
 static inline int event_is_kink(int k) { return k >= FIRST_CONTACT && k < FIRST_CONTACT + N_KINKS; }
 
 #endif
-#if WITH_STATIC_FRICTION
+#if WITH_SET_STATES
 /* Note in the state which contacts slip. */
 static inline void event_set_slips(const event_memory *m, double *state)
 {

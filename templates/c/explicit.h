@@ -150,7 +150,7 @@ static inline int method_evaluate_margins(double h, const method_motion *m, real
       *m->time, h, m->state, w->lost, w->rates, change, w->trial, w->old, m->with, m->run, &w->events);
 }
 
-#if WITH_STATIC_FRICTION
+#if WITH_SET_STATES
 /* Note in the state which contacts slip, and evaluate again what depends on it. Zero if margins are not finite. */
 static inline int method_set_slips(const method_motion *m, real *change)
 {
@@ -197,7 +197,7 @@ static inline int method_pass(double root, double near, double left, const metho
     m->state[k] = w->trial[k];
     w->lost[k] = w->change[k] - (w->trial[k] - w->old[k]);
   }
-#if WITH_STATIC_FRICTION
+#if WITH_SET_STATES
   event_set_slips(&w->events, m->state);
 #endif
 #if WITH_PROFILE
@@ -392,7 +392,7 @@ static inline int method_watch_on(
   event_after_step(*m->step, is_cut, is_landing, m->run);
   if (is_landing && event_change_sides(*m->time, events, events->start_margin, m->run)) {
     event_count_succession(*m->time, *m->step, m->run);
-#if WITH_STATIC_FRICTION
+#if WITH_SET_STATES
     if (!method_set_slips(m, m->work->spare)) {
       return SCENE_NON_FINITE_RESULT;
     }
@@ -440,7 +440,7 @@ static inline int method_begin(double time_end, const method_motion *m)
     return SCENE_NON_FINITE_RESULT;
   }
   event_begin(*m->time, *m->step, run, &w->events);
-#if WITH_STATIC_FRICTION
+#if WITH_SET_STATES
   if (!method_set_slips(m, w->change)) {
     return SCENE_NON_FINITE_RESULT;
   }
@@ -710,7 +710,7 @@ static inline int method_pass_kink(const method_motion *m)
     if (event_change_sides(*m->time, &w->events, w->events.start_margin, m->run)) {
       int is_over;
       event_count_succession(*m->time, *m->step, m->run);
-#if WITH_STATIC_FRICTION
+#if WITH_SET_STATES
       if (!method_set_slips(m, w->spare)) {
         return SCENE_NON_FINITE_RESULT;
       }

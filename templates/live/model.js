@@ -32,6 +32,7 @@ export function buildModel(scene, buffers) {
     origin: scene.origin,
     shapes: scene.modes,
     held: list("held"),
+    strandOf: list("strand_of"), // of each line the member of the library, where cables pass rings
   };
   model.frameCount = model.position.rows;
   Object.assign(model, boxOf(model));
@@ -141,6 +142,11 @@ function readLoads(model, k) {
   model.loaded.forEach((node, place) => {
     for (let c = 0; c < 3; c++) model.load[3 * node + c] = model.loadMotion.at(k, 3 * place + c);
   });
+}
+
+/** Tensions of the lines of the page: those of the members of a library, or of the cables they are strands of. */
+export function spreadTension(model, tension) {
+  return model.strandOf.length ? Float64Array.from(model.strandOf, (member) => tension[member]) : tension;
 }
 
 /** Lengths, and which cables are slack: without tension, and not just at their rest length. */

@@ -4,7 +4,7 @@ import { startEngine } from "live/engine";
 import { exposeHook } from "live/hook";
 import { listenToKeys } from "live/keyboard";
 import { widenScales } from "live/coloring";
-import { buildModel, measure } from "live/model";
+import { buildModel, measure, spreadTension } from "live/model";
 import { pace } from "live/pace";
 import { buildPanel, showScale } from "live/panel";
 import { listenToPointer, showChosen } from "live/pointer";
@@ -26,7 +26,7 @@ export async function startPlay(scene, buffers) {
     recorder?.add(state);
   });
   app.moves = true;
-  widenScales(app.colorings, model, app.engine.last.tension, scene.engine.usual_force);
+  widenScales(app.colorings, model, spreadTension(model, app.engine.last.tension), scene.engine.usual_force);
   app.coloringName = "tension";
   app.player = playerOf(app);
   Object.defineProperty(app, "time", { get: () => app.engine.last.time });
@@ -60,7 +60,7 @@ export async function startPlay(scene, buffers) {
     return isMoving;
   });
   app.rescale = () => {
-    widenScales(app.colorings, model, app.engine.last.tension, scene.engine.usual_force, true);
+    widenScales(app.colorings, model, spreadTension(model, app.engine.last.tension), scene.engine.usual_force, true);
     app.changed();
     showScale(app);
   };
@@ -92,7 +92,7 @@ function readLast(app) {
   state.time = time;
   for (let i = 0; i < nodes.length; i++) state.nodes[i] = nodes[i] - model.origin[i % 3];
   state.tension.fill(NaN);
-  state.tension.set(tension);
+  state.tension.set(spreadTension(model, tension));
   state.reaction?.fill(NaN);
   measure(model, state);
 }

@@ -178,8 +178,7 @@ def _move(subject: "Subject", found: "Analysis", coordinate: FloatArray | None) 
 def _find_length(subject: "Subject", found: "Analysis") -> FloatArray:
     """Return the member lengths [m]; those of nodes by the positions that are written."""
     if isinstance(subject, Structure):
-        i, j = np.asarray(subject.connectivity).T
-        return np.asarray(np.linalg.norm(subject.node_position[i] - subject.node_position[j], axis=1))
+        return subject.member_length()
     return found.member_length
 
 

@@ -93,8 +93,10 @@ class NamedValues:
         name = frame.member_name[member]
         heading = plain_comment(name)
         if member < len(frame.connectivity):
-            ends = [frame.node_name[node] for node in frame.connectivity[member]]
-            heading = plain_comment(f"{name}: {' to '.join(ends)}")
+            first, last = frame.connectivity[member]
+            rings = frame.ring_nodes[member] if frame.ring_nodes else ()
+            passed = [frame.node_name[node] for node in (first, *rings, last)]
+            heading = plain_comment(f"{name}: {' to '.join(passed)}")
         self._named.setdefault(key, (name_local(prefixes[part], name, member), heading))
 
     def _find_keys(self, instructions: Sequence[Instruction], names: Sequence[str]) -> list[int]:

@@ -79,6 +79,7 @@ def build_manifest(
         internal_name=frame.internal_name,
         contact_name=frame.contact_name,
         column_name=frame.column_name,
+        ring_nodes=frame.ring_nodes,
         parts=list_parts(request, integrators, driven, int(np.count_nonzero(model.subject.tension_only))),
     )
 

@@ -11,7 +11,8 @@ from tensegrity_codegen.codegen.lanes.kernel import BLOCKS
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.structure.ground_support import has_contacts
+from tensegrity_codegen.structure.ground_support import needs_state_jacobian
+from tensegrity_codegen.structure.ring_support import has_rings
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.tables.formulations import find_formulation
@@ -32,6 +33,7 @@ class EmitterFacts:
     has_vectors: whether the emitter lanes writes one of the wanted functions in vectors.
     lacking: wanted quantities that the emitter table does not serve.
     most_members: largest number of members that the emitter unrolled takes.
+    has_rings: whether cables slide through rings.
     """
 
     formulation: str
@@ -39,6 +41,7 @@ class EmitterFacts:
     has_vectors: bool = False
     lacking: tuple[str, ...] = ()
     most_members: int = MOST_MEMBERS
+    has_rings: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,8 @@ def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
     members = describe_count(count, "member")
     is_open = not facts.lacking or count > facts.most_members  # which unrolled would refuse all the same
     emitters = find_formulation(facts.formulation).emitters
+    if facts.has_rings:
+        return EmitterChoice("unrolled", "cables through rings: the only emitter that knows them")
     if "table" in emitters and "lanes" not in emitters and count > MOST_STRAIGHT_LINE_MEMBERS and is_open:
         return EmitterChoice(
             "table", f"{members}, more than {MOST_STRAIGHT_LINE_MEMBERS}: loops, for statics"
@@ -79,6 +84,8 @@ def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
 def find_facts(structure: Subject, request: ModelRequest) -> EmitterFacts:
     """Return what the choice depends on; what makes no difference stays at its default."""
     facts = EmitterFacts(request.formulation, structure.n_members, has_vectors(structure, request))
+    if has_rings(structure):
+        return replace(facts, has_rings=True)
     emitters = find_formulation(request.formulation).emitters
     if "lanes" in emitters:
         is_open = MOST_STRAIGHT_LINE_MEMBERS < facts.n_members <= MOST_MEMBERS
@@ -105,14 +112,14 @@ def has_vectors(structure: Subject, request: ModelRequest) -> bool:
 
 def list_candidates(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return the emitters worth a measurement: the one named, or all that write different code."""
-    if request.emitter != AUTO:
-        return (request.emitter,)
+    if request.emitter != AUTO or has_rings(structure):
+        return ("unrolled" if request.emitter == AUTO else request.emitter,)
     return ("unrolled", *(("lanes",) if has_vectors(structure, request) else ()), "table")
 
 
 def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return what is wanted, also by wanted integrators, and the emitter table does not serve."""
-    wanted = [*request.quantities, *called_quantities(request.integrators, has_contacts(structure))]
+    wanted = [*request.quantities, *called_quantities(request.integrators, needs_state_jacobian(structure))]
     if request.integrators:
         # Quantities behind the events that integrators watch, see events.find_events.
         kinds = request.events

@@ -31,7 +31,9 @@ from tensegrity_codegen.codegen.unrolled import UNROLLED
 from tensegrity_codegen.scene.names import check_names, check_scene_name
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.collision import check_collision
-from tensegrity_codegen.structure.ground_support import check_ground, has_contacts
+from tensegrity_codegen.structure.ground_support import check_ground, has_contacts, needs_state_jacobian
+from tensegrity_codegen.structure.memory import find_setting_events
+from tensegrity_codegen.structure.ring_support import check_rings
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError, suggest
@@ -137,11 +139,11 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
         check_names(names, what, structure.name)
     check_names([item.name for item in structure.inputs], "inputs", structure.name)
     check_ground(structure, request)
+    check_rings(structure, request)
     check_collision(structure, request)
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")
-    ground = getattr(structure, "ground", None)
-    is_bound = getattr(structure, "collision", None) or (ground and ground.has_static_friction)
+    is_bound = getattr(structure, "collision", None) or find_setting_events(structure)
     if request.emitter == AUTO and (is_bound or request.differentiates_motions):
         why = "the only emitter for collisions, static friction and derivatives of motions"
         choice = EmitterChoice(UNROLLED.name, why)
@@ -258,10 +260,9 @@ def _find_called(
     check_keep(request, model.name)
     check_jumps(model.subject, request, events)
     kept = KEPT_QUANTITIES if request.keep else ()
-    touches = has_contacts(model.subject)
-    of_forces = ("state_derivative", "energy_rate") if touches else ()
+    of_forces = ("state_derivative", "energy_rate") if has_contacts(model.subject) else ()
     of_states = ("state_derivative",) if model.frame.n_internal else ()
-    of_integrators = called_quantities(request.integrators, touches)
+    of_integrators = called_quantities(request.integrators, needs_state_jacobian(model.subject))
     of_derivatives = list_derivative_quantities(model.arguments)
     called = (*PROJECTION, *kept, *of_forces, *of_states, *of_integrators, *of_derivatives)
     offered = [name for name in called if emitter.is_offered(model, name)]

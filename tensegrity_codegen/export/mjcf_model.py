@@ -280,7 +280,7 @@ def _add_tendon(parts: ModelParts, member: int) -> None:
         damping=number(structure.damping[member]),
         springlength=f"0 {rest}" if structure.tension_only[member] else rest,
     )
-    for node in structure.connectivity[member]:
+    for node in structure.path(member):
         add(tendon, "site", site=structure.node_name[node])
 
 

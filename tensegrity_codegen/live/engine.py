@@ -198,7 +198,7 @@ def add_engine(
                 "symbol": item.symbol,
                 "arguments": item.arguments,
                 "work_size": item.work_size,
-                "is_stiff": find_row(item.name, manifest.has_contacts).kind == "implicit",
+                "is_stiff": find_row(item.name, manifest.needs_state_jacobian).kind == "implicit",
                 "tensions": item.tensions,
             }
             for item in manifest.integrators

@@ -25,7 +25,7 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS, check_members
-from tensegrity_codegen.structure.outline import find_joints, outline_bodies
+from tensegrity_codegen.structure.outline import find_joints, outline_bodies, split_at_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
@@ -57,9 +57,7 @@ def compute_uses(
     limits = subject.limits.for_members(subject.n_members)
     if not any(np.any(getattr(limits, name) != none) for name, none in MEMBER_LIMITS.items()):
         return None
-    ends = structure.connectivity[: subject.n_members]
-    place = position[:, ends]
-    length = np.linalg.norm(place[:, :, 0] - place[:, :, 1], axis=2)
+    length = structure.strands.lengths(position)[:, : subject.n_members]
     use = check_members(subject, tension[:, : subject.n_members], length).use
     result = np.full(tension.shape, np.nan)
     result[:, : subject.n_members] = np.fmax.reduce([use[name] for name in MEMBER_CHECKS])
@@ -224,6 +222,11 @@ def build_live_scene(
     check_tension(tension, tension.shape, structure, "samples, members")
     reaction = compute_reactions(structure, position, tension, held, loads, find_joints(subject))
     shapes, labels = _list_modes(analysis)
+    uses = compute_uses(subject, structure, position, tension)
+    headline = _headline(structure, motion)
+    # Each strand of a cable through rings is a line of its own
+    strands, structure = structure.strands, split_at_rings(structure)
+    tension = strands.spread(tension)
     channels = _pack_structure(structure) | {
         "time": pack(time, "float64"),
         "node_position": pack_rounded(position - origin, by_place=True),
@@ -235,9 +238,10 @@ def build_live_scene(
         channels |= {"loaded": pack(every, "int32"), "load_motion": pack_rounded(loads[:, every])}
     if held.size:
         channels |= {"held": pack(held, "int32"), "reaction": pack_rounded(reaction)}
-    uses = compute_uses(subject, structure, position, tension)
     if uses is not None:
-        channels["use"] = pack_rounded(uses)
+        channels["use"] = pack_rounded(strands.spread(uses))
+    if not strands.is_plain:
+        channels["strand_of"] = pack(strands.member, "int32")
     if motion is not None:
         channels |= {
             name: pack(getattr(motion, name), "float64") for name in ("kinetic_energy", "total_energy")
@@ -264,7 +268,7 @@ def build_live_scene(
         "unknown_reactions": int(np.isnan(size).any(axis=0).sum()),
     }
     facts = _list_facts(structure, motion, rounding)
-    return LiveScene(structure.name, _headline(structure, motion), facts, data, channels)
+    return LiveScene(structure.name, headline, facts, data, channels)
 
 
 def _describe_plane(subject: Structure | BodySystem, origin: FloatArray) -> dict[str, Any] | None:

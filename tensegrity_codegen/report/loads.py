@@ -114,15 +114,16 @@ def compute_reactions(
     row[held] = np.arange(len(held))
     pushed = np.broadcast_to(structure.node_load if load is None else load, position.shape)
     acting = pushed[:, held] + weight[held]
+    strands = structure.strands
     for end, sign in ((0, -1.0), (1, 1.0)):
-        members = np.flatnonzero(row[structure.connectivity[:, end]] >= 0)
-        if not members.size:
+        chosen = np.flatnonzero(row[strands.ends[:, end]] >= 0)
+        if not chosen.size:
             continue
-        pair = structure.connectivity[members]
+        pair = strands.ends[chosen]
         vector = position[:, pair[:, 0]] - position[:, pair[:, 1]]
         length = np.linalg.norm(vector, axis=-1, keepdims=True)
         unit = np.divide(vector, length, out=np.zeros_like(vector), where=length > 0)
-        pull = sign * tension[:, members, None] * unit
+        pull = sign * tension[:, strands.member[chosen], None] * unit
         np.add.at(acting.swapaxes(0, 1), row[pair[:, end]], pull.swapaxes(0, 1))
     if joints is not None:
         acting[:, np.isin(held, joints)] = np.nan

@@ -187,7 +187,7 @@ def members_table(
         if not value > 0:
             state = "slack" if structure.tension_only[e] else "compressed" if value < 0 else "unloaded"
         kind = structure.member_class[e] or ("bar" if structure.is_bar[e] else "cable")
-        nodes = "–".join(structure.node_name[n] for n in structure.connectivity[e])
+        nodes = "–".join(structure.node_name[n] for n in structure.path(e))
         return [
             structure.member_name[e], kind, nodes, f"{structure.rest_length[e]:.5f}",
             f"{member_length[e]:.5f}", f"{strain[e]:+.2f}", f"{value:+.5g}", state,

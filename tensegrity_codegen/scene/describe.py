@@ -77,7 +77,7 @@ def _describe_node(structure: Structure, i: int) -> dict[str, Any]:
 def _describe_member(structure: Structure, e: int) -> dict[str, Any]:
     owner = structure.member_class[e]
     member: dict[str, Any] = {"class": owner} if owner else {"kind": _kind(structure.is_bar[e])}
-    member["nodes"] = [structure.node_name[i] for i in structure.connectivity[e]]
+    member["nodes"] = [structure.node_name[i] for i in structure.path(e)]
     return member | describe_values(structure, e, two_sided=not structure.is_bar[e])
 
 

@@ -203,7 +203,7 @@ def plan_assembly(structure: Structure, parameters: Mapping[str, tuple[int, ...]
     _, first, class_of = np.unique(_number(features), return_index=True, return_inverse=True)
     classes = [(_class_of_row(row), bool(row[-1])) for row in features[first].tolist()]
     ends = structure.connectivity.reshape(-1, 2)
-    kind = np.where(features[:, -1] == 1, class_of, -1)
+    kind = np.where((features[:, -1] == 1) & ~structure.passes_rings, class_of, -1)
     keys = (ends.tobytes(), class_of.tobytes(), kind.tobytes())
     modules, order = _search_modules(*keys, structure.n_nodes)
     held = np.concatenate([np.zeros(0, dtype=np.int64), *[module.member.T.ravel() for module in modules]])

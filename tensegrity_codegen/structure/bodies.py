@@ -26,6 +26,7 @@ from tensegrity_codegen.structure.member_laws import WithMemberLaws
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
+from tensegrity_codegen.tables.strands import Strands, list_strands
 
 Vector3: TypeAlias = tuple[float, float, float]
 Frame: TypeAlias = Literal["inertial", "body"]
@@ -190,6 +191,11 @@ class BodySystem(WithMemberLaws, Summarised):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return reduce_fields(self)
+
+    @cached_property
+    def strands(self) -> Strands:
+        """The straight pieces of tendons: each tendon is one."""
+        return list_strands(self.connectivity.reshape(-1, 2), ())
 
     @property
     def n_nodes(self) -> int:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from tensegrity_codegen.structure.memory import lack_setting_events
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.request import ModelRequest
@@ -25,6 +26,11 @@ ADVICE = f'simulate with formulation "node_position" or "rigid_bar" and {" or ".
 def has_contacts(subject: Any) -> bool:
     """Return whether nodes of a structure or body system touch a ground, or its bars press each other."""
     return bool(getattr(subject, "contact_name", ())) or getattr(subject, "collision", None) is not None
+
+
+def needs_state_jacobian(subject: Any) -> bool:
+    """Return whether implicit integrators take the Jacobian of the whole state: contacts or memory."""
+    return has_contacts(subject) or bool(getattr(subject, "internal_name", ()))
 
 
 def refuse_ground(name: str, what: str, hint: str = ADVICE) -> FormulationError:
@@ -66,7 +72,7 @@ def check_ground(subject: Any, request: ModelRequest) -> None:
     if options.get("correction", "none") != "none":
         raise refuse_ground(name, "rigid bars with correction", 'choose correction = "none"')
     if ground.has_static_friction:
-        _check_static_friction(ground, request, name)
+        _check_static_friction(subject, ground, request)
     if ground.n_contacts > MOST_CONTACTS and set(request.events or ()) & {"ground", "stick"}:
         raise refuse_ground(
             name,
@@ -87,14 +93,10 @@ def check_ground(subject: Any, request: ModelRequest) -> None:
             raise refuse_ground(name, what)
 
 
-def _check_static_friction(ground: Any, request: ModelRequest, name: str) -> None:
+def _check_static_friction(subject: Any, ground: Any, request: ModelRequest) -> None:
     """Raise FormulationError for a request without the events at which slip begins."""
     why = "the force jumps where slip begins, which only steps that end there can follow"
-    without = {
-        f"emitter {request.emitter!r}": request.emitter == "table",
-        "batch functions": bool(request.batch_width),
-        "interfaces": bool(request.interfaces),
-        "single precision": request.precision != "double",
+    without = lack_setting_events(subject, request) | {
         "equilibria": bool(set(request.quantities) & set(STATIC)),
         f"events of {ground.n_contacts} contacts": ground.n_contacts > MOST_CONTACTS,
         "model.events without ground and stick": request.events is not None
@@ -104,5 +106,5 @@ def _check_static_friction(ground: Any, request: ModelRequest, name: str) -> Non
     for what, is_wanted in without.items():
         if is_wanted:
             raise refuse_ground(
-                name, f"static_friction above friction with {what}: {why}", "omit static_friction"
+                subject.name, f"static_friction above friction with {what}: {why}", "omit static_friction"
             )

@@ -219,15 +219,14 @@ def check_motion(structure: Structure | BodySystem, tension: FloatArray, positio
     MemberFlaws
         Each limit of each member once, in its worst state.
     """
-    first, second = structure.connectivity.T
-    tension = tension.reshape(-1, len(first))
+    tension = tension.reshape(-1, structure.n_members)
     position = position.reshape(len(tension), -1, 3)
     worst: dict[str, dict[tuple[str, str], Exceeded]] = {"exceeded": {}, "doubtful": {}}
-    size = max(1, BLOCK // max(len(first), 1))
+    size = max(1, BLOCK // max(structure.n_members, 1))
     for k in range(0, len(tension), size):
         place = position[k : k + size]
         with np.errstate(all="ignore"):  # of motions that blow up
-            length = np.linalg.norm(place[:, first] - place[:, second], axis=2)
+            length = structure.strands.lengths(place)
         found = check_members(structure, tension[k : k + size], length)
         for name, kept in worst.items():
             for item in getattr(found, name):

@@ -81,6 +81,46 @@ def outline_bodies(subject: Structure | BodySystem) -> Structure:
     )
 
 
+def split_at_rings(structure: Structure) -> Structure:
+    """Return a structure whose members are the strands of all members, for pages that draw straight lines.
+
+    Strands of one cable share its rest length in proportion to their lengths, and are called by its name and
+    a number. Groups, inputs and limits are left out.
+    """
+    strands = structure.strands
+    if strands.is_plain:
+        return structure
+    e = strands.member
+    number = np.arange(len(e)) - np.searchsorted(e, e) + 1
+    passes = strands.passes_rings[e]
+    part = strands.strand_lengths(structure.node_position) / structure.member_length()[e]
+    columns = ("is_bar", "tension_only", "damping", "member_mass", "radius")
+    stiffness = {
+        "spring_constant": structure.spring_constant[e],
+        "axial_stiffness": structure.axial_stiffness[e],
+    }
+    return structure.with_changes(
+        member_name=tuple(
+            f"{structure.member_name[k]}.{n}" if is_split else structure.member_name[k]
+            for k, n, is_split in zip(e.tolist(), number.tolist(), passes.tolist(), strict=True)
+        ),
+        member_class=tuple(structure.member_class[k] for k in e),
+        connectivity=strands.ends,
+        ring_nodes=(),
+        rest_length=structure.rest_length[e] * part,
+        **stiffness,
+        **{name: getattr(structure, name)[e] for name in columns},
+        inner_radius=None if structure.inner_radius is None else structure.inner_radius[e],
+        law_parameter={name: values[e] for name, values in structure.law_parameter.items()},
+        groups={},
+        inputs=(),
+        actuators=(),
+        sensors=(),
+        limits=Limits(),
+        interference=None,
+    )
+
+
 def is_edge(subject: Structure | BodySystem) -> NDArray[np.bool_]:
     """Return which members of `outline_bodies` are edges of rigid bodies, (n_members,)."""
     if isinstance(subject, Structure):

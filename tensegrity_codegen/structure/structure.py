@@ -16,13 +16,15 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.collision import Collision
 from tensegrity_codegen.structure.frozen import freeze_fields
-from tensegrity_codegen.structure.ground import ENERGY_STATES, Ground
+from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_laws import WithMemberLaws
+from tensegrity_codegen.structure.memory import name_internal_states
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
+from tensegrity_codegen.tables.strands import Strands, list_strands
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,9 @@ class Structure(WithMemberLaws, Summarised):
         The plane that nodes can touch.
     collision : Collision or None
         The force between bars that touch; None: contacts of bars are detected only.
+    ring_nodes : tuple of tuple of int
+        The rings (nodes) that each member slides through between its two ends, in order, without friction;
+        empty where no member passes any. Its length is the sum of its strands, with one tension in all.
 
     Notes
     -----
@@ -141,6 +146,7 @@ class Structure(WithMemberLaws, Summarised):
     interference: tuple[tuple[int, int], ...] | None = None  # pairs of bars to watch, see bar_pairs
     ground: Ground | None = None
     collision: Collision | None = None  # force between bars that touch
+    ring_nodes: tuple[tuple[int, ...], ...] = ()  # that each member passes between its ends; (): none does
 
     def headline(self) -> str:
         """Return the name of the scene."""
@@ -181,6 +187,21 @@ class Structure(WithMemberLaws, Summarised):
         return len(self.member_name)
 
     @cached_property
+    def strands(self) -> Strands:
+        """The straight pieces of all members: of most members they are the member itself."""
+        return list_strands(self.connectivity.reshape(-1, 2), self.ring_nodes)
+
+    @property
+    def passes_rings(self) -> NDArray[np.bool_]:
+        """(n_members,): cables that slide through rings."""
+        return self.strands.passes_rings
+
+    def path(self, e: int) -> tuple[int, ...]:
+        """Return the nodes of member e, from its first to its last."""
+        i, j = (int(node) for node in self.connectivity[e])
+        return (i, *(self.ring_nodes[e] if self.ring_nodes else ()), j)
+
+    @cached_property
     def coordinate_node_axis(self) -> NDArray[np.int64]:
         """(n_coordinates, 2): node and axis of each free coordinate, node by node."""
         axes = np.array(self.axes, dtype=np.int64)
@@ -196,14 +217,8 @@ class Structure(WithMemberLaws, Summarised):
 
     @property
     def internal_name(self) -> tuple[str, ...]:
-        """Names of the internal states: bristles, what energy went to, which contacts slip if that counts."""
-        ground = self.ground
-        if ground is None or not (ground.friction or ground.balances_energy):
-            return ()
-        tangents, nodes = range(1, len(self.axes)), self.contact_name if ground.friction else ()
-        bristles = (f"{name}_stick{k}" for name in nodes for k in tangents)
-        spent = ENERGY_STATES if ground.balances_energy else ()
-        return (*bristles, *spent, *(f"{name}_slips" for name in nodes if ground.has_static_friction))
+        """Names of the internal states, see structure/memory.py."""
+        return name_internal_states(self)
 
     @property
     def contact_name(self) -> tuple[str, ...]:
@@ -229,7 +244,8 @@ class Structure(WithMemberLaws, Summarised):
         mass = self.node_mass.copy()
         np.add.at(mass, self.connectivity.ravel(), np.repeat(self.member_mass / 6, 2))
         mass[self.node_anchored[:, list(self.axes)].all(axis=1)] = np.inf
-        lighter = mass[self.connectivity].min(axis=1)
+        lighter = np.full(self.n_members, np.inf)
+        np.minimum.at(lighter, self.strands.member, mass[self.strands.ends].min(axis=1))
         much: NDArray[np.bool_] = (self.damping > 0) & (self.damping**2 >= self.mu * lighter)
         return self.tension_only & much
 
@@ -261,9 +277,7 @@ class Structure(WithMemberLaws, Summarised):
 
     def member_length(self) -> FloatArray:
         """Return the member lengths at the stated node positions, (n_members,) [m]."""
-        ends = self.node_position[self.connectivity]
-        length: FloatArray = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-        return length
+        return self.strands.lengths(self.node_position)
 
     def static_tension(self) -> FloatArray:
         """Return the member tensions at the stated node positions, without damping, (n_members,) [N].

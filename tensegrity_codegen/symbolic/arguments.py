@@ -39,8 +39,10 @@ class SymbolicArguments:
         n_coordinates = len(self.free)
         self._symbol("coordinate", n_coordinates)
         self._symbol("velocity", n_coordinates)
+        self.internal: dict[str, Scalar] = {}  # internal states by name
         if structure.internal_name:
-            self._symbol("internal", len(structure.internal_name))
+            states = ca.vertsplit(self._symbol("internal", len(structure.internal_name)))
+            self.internal = dict(zip(structure.internal_name, states, strict=True))
         self._symbol("input", len(structure.inputs))
         self.rest_length = self._members("rest_length", structure.rest_length)
         self.spring_constant = self._members("spring_constant", structure.spring_constant)

@@ -38,7 +38,8 @@ class Frame:
     find_bar_pair: returns the names of the two bars of each pair whose distance can be asked for; a call,
     since n bars make n (n - 1) / 2 pairs that few models need. rigid_bar: the members that keep constant
     lengths, in the order of their multipliers. internal_name: of internal states; contact_name: of nodes that
-    can touch the ground; column_name: of numbers that motions are differentiated to.
+    can touch the ground; column_name: of numbers that motions are differentiated to. ring_nodes: nodes that
+    each member passes between its ends, empty where no member does.
     """
 
     axes: tuple[int, ...]
@@ -55,6 +56,7 @@ class Frame:
     internal_name: tuple[str, ...] = ()
     contact_name: tuple[str, ...] = ()
     column_name: tuple[str, ...] = ()
+    ring_nodes: tuple[tuple[int, ...], ...] = ()
 
     @property
     def n_internal(self) -> int:
@@ -79,6 +81,7 @@ def frame_structure(structure: Structure) -> Frame:
         find_bar_pair=lambda: tuple((name[i], name[j]) for i, j in structure.bar_pairs),
         internal_name=structure.internal_name,
         contact_name=structure.contact_name,
+        ring_nodes=structure.ring_nodes,
     )
 
 

@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from tensegrity_codegen.structure.ground import ENERGY_STATES
 from tensegrity_codegen.structure.structure import Structure
@@ -15,6 +17,8 @@ from tensegrity_codegen.symbolic.interference import BarPairs, pair_members
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
+from tensegrity_codegen.symbolic.members.ring_cable import Pairs
+from tensegrity_codegen.symbolic.memory import POWERS, Memory
 from tensegrity_codegen.symbolic.node_forces import build_node_forces
 from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce
 from tensegrity_codegen.symbolic.node_quantities import build_node_quantities
@@ -34,7 +38,11 @@ class NodeCoordinates:
         self.map = CoordinateMap(structure)
         self.ends = [(int(i), int(j)) for i, j in structure.connectivity]
         self.members = MemberSet(
-            structure, arguments, self.differences(arguments.position), self.differences(arguments.velocity)
+            structure,
+            arguments,
+            self.differences(arguments.position),
+            self.differences(arguments.velocity),
+            self._find_strands(),
         )
 
     def bar_pairs(self) -> BarPairs:
@@ -44,6 +52,18 @@ class NodeCoordinates:
     def differences(self, vectors: list[Vector]) -> list[Vector]:
         """Return the difference of the ends' vectors, one a member."""
         return [member_vector(vectors[i], vectors[j]) for i, j in self.ends]
+
+    def _find_strands(self) -> dict[int, tuple[tuple[Vector, Vector], ...]]:
+        """Return vector and rate of each strand of the members that pass rings, by member."""
+        position, velocity = self.arguments.position, self.arguments.velocity
+        paths = {e: self.structure.path(e) for e in np.flatnonzero(self.structure.passes_rings).tolist()}
+        return {
+            e: tuple(
+                (member_vector(position[i], position[j]), member_vector(velocity[i], velocity[j]))
+                for i, j in pairwise(path)
+            )
+            for e, path in paths.items()
+        }
 
     # Nodes
 
@@ -60,7 +80,7 @@ class NodeCoordinates:
     @cached_property
     def net_force(self) -> list[Vector]:
         """Weight, load, member forces and those of the ground on every node [N]."""
-        total = self.members.add_to(self.external_force, self.members.densities)
+        total = self.members.add_to(self.external_force, lambda member: member.density)
         return _add_forces(total, (part.forces() for part in self.node_forces))
 
     # Forces on nodes besides members, and what these remember
@@ -70,28 +90,32 @@ class NodeCoordinates:
         """Forces on nodes besides members, weights and loads."""
         return build_node_forces(self.structure, self.arguments)
 
-    def force_quantities(self) -> dict[str, Callable[[], ca.SX]]:
-        """Return the builders of what forces on nodes offer, none where there are no such forces."""
-        if not self.node_forces:
+    @cached_property
+    def memories(self) -> Sequence[Memory]:
+        """What remembers, and the other forces on nodes."""
+        return self.node_forces
+
+    def memory_quantities(self) -> dict[str, Callable[[], ca.SX]]:
+        """Return the builders of what forces on nodes and memory offer, none where there is nothing."""
+        if not self.memories:
             return {}
         found: dict[str, Callable[[], ca.SX]] = {"energy_rate": self.energy_rate}
         for name in ("friction", "impact"):
-            found[f"{name}_power"] = partial(self.force_powers.__getitem__, name)
-        for part in self.node_forces:
+            found[f"{name}_power"] = partial(self.powers.__getitem__, name)
+        for part in self.memories:
             found |= part.builders()
         if self.structure.internal_name:
             found["internal_rate"] = self.internal_rate
         return found
 
     def internal_rate(self) -> ca.SX:
-        """Return the rates z' of the internal states, (n_internal, 1); which contacts slip is constant."""
-        rates = [rate for part in self.node_forces for rate in part.internal_rate()]
-        ground = self.structure.ground
-        if ground is not None and ground.balances_energy:
-            powers = {**self.force_powers, "damping": self.damping_power()}
-            rates += [powers[name.removesuffix("_work")] for name in ENERGY_STATES]
-        slips = len(self.structure.internal_name) - len(rates)
-        return ca.vertcat(ca.SX(0, 1), *rates, *[ca.SX(0.0)] * slips)
+        """Return the rates z' of the internal states, (n_internal, 1); those set at events are constant."""
+        rates = {name: rate for part in self.memories for name, rate in part.internal_rates().items()}
+        names = self.structure.internal_name
+        if set(ENERGY_STATES) <= set(names):
+            powers = {**self.powers, "damping": self.damping_power()}
+            rates |= {name: powers[name.removesuffix("_work")] for name in ENERGY_STATES}
+        return ca.vertcat(ca.SX(0, 1), *[rates.get(name, ca.SX(0.0)) for name in names])
 
     def state(self) -> ca.SX:
         """Return the state (q, v, z), (n_states, 1)."""
@@ -105,8 +129,8 @@ class NodeCoordinates:
         return ca.jacobian(self.map.free(total), self.state())
 
     def energy_rate(self) -> Scalar:
-        """Return what damping takes, and what forces on nodes add [W]."""
-        return sum(self.force_powers.values(), self.damping_power())
+        """Return what damping takes, and what forces on nodes and memory add [W]."""
+        return sum(self.powers.values(), self.damping_power())
 
     def damping_power(self) -> Scalar:
         """Return what damping of members adds to the total energy, -sum (t - t_static) l' [W]."""
@@ -117,10 +141,10 @@ class NodeCoordinates:
         return power
 
     @cached_property
-    def force_powers(self) -> dict[str, Scalar]:
-        """What all forces on nodes add to the total energy, see NodeForce.powers [W]."""
-        found = {name: ca.SX(0.0) for name in ("friction", "impact", "belt")}
-        for part in self.node_forces:
+    def powers(self) -> dict[str, Scalar]:
+        """What all forces on nodes and memory add to the total energy, see Memory.powers [W]."""
+        found = {name: ca.SX(0.0) for name in POWERS}
+        for part in self.memories:
             found |= {name: found[name] + power for name, power in part.powers().items()}
         return found
 
@@ -148,8 +172,9 @@ class NodeCoordinates:
     def cable_force(self) -> list[Vector]:
         """Weight, load and forces of cables on every node [N]."""
         zero = ca.SX(0.0)
-        densities = [zero if member.is_mixed else member.density for member in self.members.members]
-        return self.members.add_to(self.external_force, densities)
+        return self.members.add_to(
+            self.external_force, lambda member: zero if member.is_mixed else member.density
+        )
 
     def member_law(self) -> ca.SX:
         """Return rest length, spring constant, damping and anchored part of d_e, (3 + n_axes, n_members)."""
@@ -169,7 +194,7 @@ class NodeCoordinates:
     @cached_property
     def net_static_force(self) -> list[Vector]:
         """Weight, load, member forces and those of the ground on every node at rest [N]."""
-        total = self.members.add_to(self.external_force, self.members.static_densities)
+        total = self.members.add_to(self.external_force, lambda member: member.static_density)
         return _add_forces(total, (part.static_forces() for part in self.node_forces))
 
     def tangent_stiffness(self) -> ca.SX:
@@ -188,9 +213,31 @@ class NodeCoordinates:
             for node, block in blocks
         )
 
-    def assembled(self, blocks: Mapping[int, MemberBlocks]) -> ca.SX:
+    def assembled(self, blocks: Mapping[int, MemberBlocks | Pairs]) -> ca.SX:
         """Return the matrix of these blocks of members, sparse (n_coordinates, n_coordinates)."""
-        return self.map.member_matrix(blocks, self.ends, self.members.plan.ends)
+        plain = {e: block for e, block in blocks.items() if isinstance(block, MemberBlocks)}
+        ends = self.members.strand_ends
+        pairs = [
+            (ends[e][s], ends[e][t], block)
+            for e, found in blocks.items()
+            if not isinstance(found, MemberBlocks)
+            for (s, t), block in found.items()
+        ]
+        return self.map.member_matrix(plain, self.ends, self.members.plan.ends, pairs)
+
+    def columns(self, vector: Callable[[Member], Vector]) -> ca.SX:
+        """Return a vector of each strand at its first node, minus it at its second, a column a member.
+
+        Sparse (n_coordinates, n_members).
+        """
+        parts = [
+            (e, node, direction, sign)
+            for e, member in self.each_member()
+            for strand, (i, j) in zip(member.strands, self.members.strand_ends[e], strict=True)
+            for direction in (vector(strand),)
+            for node, sign in ((i, 1), (j, -1))
+        ]
+        return self.map.node_columns(parts, len(self.ends))
 
     def each_member(self) -> Iterable[tuple[int, Member]]:
         """Return index and member of all."""
@@ -198,13 +245,11 @@ class NodeCoordinates:
 
     def residual_rest_length_jacobian(self) -> ca.SX:
         """Return the derivative of the residual to rest lengths, sparse (n_coordinates, n_members) [N/m]."""
-        pulls = [member.static_rest_pull() for _, member in self.each_member()]
-        return self.map.member_columns(pulls, self.ends)
+        return self.columns(Member.static_rest_pull)
 
     def tension_jacobian(self) -> ca.SX:
         """Return dt/dq of springs, sparse (n_members, n_coordinates) [N/m]."""
-        gradients = [member.tension_gradient() for _, member in self.each_member()]
-        return self.map.member_columns(gradients, self.ends).T
+        return self.columns(Member.tension_gradient).T
 
     # Energies
 
@@ -214,7 +259,7 @@ class NodeCoordinates:
         for force, position in zip(self.external_force, self.arguments.position, strict=True):
             work = work + dot(force, position)
         energy = self.members.elastic_energy() - work
-        for part in self.node_forces:
+        for part in self.memories:
             energy = energy + part.stored_energy()
         return energy
 

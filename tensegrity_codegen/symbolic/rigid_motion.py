@@ -77,7 +77,7 @@ class RigidMotion:
         """Return q^(n+2) without lambda^(n)."""
         if n not in self._free:
             still = [[ca.SX(0.0) for _ in place] for place in self.nodes.arguments.position]
-            pulls = [self._pull(e, n) for e in range(len(self.series))]
+            pulls = [[self._pull(e, n)] for e in range(len(self.series))]
             self._free[n] = self.nodes.accelerate(self.nodes.members.add_pulls(still, pulls))
         return self._free[n]
 

@@ -1,6 +1,7 @@
 """From nodes and members to coordinates: where each entry of a vector or matrix lands."""
 
 from collections.abc import Iterable, Mapping
+from itertools import product
 from typing import Any
 
 import casadi as ca
@@ -68,12 +69,17 @@ class CoordinateMap:
         return self._sparse(entries, self.n_coordinates)
 
     def member_matrix(
-        self, blocks: Mapping[int, MemberBlocks], ends: list[tuple[int, int]], order: Iterable[Any]
+        self,
+        blocks: Mapping[int, MemberBlocks],
+        ends: list[tuple[int, int]],
+        order: Iterable[Any],
+        pairs: Iterable[tuple[tuple[int, int], tuple[int, int], MemberBlocks]] = (),
     ) -> ca.SX:
         """Return the sum of [S -S; -S S] over members (i, j), sparse (n_coordinates, n_coordinates).
 
         blocks: S of the members that have one; ends: (i, j) of all; order: (member, end) as forces are
-        added, where an end adds the columns of its node.
+        added, where an end adds the columns of its node; pairs: nodes of two strands, whose S stands in rows
+        of the first and columns of the second.
         """
         entries: dict[tuple[int, int], Scalar] = {}
         for e, end in order:
@@ -87,6 +93,12 @@ class CoordinateMap:
                         row = self.index.get((node, row_axis))
                         if row is not None and column is not None:
                             self._add(entries, row, column, blocks[e].entries[r][c], sign)
+        for first, second, block in pairs:
+            for (own, sign), (other, turned) in product(_signed(first), _signed(second)):
+                for (r, row_axis), (c, column_axis) in product(enumerate(self.axes), repeat=2):
+                    row, column = self.index.get((own, row_axis)), self.index.get((other, column_axis))
+                    if row is not None and column is not None:
+                        self._add(entries, row, column, block.entries[r][c], sign * turned)
         return self._sparse(entries, self.n_coordinates)
 
     def member_columns(self, directions: list[list[Scalar]], ends: list[tuple[int, int]]) -> ca.SX:
@@ -125,3 +137,8 @@ class CoordinateMap:
         rows, cols = [place[0] for place in places], [place[1] for place in places]
         stacked = ca.vertcat(*values) if values else ca.SX(0, 1)
         return ca.SX.triplet(rows, cols, stacked, self.n_coordinates, columns)
+
+
+def _signed(ends: tuple[int, int]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return the nodes of a strand with the signs of its vector there."""
+    return (ends[0], 1), (ends[1], -1)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.quantities import OF_COLUMNS
+from tensegrity_codegen.tables.strands import Strands, list_strands
 
 ABI_VERSION = 2
 
@@ -61,8 +62,11 @@ EVENT_KINDS = {
 # Those at which a force or its slope jumps: runs watch them by themselves.
 JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick")
 
+# Kinds that set internal states, see structure/memory.py, and the word that the names of these end with.
+SET_STATES = {"stick": "slips"}
+
 # Fields of a manifest that stand in its file only where they hold something.
-ONLY_IF_ANY = ("internal_name", "contact_name", "column_name", "adjoint_work", "tape_row")
+ONLY_IF_ANY = ("internal_name", "contact_name", "column_name", "ring_nodes", "adjoint_work", "tape_row")
 
 
 def count_internal(n_coordinates: int, n_internal: int, n_columns: int) -> int:
@@ -237,6 +241,12 @@ class Manifest:
     internal_name: tuple[str, ...] = ()  # internal states, which follow the velocities in a state
     contact_name: tuple[str, ...] = ()  # nodes that can touch the ground
     column_name: tuple[str, ...] = ()  # numbers that motions are differentiated to
+    ring_nodes: tuple[tuple[int, ...], ...] = ()  # that each member passes between its ends; (): none does
+
+    @cached_property
+    def strands(self) -> Strands:
+        """The straight pieces of all members: of most members they are the member itself."""
+        return list_strands(np.array(self.connectivity, dtype=np.int64).reshape(-1, 2), self.ring_nodes)
 
     @cached_property
     def stated_position(self) -> NDArray[np.float64]:
@@ -280,6 +290,16 @@ class Manifest:
     def has_contacts(self) -> bool:
         """Whether nodes touch the ground or bars press each other, with forces."""
         return bool(self.contact_name) or any(item.quantity == "collision_margin" for item in self.functions)
+
+    @property
+    def needs_state_jacobian(self) -> bool:
+        """Whether implicit integrators take the Jacobian of the whole state: contacts or memory."""
+        return self.has_contacts or bool(self.internal_name)
+
+    def subjects_of(self, kind: str) -> tuple[str, ...]:
+        """Return what each internal state that events of this kind set is of, in their order."""
+        end = f"_{SET_STATES[kind]}"
+        return tuple(name.removesuffix(end) for name in self.internal_name if name.endswith(end))
 
     def argument(self, name: str) -> ArgumentSpec:
         """Return the argument of that name."""

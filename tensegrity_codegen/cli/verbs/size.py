@@ -87,7 +87,7 @@ def size(
             youngs_modulus=parse_member_values(youngs_modulus or [], "--youngs-modulus", alone="all"),
             density=parse_member_values(density or [], "--density", alone="all"),
             yield_stress=parse_member_values(yield_stress or [], "--yield-stress", alone="all"),
-            load_cases=_parse_cases(case or [], require_nodes(subject, "sized")),
+            load_cases=_parse_cases(case or [], require_nodes(subject, "least mass")),
             column="johnson" if johnson else "euler",
             bars_pull=bars_pull,
             max_splits=max_splits,

@@ -9,8 +9,16 @@ import numpy as np
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
+from tensegrity_codegen.structure.memory import find_setting_events
 from tensegrity_codegen.system.errors import FormulationError, suggest
-from tensegrity_codegen.tables.manifest import EVENT_KINDS, JUMP_KINDS, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.manifest import (
+    EVENT_KINDS,
+    JUMP_KINDS,
+    SET_STATES,
+    FunctionSpec,
+    IntegratorSpec,
+    Manifest,
+)
 from tensegrity_codegen.tables.request import ModelRequest
 
 # What each kind of event needs, besides the condition, which is the caller's.
@@ -87,8 +95,9 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
         counts["collision"] = subject.n_bar_pairs
     if ground := getattr(subject, "ground", None):
         counts |= {"ground": ground.n_contacts, "stick": ground.n_contacts if ground.friction else 0}
-        if ground.has_static_friction and sum(counts.values()) > MOST_WATCHED:  # whose slips are events
-            counts = {kind: counts[kind] for kind in ("ground", "stick")}
+    setting = find_setting_events(subject)
+    if setting and sum(counts.values()) > MOST_WATCHED:
+        counts = {kind: counts[kind] for kind in counts if kind in (*setting, "ground")}
     if not 0 < sum(counts.values()) <= MOST_WATCHED or request.precision != "double":
         return ()
     return (*(kind for kind, count in counts.items() if count), "condition")
@@ -150,11 +159,10 @@ def events_context(
                 }
             )
             first += function.shape[0]
-    n_slips = sum(name.endswith("_slips") for name in manifest.internal_name)
-    continuous = BEGINNINGS if n_slips else CONTINUOUS
+    setting = [kind for kind in SET_STATES if manifest.subjects_of(kind)]
+    continuous = tuple(kind for kind in CONTINUOUS if kind != "stick" or "stick" not in setting)
     contacts = [kind for kind in kinds if kind["word"] in BEGINNINGS]
     position = np.array(manifest.node_position).reshape(-1, 3)
-    ends = position[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
     n_coordinates = len(manifest.coordinate_name)
     return {
         "kinds": kinds,
@@ -163,12 +171,13 @@ def events_context(
         "first_contact": contacts[0]["first"] if contacts else 0,
         "n_contacts": sum(kind["count"] for kind in contacts),
         "n_kinks": sum(kind["count"] for kind in kinds if kind["word"] in continuous),
-        "first_stick": next((kind["first"] for kind in kinds if kind["word"] == "stick"), 0),
-        "n_slips": n_slips,
+        "setting": setting,
+        "first_stick": next((kind["first"] for kind in kinds if kind["word"] in setting), 0),
+        "n_slips": sum(len(manifest.subjects_of(kind)) for kind in setting),
         "n_measured": max(
             (reach.get(kind["quantity"], n_coordinates) for kind in kinds), default=n_coordinates
         ),
-        "size": repr(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))),
+        "size": repr(float(manifest.strands.lengths(position).max(initial=0.0))),
         "is_smooth": all(kind["word"] in continuous or "velocity" not in kind["arguments"] for kind in kinds),
         "most_in_succession": MOST_IN_SUCCESSION,
     }

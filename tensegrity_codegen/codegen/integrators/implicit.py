@@ -65,9 +65,9 @@ def implicit_spec(
 
     members = moving(subject.is_mixed)
     changing = model.arguments["damping"].over if "damping" in model.arguments else ()
-    damped = moving(
-        subject.has_much_damping | (subject.tension_only & np.isin(subject.member_name, changing))
-    )
+    # Cables through rings join more than two nodes: their damping stays outside the matrix
+    much = subject.has_much_damping | (subject.tension_only & np.isin(subject.member_name, changing))
+    damped = moving(much & ~subject.passes_rings)
     used = {
         argument
         for item in (*IMPLICIT.quantities, *events.quantities)

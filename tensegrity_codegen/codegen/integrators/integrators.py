@@ -17,7 +17,7 @@ from tensegrity_codegen.codegen.integrators.events import events_context, state_
 from tensegrity_codegen.codegen.integrators.implicit import implicit_context, implicit_spec
 from tensegrity_codegen.codegen.integrators.profiles import PULL, count_driven, driven_context, pull_size
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
-from tensegrity_codegen.structure.ground_support import has_contacts
+from tensegrity_codegen.structure.ground_support import needs_state_jacobian
 from tensegrity_codegen.structure.inertia_plan import find_massless, refuse_bare
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest
@@ -51,7 +51,7 @@ def integrator_spec(
         raise FormulationError(
             "unknown integrator", where="model.integrators", given=name, hint=suggest(name, INTEGRATORS)
         )
-    row = find_row(name, has_contacts(model.subject))
+    row = find_row(name, needs_state_jacobian(model.subject))
     watched = watched_events(model, functions, events if row.follows_events else ())
     if row.kind == "implicit":
         driven_size = count_driven(model, driven)
@@ -171,7 +171,7 @@ def integrator_context(
     reach: quantity -> how many coordinates it depends on, see events_context.
     """
     functions = {spec.quantity: spec for spec in manifest.functions}
-    rows = {spec.name: find_row(spec.name, manifest.has_contacts) for spec in manifest.integrators}
+    rows = {spec.name: find_row(spec.name, manifest.needs_state_jacobian) for spec in manifest.integrators}
     adaptive = [spec for spec in manifest.integrators if rows[spec.name].kind == "adaptive"]
     driven = driven_context(manifest, arguments)
     watching = [spec for spec in manifest.integrators if spec.events]
@@ -202,7 +202,7 @@ def integrator_context(
             }
             for name in dict.fromkeys(
                 (
-                    *called_quantities(explicit, manifest.has_contacts),
+                    *called_quantities(explicit, manifest.needs_state_jacobian),
                     *(name for name in list_derivative_quantities(arguments) if name in functions),
                 )
             )
@@ -279,7 +279,8 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
             for word in ("switch", "collision", "ground", "stick")
         },
         "WITH_CONTACT_EVENTS": bool(events.get("n_contacts")),
-        "WITH_STATIC_FRICTION": bool(events.get("n_slips")),
+        "WITH_SET_STATES": bool(events.get("n_slips")),
+        "WITH_STATIC_FRICTION": "stick" in events.get("setting", ()),
         "WITH_SMOOTH_EVENTS": bool(events.get("is_smooth")),
         "WITH_CONSTRAINTS": bool(explicit.get("keeps_constraints")),
         "WITH_VELOCITY": bool(explicit.get("uses_velocity")),
@@ -297,7 +298,7 @@ def _context(
     functions: Mapping[str, FunctionSpec],
     arguments: Mapping[str, dict[str, Any]],
 ) -> dict[str, Any]:
-    row = find_row(spec.name, manifest.has_contacts)
+    row = find_row(spec.name, manifest.needs_state_jacobian)
     if row.kind == "implicit":
         return {
             "name": spec.name,

@@ -44,7 +44,7 @@ def solver_spec(model: EmittedModel, name: str, functions: tuple[FunctionSpec, .
     nonzeros = len(pattern.row) if pattern is not None else count * count
     loads = model.arguments["node_load"] if "node_load" in passed else None
     size = 5 * count + 3 + nonzeros + count * count + (count + loads.nominal.size if loads else 0)
-    if _find_tension(functions, passed, model.frame.coordinate_node_axis) is not None:
+    if _find_tension(functions, passed, model.frame) is not None:
         size += count * count + 14 * len(model.frame.member_name) + 2 * count + 4
     return SolverSpec(
         name=name,
@@ -97,12 +97,13 @@ def _needed(functions: tuple[FunctionSpec, ...]) -> dict[str, FunctionSpec]:
 
 
 def _find_tension(
-    functions: tuple[FunctionSpec, ...], passed: tuple[str, ...], places: tuple[tuple[int, int], ...]
+    functions: tuple[FunctionSpec, ...], passed: tuple[str, ...], frame: Any
 ) -> FunctionSpec | None:
-    """Return the function for tensions of members between nodes, None where steps cannot damp members."""
+    """Return the function for tensions of members between two nodes, None where steps cannot damp members."""
+    is_plain = bool(frame.coordinate_node_axis) and not frame.ring_nodes
     found = next((item for item in functions if item.quantity == TENSION), None)
     known = {"coordinate", *AT_REST, *passed}
-    return found if found is not None and places and known.issuperset(found.arguments) else None
+    return found if found is not None and is_plain and known.issuperset(found.arguments) else None
 
 
 def _member_context(manifest: Manifest, still: int) -> dict[str, Any]:
@@ -133,7 +134,7 @@ def solver_context(
 ) -> dict[str, Any]:
     """Return what the templates of a solver read."""
     needed = _needed(manifest.functions)
-    tension = _find_tension(manifest.functions, spec.arguments, manifest.coordinate_node_axis)
+    tension = _find_tension(manifest.functions, spec.arguments, manifest)
     members = None
     if tension is not None:
         needed["tension"] = tension

@@ -133,7 +133,7 @@ def _format_function(manifest: Manifest, spec: FunctionSpec) -> str:
 def _format_integrator(manifest: Manifest, spec: IntegratorSpec) -> str:
     arguments = _with_state(manifest, spec.arguments)
     sample = ("sample_time: _ArrayLike | None = None", "sample_time : (n_samples,) [s]", "Ascending times.")
-    row = find_row(spec.name, manifest.has_contacts)
+    row = find_row(spec.name, manifest.needs_state_jacobian)
     if row.kind == "fixed":
         name = "the classical Runge-Kutta method" if spec.name == "rk4" else f"the method {spec.name}"
         title = f"Motion by {name} with fixed steps; steps do not end at events."

@@ -96,7 +96,7 @@ def find_unreachable_place(
         wanted = ", ".join(text for node in ends for text in goals.get(node, []))
         between = known[ends[1]] - known[ends[0]]
         length, is_exact = float(np.linalg.norm(np.nan_to_num(between))), bool(np.isfinite(between).all())
-        if not wanted:
+        if not wanted or structure.passes_rings[index]:
             continue
         found = _compare_length(plan_model, limits, start, index, length, is_exact)
         if found is not None:
@@ -176,7 +176,7 @@ def _find_balance(plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, i
     structure = plan_model.model.structure
     if not isinstance(structure, Structure):
         return math.inf
-    length = np.linalg.norm(np.diff(start.position[structure.connectivity], axis=1)[:, 0], axis=1)
+    length = structure.strands.lengths(start.position)
     free = [
         node
         for node in structure.connectivity[index].tolist()
@@ -194,7 +194,8 @@ def _sum_largest_forces(
     """Return the sum of the largest forces of the other members at a node, and of the loads on it [N]."""
     structure = plan_model.model.structure
     assert isinstance(structure, Structure)
-    beside = np.flatnonzero((structure.connectivity == node).any(axis=1)).tolist()
+    strands = structure.strands
+    beside = strands.member[(strands.ends == node).any(axis=1)].tolist()  # twice where a cable passes a ring
     total = float(np.abs(start.tension)[beside].sum())
     for member in beside:
         if structure.is_rigid[member]:

@@ -279,10 +279,10 @@ def compute_slopes(
     found = equilibrium_sensitivity(
         plan_model.model, at.model_coordinate, arguments, columns=plan_model.columns
     )
-    ends = np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)
-    vector = at.position[ends[:, 0]] - at.position[ends[:, 1]]
-    apart = found.node[ends[:, 0]] - found.node[ends[:, 1]]
-    length = np.einsum("ea,eak->ek", vector / at.length[:, None], apart)
+    strands = manifest.strands
+    unit = strands.vectors(at.position) / strands.strand_lengths(at.position)[:, None]
+    apart = found.node[strands.ends[:, 0]] - found.node[strands.ends[:, 1]]
+    length = strands.add_up(np.einsum("ea,eak->ke", unit, apart)).T
     count = len(at.change)
 
     def move(column: int, step: float) -> tuple[StaticProblem, FloatArray]:

@@ -19,6 +19,7 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.structure.ring_support import require_no_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import (
@@ -87,21 +88,22 @@ def form(
     ('stable', ('member1',))
     """
     subject, request = load_scene(scene)
-    structure = require_nodes(subject, "formed")
+    structure = require_nodes(subject, "form finding")
     stated = read_statements(structure, density or {}, force or {}, length or {})
     position, q = _find_shape(structure, request, *stated, compiler)
     return _settle(structure, request, position, q, compiler)
 
 
-def require_nodes(subject: Any, done: str) -> Structure:
-    """Return a structure of nodes in the air; raises FormulationError. done: "formed", for the message."""
+def require_nodes(subject: Any, what: str) -> Structure:
+    """Return a structure of nodes in the air; raises FormulationError. what: "form finding", for messages."""
     if not isinstance(subject, Structure) or subject.ground is not None:
         raise FormulationError(
-            f"only structures of nodes, bars and cables between anchors or in the air are {done}",
+            f"only nodes, bars and cables between anchors or in the air are supported here: {what}",
             where=subject.name,
             given="bodies" if not isinstance(subject, Structure) else "a ground",
             hint="leave out the ground, and settle on it afterwards",
         )
+    require_no_rings(subject, what)
     return subject
 
 

@@ -102,7 +102,7 @@ def size_members(
     if max_splits is not None:
         check_whole(max_splits, "max_splits", 0)
     subject, request = load_scene(scene)
-    structure = require_nodes(subject, "sized")
+    structure = require_nodes(subject, "least mass")
     material = read_material(structure, youngs_modulus, density, yield_stress, column == "johnson")
     cases = read_load_cases(structure, load_cases or {"scene": {}})
     law = find_mass_law(material, structure.member_length())

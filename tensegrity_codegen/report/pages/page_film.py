@@ -62,7 +62,7 @@ def draw_motion(structure: Structure, position: FloatArray, motion: FloatArray) 
     figure, axes, view = _new_panel(structure, np.stack([position, moved]), position, with_bar=False)
     place, _ = view.project(position)
     shadow = LineCollection(
-        list(place[structure.connectivity]), colors=MUTED, linewidths=0.7, linestyles="dotted", zorder=2
+        list(place[structure.strands.ends]), colors=MUTED, linewidths=0.7, linestyles="dotted", zorder=2
     )
     axes.add_collection(shadow, autolim=False)
     drawing = StructureDrawing(axes, structure, view)
@@ -115,7 +115,7 @@ def draw_film(
         for k in range(len(time)):
             drawing.show(position[k], tension[k])
             place, _ = view.project(planned[k])
-            shadow.set_segments(list(place[structure.connectivity]))
+            shadow.set_segments(list(place[structure.strands.ends]))
             clock.set_text(f"{time[k]:.2f} s")
             canvas.draw()
             yield np.array(canvas.buffer_rgba(), dtype=np.uint8)[..., :3]

@@ -124,7 +124,7 @@ def _find_tails(
 ) -> FloatArray:
     """Return where arrows (n_t, n, 3) [m] at some nodes start."""
     toward = np.zeros_like(position)
-    i, j = structure.connectivity.T
+    i, j = structure.strands.ends.T
     along = position[:, j] - position[:, i]
     length = np.linalg.norm(along, axis=2, keepdims=True)
     unit = np.divide(along, length, out=np.zeros_like(along), where=length > 0)

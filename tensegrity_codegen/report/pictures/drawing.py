@@ -77,8 +77,7 @@ def find_slack(structure: Structure, node_position: FloatArray, tension: FloatAr
     node_position (n_nodes, 3) [m], tension (n_members,) [N]; without tensions those cables are slack that
     are shorter than their stated rest length.
     """
-    ends = node_position[structure.connectivity]
-    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    length = structure.strands.lengths(node_position)
     excess, noise = length - structure.rest_length, 1e-9 * structure.rest_length
     loose = excess < -noise if tension is None else (tension <= 0) & (np.abs(excess) > noise)
     slack: BoolArray = structure.tension_only & loose
@@ -147,13 +146,13 @@ class StructureDrawing:
         color = tension if color is None else color
         self.slack = find_slack(self._structure, node_position, tension)
         place, depth = self.view.project(node_position)
-        pair = self._structure.connectivity
+        pair, member = self._structure.strands.ends, self._structure.strands.member
         order = np.argsort(depth[pair].mean(axis=1), kind="stable")
         nearness = self.view.magnification(depth) ** WIDTH_DEPTH
         segments, widths, colors = self._strokes(place[pair], nearness[pair].mean(axis=1), color)
         self._lines.set_segments(list(segments[order].reshape(-1, 2, 2)))
         # The styles of rim, outline and fill in turn; a slack cable has a dashed fill only
-        dashed = self.slack[order]
+        dashed = self.slack[member[order]]
         solid: Any = "solid"
         styles: list[Any] = []
         for is_dashed in dashed:
@@ -173,16 +172,17 @@ class StructureDrawing:
     def _strokes(
         self, ends: FloatArray, nearness: FloatArray, color: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return rim, outline and fill of each member.
+        """Return rim, outline and fill of each strand of members.
 
-        Segments (n_members, 3, 2, 2), widths (n_members, 3) and colours (n_members, 3, 4).
+        Segments (n_strands, 3, 2, 2), widths (n_strands, 3) and colours (n_strands, 3, 4).
         """
-        bar = self._structure.is_bar
+        member = self._structure.strands.member
+        bar = self._structure.is_bar[member]
         width = self._scale * nearness * np.where(bar, BAR_WIDTH, CABLE_WIDTH)
         inner = np.where(bar, width - 1.5 * self._scale, width)
         along = ends[:, 1] - ends[:, 0]
         rim = np.stack([ends[:, 0] + RIM_GAP * along, ends[:, 1] - RIM_GAP * along], axis=1)
-        fill = self._fill(color)
+        fill = self._fill(color)[member]
         outline = fill.copy()
         outline[bar, :3] *= OUTLINE
         white = np.broadcast_to(_rgba(PAPER), fill.shape)
@@ -210,7 +210,7 @@ def _group_anchors(structure: Structure, view: View) -> list[tuple[BoolArray, st
     Nodes that are held on all modelled axes are filled; a node whose members lead down hangs.
     """
     place, _ = view.project(structure.node_position)
-    i, j = structure.connectivity.T
+    i, j = structure.strands.ends.T
     lead = np.zeros(structure.n_nodes)
     np.add.at(lead, i, place[j, 1] - place[i, 1])
     np.add.at(lead, j, place[i, 1] - place[j, 1])

@@ -110,7 +110,7 @@ class NameWriter:
         place, _ = self.view.project(node_position)
         spots = self._choose(place) if self._spots is None else self._spots
         self._spots = spots
-        pair = self._structure.connectivity
+        pair = self._structure.strands.first_ends
         for (kind, number, spot), text in zip(spots, self._texts, strict=True):
             if kind == "nodes":
                 text.xy, text.xyann = tuple(place[number]), tuple(spot)
@@ -121,8 +121,8 @@ class NameWriter:
     def _choose(self, place: FloatArray) -> list[tuple[str, int, Any]]:
         """Return for each text its offset in points, or the part of its member at which it stands."""
         points = place / self._point
-        ends = points[self._structure.connectivity]
-        segments = [ends]
+        ends = points[self._structure.strands.first_ends]
+        segments = [points[self._structure.strands.ends]]
         for start, end in self._obstacles:
             known = np.isfinite(start).all(axis=1)
             pair = [self.view.project(item[known])[0] / self._point for item in (start, end)]

@@ -48,22 +48,24 @@ def find_rest_tension(subject: Structure | BodySystem, rigid: BoolArray | None =
 
 def _solve(structure: Structure, tension: FloatArray, rigid: BoolArray) -> FloatArray:
     """Return the tensions of the rigid bars (n_rigid,) [N], NaN where statics does not tell them."""
-    ends = structure.connectivity
-    vector = structure.node_position[ends[:, 0]] - structure.node_position[ends[:, 1]]
+    ends, strands = structure.connectivity, structure.strands
+    vector = strands.vectors(structure.node_position)
     unit = vector / np.linalg.norm(vector, axis=1)[:, None]
     force = np.array(structure.node_load, dtype=float)
     mass = np.array(structure.node_mass, dtype=float)
     np.add.at(mass, ends.ravel(), np.repeat(structure.member_mass / 2, 2))
     force += mass[:, None] * structure.gravity
-    np.add.at(force, ends[:, 0], -tension[:, None] * unit)
-    np.add.at(force, ends[:, 1], tension[:, None] * unit)
+    pull = strands.spread(tension)[:, None] * unit
+    np.add.at(force, strands.ends[:, 0], -pull)
+    np.add.at(force, strands.ends[:, 1], pull)
     free = np.zeros_like(structure.node_anchored)
     free[:, list(structure.axes)] = ~structure.node_anchored[:, list(structure.axes)]
     rows = np.flatnonzero(rigid)
     matrix = np.zeros((*force.shape, len(rows)))
     columns = np.arange(len(rows))
-    matrix[ends[rows, 0], :, columns] += unit[rows]
-    matrix[ends[rows, 1], :, columns] -= unit[rows]
+    along = unit[np.isin(strands.member, rows)]
+    matrix[ends[rows, 0], :, columns] += along
+    matrix[ends[rows, 1], :, columns] -= along
     left, size, right = np.linalg.svd(matrix[free], full_matrices=True)
     rank = int((size > DEPENDENT).sum())
     found = right[:rank].T @ ((left[:, :rank].T @ force[free]) / size[:rank])
@@ -164,9 +166,7 @@ def compute_colors(shown: Shown, name: str) -> FloatArray | None:
     if name == "tension":
         return tension
     if name == "force_density":
-        ends = shown.position[:, structure.connectivity]
-        length = np.linalg.norm(ends[:, :, 0] - ends[:, :, 1], axis=2)
-        return _divide(tension, length)
+        return _divide(tension, structure.strands.lengths(shown.position))
     area = np.asarray(structure.section_area, dtype=float)
     if not (area[~shown.parts.edge] > 0).any():
         raise InvalidValueError(

@@ -246,12 +246,13 @@ def _perspective(
 def _clutter(view: View, structure: Structure, node_position: FloatArray) -> float:
     """Return sum 1 / (1 + (d / near)^2) over the distances d on paper from nodes to members of others."""
     place, _ = view.project(node_position)
-    start, end = place[structure.connectivity[:, 0]], place[structure.connectivity[:, 1]]
+    first, second = structure.strands.ends.T
+    start, end = place[first], place[second]
     along, apart = end - start, place[:, None] - start
     squared = np.maximum(np.sum(along**2, axis=-1), np.finfo(float).tiny)
     fraction = np.clip(np.sum(apart * along, axis=-1) / squared, 0.0, 1.0)
     distance = np.linalg.norm(apart - fraction[..., None] * along, axis=-1)
     nodes = np.arange(structure.n_nodes)[:, None]
-    own = (nodes == structure.connectivity[:, 0]) | (nodes == structure.connectivity[:, 1])
+    own = (nodes == first) | (nodes == second)
     near = CLUTTER_RATIO * float(np.max(np.ptp(place, axis=0), initial=0.0)) or 1.0
     return float(np.sum(1.0 / (1.0 + (distance[~own] / near) ** 2)))

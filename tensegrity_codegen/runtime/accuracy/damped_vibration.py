@@ -158,9 +158,10 @@ def _bound_jumps(motion: Motion, raw: RawTrajectory, stiff: tuple[int, ...], fre
     # The force that may jump at each node, and at both ends of each elastic member.
     ends = np.array(model.manifest.connectivity, dtype=np.int64)
     force = np.zeros(len(model.manifest.node_name))
-    jump = c * _find_largest_rate(model, raw, ends, motion.arguments)
+    strands = model.manifest.strands
+    jump = strands.spread(c * _find_largest_rate(model, raw, motion.arguments))
     for end in (0, 1):
-        np.add.at(force, ends[:, end], jump)
+        np.add.at(force, strands.ends[:, end], jump)
     chosen = np.array([e for e in stiff if mu[e] > 0], dtype=np.int64)
     pull = force[ends[chosen, 0]] + force[ends[chosen, 1]]
     largest = float((pull / mu[chosen]).max(initial=0.0))
@@ -178,19 +179,17 @@ def _may_go_taut(motion: Motion, raw: RawTrajectory) -> NDArray[np.bool_]:
     return np.array([name in taut or name not in watched for name in manifest.member_name])
 
 
-def _find_largest_rate(
-    model: CompiledModel, raw: RawTrajectory, ends: NDArray[np.int64], arguments: Mapping[str, Any]
-) -> FloatArray:
+def _find_largest_rate(model: CompiledModel, raw: RawTrajectory, arguments: Mapping[str, Any]) -> FloatArray:
     """Return the largest rate of each member's length at any sample, (n_members,) [m/s]."""
-    n, largest = raw.state.shape[1] // 2, np.zeros(len(ends))
+    strands = model.manifest.strands
+    n, largest = raw.state.shape[1] // 2, np.zeros(strands.n_members)
     anchors = arguments.get("anchor_position")
     for state in raw.state:
         position = place_nodes(model, state[:n], anchors, arguments=arguments)
         velocity = place_velocities(model, state[:n], state[n:], arguments=arguments)
-        vector = position[ends[:, 0]] - position[ends[:, 1]]
-        moving = velocity[ends[:, 0]] - velocity[ends[:, 1]]
+        vector, moving = strands.vectors(position), strands.vectors(velocity)
         length = np.maximum(np.linalg.norm(vector, axis=1), 1e-300)
-        largest = np.maximum(largest, np.abs(np.sum(vector * moving, axis=1)) / length)
+        largest = np.maximum(largest, np.abs(strands.add_up(np.sum(vector * moving, axis=1) / length)))
     return largest
 
 

@@ -59,7 +59,7 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
     if not find_method(options.method).scipy:
         lost = _LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
         checks = Checks(
-            least_atol=find_row(options.method, manifest.has_contacts).noise_share * noise,
+            least_atol=find_row(options.method, manifest.needs_state_jacobian).noise_share * noise,
             min_counted=MIN_COUNTED_WITH_CONTACTS if manifest.has_contacts else 0.0,
             least_error=LEAST_ERROR_WITH_CONTACTS if manifest.has_contacts else 0.0,
             max_shrink=MAX_SHRINK_WITH_CONTACTS if manifest.has_contacts else 0.1,
@@ -141,7 +141,7 @@ class _LostVibration:
     def estimate(self, run: RawTrajectory, tolerance: Tolerance) -> float:
         """Return the error over the tolerance by vibrations that a run has lost, 0 where it shows them."""
         frequency, last = self.find_frequency(), float(run.time[-1])
-        factor, power = find_row(self.like, self.motion.model.manifest.has_contacts).vibration_loss
+        factor, power = find_row(self.like, self.motion.model.manifest.needs_state_jacobian).vibration_loss
         angle = frequency * last / max(run.n_steps, 1)
         changed = run.n_steps * factor * angle**power
         if changed <= NEGLIGIBLE_LOSS:

@@ -65,7 +65,7 @@ def _find_kind(motion: Motion, options: RunOptions) -> Kind:
     """Return the kind of the method; of one in C the kind that it has for this structure."""
     method = find_method(options.method)
     is_in_c = method.name in INTEGRATORS
-    return find_row(method.name, motion.model.manifest.has_contacts).kind if is_in_c else method.kind
+    return find_row(method.name, motion.model.manifest.needs_state_jacobian).kind if is_in_c else method.kind
 
 
 def join_runs(progress: Progress | None) -> Progress | None:

@@ -55,8 +55,9 @@ def find_rates(model: Model, stiff: tuple[int, ...], arguments: Mapping[str, Any
     law = np.asarray(model.compute("member_law", **arguments))
     mu, c = law[:, 1], law[:, 2]
     mass = _node_mass(model, arguments)
-    ends = np.array(model.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
-    is_stiff = np.isin(np.arange(len(mu)), stiff)
+    strands = model.manifest.strands
+    ends, mu, c = strands.ends, strands.spread(mu), strands.spread(c)
+    is_stiff = np.isin(strands.member, stiff)
     frequency, decay = (_bound(values, mass, ends) for values in (mu, c))
     slow, slow_decay = (_bound(np.where(is_stiff, 0.0, values), mass, ends) for values in (mu, c))
     moves = np.isfinite(mass)[ends].any(axis=1)  # not between two anchors

@@ -131,8 +131,8 @@ class _Check:
         """Return the error of each component (n_states,) at which a run (n_t, n_states) is lost."""
         n = state.shape[1] // 2
         place = np.array(self.manifest.node_position).reshape(-1, 3)
-        ends = place[np.array(self.manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
-        length = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()) if len(ends) else 0.0
+        lengths = self.manifest.strands.lengths(place)
+        length = float(lengths.mean()) if len(lengths) else 0.0
         if find_formulation(self.manifest.formulation).has_angles or not length > 0.0:
             length = float(np.abs(state[:, :n]).max()) or 1.0
         speed = max(float(np.abs(state[:, n:]).max()), length / float(self.found.time[-1]))

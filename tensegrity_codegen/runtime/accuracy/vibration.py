@@ -177,15 +177,16 @@ def _slow_parts(
     joins both ends.
     """
     ends = np.array(model.manifest.connectivity, dtype=np.int64)
-    is_slow = np.ones(len(ends), dtype=bool)
-    is_slow[members] = False
-    pairs = {frozenset(pair) for pair in ends[is_slow].tolist()}
+    strands = model.manifest.strands
+    is_slow = ~np.isin(strands.member, members)
+    slow_ends = strands.ends[is_slow]
+    pairs = {frozenset(pair) for pair in slow_ends.tolist()}
     twice = np.array([2.0 if frozenset(pair) in pairs else 1.0 for pair in ends[members].tolist()])
     found = []
     for column in (1, 2):
         total = np.zeros(len(model.manifest.node_name))
         for end in (0, 1):
-            np.add.at(total, ends[is_slow, end], law[is_slow, column])
+            np.add.at(total, slow_ends[:, end], law[strands.member[is_slow], column])
         found.append(twice * np.sum(share**2 * total[ends[members]], axis=1))
     return found[0], found[1]
 

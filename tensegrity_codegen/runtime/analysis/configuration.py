@@ -96,24 +96,27 @@ class Configuration:
 
     def geometric_stiffness(self, tension: FloatArray, directions: FloatArray) -> FloatArray:
         """Return sum t_e d2l_e/dx2 along directions (n_directions, k), (k, k) [N/m]."""
-        transverse = self._find_transverse_velocities(directions)
-        weight = np.repeat(tension / self.length, 3)
+        transverse, strands = self._find_transverse_velocities(directions), self.manifest.strands
+        weight = np.repeat(strands.spread(tension) / strands.strand_lengths(self.position), 3)
         flat = transverse.reshape(-1, transverse.shape[2])
         return np.asarray(flat.T @ (weight[:, None] * flat))
 
     def curvature(self, direction: FloatArray) -> FloatArray:
         """Return d2l_e/ds2 of each member along one direction (n_directions,), (n_members,) [1/m]."""
-        transverse = self._find_transverse_velocities(direction[:, None])[:, :, 0]
-        return np.asarray(np.sum(transverse**2, axis=1) / self.length)
+        transverse, strands = (
+            self._find_transverse_velocities(direction[:, None])[:, :, 0],
+            self.manifest.strands,
+        )
+        return strands.add_up(np.sum(transverse**2, axis=1) / strands.strand_lengths(self.position))
 
     def load_stiffness(self, directions: FloatArray) -> FloatArray:
         """Return the stiffness of loads along directions (n_directions, k), (k, k) [N/m]: none."""
         return np.zeros((directions.shape[1], directions.shape[1]))
 
     def _find_transverse_velocities(self, directions: FloatArray) -> FloatArray:
-        """Return the velocities of members' ends relative to each other, across the members, (m, 3, k)."""
-        ends = np.array(self.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
-        unit = (self.position[ends[:, 0]] - self.position[ends[:, 1]]) / self.length[:, None]
+        """Return the velocities of strands' ends relative to each other, across the strands, (m, 3, k)."""
+        strands, ends = self.manifest.strands, self.manifest.strands.ends
+        unit = strands.vectors(self.position) / strands.strand_lengths(self.position)[:, None]
         velocity = self.node_velocities(directions)
         relative_velocity = velocity[ends[:, 0]] - velocity[ends[:, 1]]
         axial_velocity = np.einsum("ea,eak->ek", unit, relative_velocity)
@@ -293,11 +296,11 @@ def _find_structure(model: Model) -> Subject:
 def _check_lengths(problem: StaticProblem, coordinate: FloatArray) -> None:
     """Raise InvalidValueError for a member whose two nodes coincide."""
     manifest = problem.model.manifest
-    ends = problem.node_position(coordinate)[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
-    short = np.flatnonzero((ends[:, 0] == ends[:, 1]).all(axis=1))
+    strands = manifest.strands
+    short = np.flatnonzero((strands.vectors(problem.node_position(coordinate)) == 0.0).all(axis=1))
     if len(short):
-        member = int(short[0])
-        first, second = (manifest.node_name[node] for node in manifest.connectivity[member])
+        member = int(strands.member[short[0]])
+        first, second = (manifest.node_name[node] for node in strands.ends[short[0]])
         raise InvalidValueError(
             "a member has no length",
             where=f"{manifest.name}: members.{manifest.member_name[member]}",

@@ -44,12 +44,14 @@ def count_freedom(structure: Structure) -> Freedom | None:
     n, m = len(free), structure.n_members
     if min(n, m) > MAX_DENSE_SIZE:
         return None
-    first, second = structure.connectivity.T
-    vector = structure.node_position[first] - structure.node_position[second]
-    matrix = np.zeros((structure.n_nodes, 3, m))
-    unit = (vector / np.linalg.norm(vector, axis=1)[:, None]).T
-    matrix[first, :, np.arange(m)], matrix[second, :, np.arange(m)] = unit.T, -unit.T
-    matrix = matrix[free[:, 0], free[:, 1]]
+    strands = structure.strands
+    first, second = strands.ends.T
+    vector = strands.vectors(structure.node_position)
+    matrix = np.zeros((structure.n_nodes, m, 3))
+    unit = vector / np.linalg.norm(vector, axis=1)[:, None]
+    for node, sign in ((first, 1.0), (second, -1.0)):
+        np.add.at(matrix, (node, strands.member), sign * unit)
+    matrix = matrix[free[:, 0], :, free[:, 1]]
     square = np.linalg.eigvalsh(matrix @ matrix.T if n < m else matrix.T @ matrix)
     rank = int((square > ZERO_TOLERANCE**2 * square.max(initial=0.0)).sum())
     piece = find_pieces(structure.n_nodes, first, second)[1]

@@ -42,7 +42,7 @@ def find_free_motions(rank: Rank, rigid: FloatArray) -> FreeMotions:
 def find_parts(manifest: Manifest) -> tuple[tuple[int, ...], ...]:
     """Return the nodes of each part of a structure that no members join to the others, by index."""
     count = len(manifest.node_name)
-    ends = np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)
+    ends = manifest.strands.ends
     graph = scipy.sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
     _, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
     free = np.zeros(count, dtype=bool)

@@ -221,13 +221,13 @@ class _Weights:
 
     def add_member_length(self, weight: FloatArray) -> None:
         """Add weights of lengths (n_t, n_members)."""
-        ends = np.array(self.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
-        span = self.motion.node_position[:, ends[:, 1]] - self.motion.node_position[:, ends[:, 0]]
-        along = weight[..., None] * span / np.linalg.norm(span, axis=-1, keepdims=True)
+        strands = self.manifest.strands
+        span = strands.vectors(self.motion.node_position)
+        along = strands.spread(weight)[..., None] * span / np.linalg.norm(span, axis=-1, keepdims=True)
         found = np.zeros_like(self.motion.node_position)
-        for k, (first, second) in enumerate(ends):
-            found[:, second] += along[:, k]
-            found[:, first] -= along[:, k]
+        for k, (first, second) in enumerate(strands.ends):
+            found[:, first] += along[:, k]
+            found[:, second] -= along[:, k]
         self.add_node_position(found)
 
     def add_member_tension(self, weight: FloatArray) -> None:

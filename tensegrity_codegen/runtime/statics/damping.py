@@ -20,6 +20,7 @@ import scipy
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, Factoriser, Solve
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
+from tensegrity_codegen.tables.strands import Strands
 
 MOST_TURN = 1.0  # largest difference of the ends of a member in one step, as part of its length
 LEAST_LENGTH = 0.1  # of the longest member: shorter ones count as so long where turns are measured
@@ -52,12 +53,13 @@ class Members:
         return self.force / np.maximum(self.longest, 1e-300)
 
 
-def locate_members(position: FloatArray, ends: IntArray, point: Any) -> Members:
-    """Return members of a Point or Points with nodes at position (..., n_nodes, 3); ends: (n_members, 2)."""
-    vector = position[..., ends[:, 0], :] - position[..., ends[:, 1], :]
+def locate_members(position: FloatArray, strands: Strands, point: Any) -> Members:
+    """Return members of a Point or Points with nodes at position (..., n_nodes, 3), strand by strand."""
+    vector = strands.vectors(position)
     force = np.maximum(point.largest_force, point.node_force)[..., None]
     longest = np.asarray(point.longest)[..., None]
-    return Members(vector, np.sqrt((vector**2).sum(axis=-1)), point.tension, force, longest)
+    length = np.sqrt((vector**2).sum(axis=-1))
+    return Members(vector, length, strands.spread(point.tension), force, longest)
 
 
 def find_turn(moved: FloatArray, here: Members, there: Members | None) -> FloatArray:
@@ -175,13 +177,13 @@ class MemberDamping(Damping):
     """The damping of members through the search for one equilibrium."""
 
     def __init__(self, problem: StaticProblem) -> None:
-        super().__init__(**vars(Damping.start(len(problem.ends))))
+        super().__init__(**vars(Damping.start(len(problem.strands.member))))
         self.problem = problem
         self.factoriser = Factoriser()
 
     def locate(self, point: Point) -> Members:
         """Return the members at a point."""
-        return locate_members(self.problem.node_position(point.coordinate), self.problem.ends, point)
+        return locate_members(self.problem.node_position(point.coordinate), self.problem.strands, point)
 
     def factorise(self, stiffness: Any, difference: Any, point: Point, here: Members) -> Solve | None:
         """Return the solution with the damped stiffness; more damping where it is not positive definite.
@@ -190,7 +192,8 @@ class MemberDamping(Damping):
         """
         matrix = stiffness.toarray() if stiffness.shape[0] <= DENSE_LIMIT else stiffness
         least = find_least_shift(self.problem.bound_rounding(stiffness, point.coordinate), here)
-        compression = np.maximum(-self.problem.find_stiff_tension(point), 0.0) / here.length
+        tension = self.problem.strands.spread(self.problem.find_stiff_tension(point))
+        compression = np.maximum(-tension, 0.0) / here.length
         for _ in range(MOST_FACTORS):
             weight, shift = self.find_weight(compression), float((self.shift + least)[0])
             solve = self.factoriser.factorise(_add(matrix, difference, weight, shift))

@@ -300,8 +300,7 @@ def record_without_forces(problem: StaticProblem, start: FloatArray, method: str
     """
     position, manifest = problem.node_position(start), problem.model.manifest
     nan, unknown = float("nan"), np.full(len(manifest.member_name), np.nan)
-    ends = position[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
-    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    length = manifest.strands.lengths(position)
     message = "the forces at the start are not finite"
     short = [name for name, value in zip(manifest.member_name, length, strict=True) if value == 0.0]
     if short:

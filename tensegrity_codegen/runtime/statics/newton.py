@@ -244,14 +244,14 @@ class _Search:
             damped, predicted = float(force @ step) / 2, float(force @ step - step @ (path @ step) / 2)
             by_force = predicted <= ENERGY_DIGITS * point.energy_scale
             saved = self._saving(trial, by_force=by_force)
-            need = damping.find_need(moved, here, there, problem.kept_members)
+            need = damping.find_need(moved, here, there, problem.kept_strands)
             if saved < 0.5 * damped and not by_force:
                 pull = damping.find_lengthening(moved, here, there)
                 correction = solve(np.asarray(difference.T @ pull.ravel()))
                 better = problem.find_displaced_point(point.coordinate, step - correction)
                 if better is not None and better.energy < trial.energy:
                     trial, saved = better, self._saving(better, by_force=by_force)
-                    need = damping.find_need(moved, here, damping.locate(trial), problem.kept_members)
+                    need = damping.find_need(moved, here, damping.locate(trial), problem.kept_strands)
             if saved >= LEAST_SAVING * damped or (by_force and trial.node_force < 0.9 * point.node_force):
                 damping.relax(need, turn, saved / max(predicted, 1e-300), attempt == 0)
                 damping.forget_small(here)

@@ -87,7 +87,7 @@ class StaticProblem:
         self.node, self.axis = pairs[:, 0], pairs[:, 1]
         self.size = len(pairs)
         self._given = {**self.arguments, "velocity": np.zeros(self.size)}
-        self.ends = np.array(model.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
+        self.strands = model.manifest.strands
         self.stiff: StiffMembers | None = None
         self.contacts: Contacts | None = None
         if model.manifest.contact_name:
@@ -167,6 +167,7 @@ class StaticProblem:
             spring_constant = find_spring_constants(self.compute, coordinate)
         except NonFiniteError:
             return
+        spring_constant[self.strands.passes_rings] = 0.0
         row = choose_stiff(spring_constant)
         self.stiff = StiffMembers(self.model.manifest, row, spring_constant[row]) if len(row) else None
 
@@ -181,6 +182,11 @@ class StaticProblem:
     def kept_members(self) -> IntArray:
         """Numbers of the members whose lengths steps keep."""
         return np.zeros(0, dtype=np.int64) if self.stiff is None else self.stiff.row
+
+    @property
+    def kept_strands(self) -> IntArray:
+        """Numbers of the strands whose lengths steps keep."""
+        return np.flatnonzero(np.isin(self.strands.member, self.kept_members))
 
     def find_path_stiffness(self, stiffness: Any, point: Point) -> Any:
         """Return the Hessian of the energy along the curves that steps follow."""
@@ -206,14 +212,14 @@ class StaticProblem:
         return SINGULAR_TOLERANCE * float(column.max(initial=0.0)) + 4 * EPSILON * whole
 
     def find_differences(self, coordinate: FloatArray) -> Any:
-        """Return D: s_i - s_j of members for directions s, (3 n_members, n_directions), dense if small."""
+        """Return D: s_i - s_j of strands for directions s, (3 n_strands, n_directions), dense if small."""
         return self.subtract_ends(self._velocity)
 
     def subtract_ends(self, velocity: Any) -> Any:
-        """Return the differences of the ends of members, of velocities of nodes (3 n_nodes, k)."""
+        """Return the differences of the ends of strands, of velocities of nodes (3 n_nodes, k)."""
         if velocity.shape[1] <= DENSE_LIMIT:
             velocity = velocity.toarray()
-        first, second = ((3 * self.ends[:, end, None] + np.arange(3)).ravel() for end in (0, 1))
+        first, second = ((3 * self.strands.ends[:, end, None] + np.arange(3)).ravel() for end in (0, 1))
         found = velocity[first] - velocity[second]
         return found if isinstance(found, np.ndarray) else scipy.sparse.csc_array(found)
 

@@ -31,6 +31,7 @@ from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
+from tensegrity_codegen.tables.strands import list_strands
 
 SCENE = "a Scene, as read_scene(...) returns it"
 # What a scene gets that asks for no quantities; the second where a free node has no mass.
@@ -60,7 +61,8 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
         where,
     )
     rigid = (member["spring_constant"] == 0) & (member["axial_stiffness"] == 0)
-    check_freedom(member["connectivity"], node["node_anchored"], axes, node["node_name"], where)
+    ends = list_strands(member["connectivity"], member["ring_nodes"]).ends
+    check_freedom(ends, node["node_anchored"], axes, node["node_name"], where)
     acting = build_inputs(inputs, targets, rigid, axes)
     actuators = build_actuators(scene.actuators, [item.name for item in acting], targets, rigid)
     structure = Structure(

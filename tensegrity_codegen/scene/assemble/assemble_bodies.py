@@ -194,7 +194,7 @@ def _with_tendons(
     position = compute_node_position(system)
     with _in_words_of_tendons():
         arrays = build_member_arrays(classes, members, system.node_name, position, where)
-        del arrays["is_bar"], arrays["member_mass"], arrays["inner_radius"]
+        del arrays["is_bar"], arrays["member_mass"], arrays["inner_radius"], arrays["ring_nodes"]
         system = system.with_changes(**arrays)
         check_laws(system, where)
     return system

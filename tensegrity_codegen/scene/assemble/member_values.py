@@ -1,8 +1,8 @@
 """The values of every member: its own, or else those of its class.
 
-Values that say the same thing in other words replace each other as one: {spring_constant, axial_stiffness},
-{rest_length, prestress, strain}, {mass, density}, and those of laws (`Law.keys`). So a member with a
-prestress of its own drops the rest length of its class.
+Values that say the same thing in other words replace each other as one: {spring_constant, axial_stiffness,
+youngs_modulus}, {rest_length, prestress, strain}, {mass, density}, and those of laws (`Law.keys`). So a
+member with a prestress of its own drops the rest length of its class.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.scene.assemble.sections import put_radii
 from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
@@ -21,7 +22,8 @@ Columns = dict[str, FloatArray]  # one value a row, NaN where the scene gives no
 
 STIFFNESS = ("spring_constant", "axial_stiffness")
 LAW_KEYS = tuple(group for law in LAWS for group in law.keys)
-ALTERNATIVES = (STIFFNESS, ("rest_length", "prestress", "strain"), ("mass", "density"), *LAW_KEYS)
+MODULUS = "youngs_modulus"
+ALTERNATIVES = ((*STIFFNESS, MODULUS), ("rest_length", "prestress", "strain"), ("mass", "density"), *LAW_KEYS)
 SINGLE = ("damping", "radius", "inner_radius")
 BAR_ONLY = ("mass", "density", "inner_radius")
 
@@ -41,12 +43,36 @@ def resolve_values(
         dtype=np.bool_,
     )
     class_is_bar = np.array([kind == "bar" for kind in kinds], dtype=np.bool_)
+    shared = [put_radii(row, key_path(where, "classes", name)) for name, row in classes.items()]
+    rows = [
+        row if row.section is None else put_radii(row, key_path(where, "members", name))
+        for name, row in members.items()
+    ]
     class_values, own = _columns(shared), _columns(rows)
     class_slack, own_slack = _tension_only(shared), _tension_only(rows)
     _check_values(class_values, class_slack, class_is_bar, tuple(classes), "classes", where)
     _check_values(own, own_slack, is_bar, names, "members", where)
     chosen = np.where(np.isnan(own_slack), np.append(class_slack, np.nan)[index], own_slack)
-    return _inherit(own, class_values, index), is_bar, ~is_bar & (chosen != 0)
+    return _put_stiffness(_inherit(own, class_values, index), names, where), is_bar, ~is_bar & (chosen != 0)
+
+
+def _put_stiffness(values: Columns, names: tuple[str, ...], where: str) -> Columns:
+    """Return the values with EA = E A of members that state E; InvalidValueError without a radius."""
+    modulus, radius = values.pop(MODULUS), values["radius"]
+    refuse(
+        ~np.isnan(modulus) & np.isnan(radius),
+        InvalidValueError,
+        "Young's modulus without a section",
+        section="members",
+        names=names,
+        where=where,
+        key=MODULUS,
+        given=modulus,
+        allowed="with section or radius; or axial_stiffness [N] in place of it",
+    )
+    area = np.pi * (radius**2 - np.nan_to_num(values["inner_radius"]) ** 2)
+    axial = values["axial_stiffness"]
+    return {**values, "axial_stiffness": np.where(np.isnan(modulus), axial, modulus * area)}
 
 
 def _class_index(

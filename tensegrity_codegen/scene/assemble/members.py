@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.assemble.member_values import STIFFNESS, Columns, resolve_values
-from tensegrity_codegen.scene.checks.geometry import check_connectivity, compute_member_length
+from tensegrity_codegen.scene.checks.geometry import check_connectivity
 from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
@@ -16,6 +16,7 @@ from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.laws import LAWS, LINEAR
 from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
+from tensegrity_codegen.tables.strands import list_strands
 
 
 def build_member_arrays(
@@ -33,9 +34,11 @@ def build_member_arrays(
     names, rows = tuple(members), list(members.values())
     given, is_bar, tension_only = resolve_values(classes, members, where)
     _check_needed(given, names, is_bar, where)
-    connectivity = _connectivity(names, rows, node_name, where)
-    check_connectivity(connectivity, names, node_name, node_position, where)
-    length = compute_member_length(connectivity, node_position)
+    connectivity, ring_nodes = _find_nodes(names, rows, node_name, where)
+    _check_rings(ring_nodes, names, tension_only, where)
+    strands = list_strands(connectivity, ring_nodes)
+    check_connectivity(strands, names, node_name, node_position, where)
+    length = strands.lengths(node_position)
     stiffness = {key: _or_zero(given[key]) for key in STIFFNESS}
     laws = _find_laws(given, names, is_bar, where)
     rest_length = _rest_length({**given, **stiffness}, laws, length, tension_only, names, where)
@@ -43,6 +46,7 @@ def build_member_arrays(
         "member_name": names,
         "member_class": tuple(row.class_name or "" for row in rows),
         "connectivity": connectivity,
+        "ring_nodes": ring_nodes,
         "is_bar": is_bar,
         "tension_only": tension_only,
         "rest_length": rest_length,
@@ -74,19 +78,40 @@ def compute_rest_length(
     return LINEAR.find_rest_length(length, tension, given)
 
 
-def _connectivity(
+def _find_nodes(
     names: tuple[str, ...], rows: list[Member], node_name: tuple[str, ...], where: str
-) -> NDArray[np.int64]:
+) -> tuple[NDArray[np.int64], tuple[tuple[int, ...], ...]]:
+    """Return both ends (n_members, 2), and the rings between them that members pass, () without any."""
     index = {name: row for row, name in enumerate(node_name)}
     try:
-        pairs = [(index[row.nodes[0]], index[row.nodes[1]]) for row in rows]
+        pairs = [(index[row.nodes[0]], index[row.nodes[-1]]) for row in rows]
+        rings = [tuple(index[node] for node in row.nodes[1:-1]) for row in rows]
     except KeyError:
         problem = "the member joins a node that is not defined"
         for name, row in zip(names, rows, strict=True):
             for node in row.nodes:
                 check_known(node, index, problem, "names of nodes", where, "members", name, "nodes")
         raise
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2), tuple(rings) if any(rings) else ()
+
+
+def _check_rings(
+    ring_nodes: tuple[tuple[int, ...], ...], names: tuple[str, ...], tension_only: BoolArray, where: str
+) -> None:
+    """Raise for rings on members that push: a bar is straight, and so is a two-sided spring."""
+    refuse(
+        np.array([bool(rings) for rings in ring_nodes], dtype=np.bool_) & ~tension_only
+        if ring_nodes
+        else np.zeros(len(names), dtype=np.bool_),
+        InvalidValueError,
+        "only a cable that cannot push passes rings",
+        section="members",
+        names=names,
+        where=where,
+        key="nodes",
+        allowed="two nodes, or a cable with tension_only = true",
+        hint="split the member at the nodes between its ends",
+    )
 
 
 def _check_needed(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where: str) -> None:

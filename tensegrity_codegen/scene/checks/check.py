@@ -55,10 +55,11 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
     _check_names(structure, where)
     _check_values(structure, where)
     _check_laws(structure, where)
+    _check_rings(structure, where)
     check_connectivity(
-        structure.connectivity, structure.member_name, structure.node_name, structure.node_position, where
+        structure.strands, structure.member_name, structure.node_name, structure.node_position, where
     )
-    check_freedom(structure.connectivity, structure.node_anchored, structure.axes, structure.node_name, where)
+    check_freedom(structure.strands.ends, structure.node_anchored, structure.axes, structure.node_name, where)
     _check_rigid_bars(structure, where)
     _check_anchored_velocity(structure, where)
     _check_plane(structure, where)
@@ -95,6 +96,30 @@ def _check_kinds(structure: Structure, where: str) -> None:
         if len(pair) != 2 or not all(0 <= e < structure.n_members and structure.is_bar[e] for e in pair):
             place = key_path(where, "interference")
             raise InvalidValueError("no pair of bars", where=place, given=pair, allowed="indices of two bars")
+
+
+def _check_rings(structure: Structure, where: str) -> None:
+    """Check the nodes that members pass between their ends: one tuple a member, of cables that only pull."""
+    rings, place = structure.ring_nodes, key_path(where, "ring_nodes")
+    if rings and len(rings) != structure.n_members:
+        raise InvalidValueError(
+            "one tuple for each member is needed",
+            where=place,
+            given=len(rings),
+            allowed=f"{structure.n_members}, or none at all",
+        )
+    for number, nodes in ((number, nodes) for number, nodes in enumerate(rings) if nodes):
+        check_indices(nodes, structure.n_nodes, f"{place}[{number}]")
+    refuse(
+        structure.passes_rings & ~structure.tension_only,
+        InvalidValueError,
+        "only a cable that cannot push passes rings",
+        section="members",
+        names=structure.member_name,
+        where=where,
+        key="nodes",
+        allowed="no rings, or tension_only",
+    )
 
 
 def _check_arrays(structure: Structure, where: str) -> None:

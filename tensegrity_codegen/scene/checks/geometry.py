@@ -7,19 +7,12 @@ from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
+from tensegrity_codegen.tables.strands import Strands
 
 IndexArray = NDArray[np.int64]
 
 # Nodes closer than this part of the structure's extent count as coincident.
 COINCIDENT = 1e-12
-
-
-def compute_member_length(connectivity: IndexArray, node_position: FloatArray) -> FloatArray:
-    """Return l_e = |r_i - r_j|, (n_members,) [m]; connectivity (n_members, 2), position (n_nodes, 3) [m]."""
-    with np.errstate(over="ignore", under="ignore"):
-        vector = node_position[connectivity[:, 0]] - node_position[connectivity[:, 1]]
-        length: FloatArray = np.linalg.norm(vector, axis=1)
-    return length
 
 
 def find_fully_anchored(node_anchored: NDArray[np.bool_], axes: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -29,37 +22,42 @@ def find_fully_anchored(node_anchored: NDArray[np.bool_], axes: tuple[int, ...])
 
 
 def check_connectivity(
-    connectivity: IndexArray,
+    strands: Strands,
     member_name: tuple[str, ...],
     node_name: tuple[str, ...],
     node_position: FloatArray,
     where: str,
 ) -> None:
-    """Raise unless every member joins two different, not coincident nodes, and no two join the same pair.
+    """Raise unless every strand joins two different, not coincident nodes, and no two members the same pair.
 
     Raises StructureError or DuplicateNameError (two members on one pair, in either order).
     """
-    first, second = connectivity[:, 0], connectivity[:, 1]
-    place = _Ends(connectivity, node_name)
+    first, second = strands.ends.T
+    place = _Ends(strands.ends, node_name)
+    owner = member_name if strands.is_plain else tuple(member_name[e] for e in strands.member)
     refuse(
         first == second,
         StructureError,
-        "the member joins a node to itself",
+        "the member joins a node to itself"
+        if strands.is_plain
+        else "the member passes a node twice in a row",
         section="members",
-        names=member_name,
+        names=owner,
         where=where,
         key="nodes",
         given=place,
         allowed="two different nodes",
     )
-    _check_pairs(connectivity, member_name, node_name, where)
-    length = compute_member_length(connectivity, node_position)
+    is_alone = np.bincount(strands.member, minlength=strands.n_members)[strands.member] == 1
+    straight = strands.ends if strands.is_plain else strands.ends[is_alone]
+    _check_pairs(straight, tuple(np.array(owner, dtype=object)[is_alone]), node_name, where)
+    length = strands.strand_lengths(node_position)
     refuse(
         ~np.isfinite(length),
         StructureError,
         "the member's nodes are too far apart for its length to be a number",
         section="members",
-        names=member_name,
+        names=owner,
         where=where,
         key="nodes",
         given=place,
@@ -71,7 +69,7 @@ def check_connectivity(
         StructureError,
         "the member joins two nodes at one place",
         section="members",
-        names=member_name,
+        names=owner,
         where=where,
         key="nodes",
         given=place,

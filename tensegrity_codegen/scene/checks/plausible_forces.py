@@ -57,7 +57,7 @@ def warn_of_strong_gravity(gravity: FloatArray) -> list[str]:
 
 def warn_of_falling_pieces(structure: Structure) -> list[str]:
     """Return a warning for pieces that gravity or loads push along an axis on which nothing holds them."""
-    _, piece = find_pieces(structure.n_nodes, *structure.connectivity.T)
+    _, piece = find_pieces(structure.n_nodes, *structure.strands.ends.T)
     count = int(piece.max()) + 1
     found = []
     for axis in structure.axes:
@@ -148,9 +148,8 @@ def warn_of_jump(structure: Structure) -> list[str]:
 
 
 def _directions(structure: Structure) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors (n_members, 3) from the second node to the first, and lengths (n_members,)."""
-    ends = structure.node_position[structure.connectivity]
-    vector = ends[:, 0] - ends[:, 1]
+    """Return unit vectors (n_strands, 3) from the second node to the first, and lengths (n_strands,)."""
+    vector = structure.strands.vectors(structure.node_position)
     length = np.linalg.norm(vector, axis=1)
     return vector / length[:, None], length
 
@@ -158,12 +157,13 @@ def _directions(structure: Structure) -> tuple[FloatArray, FloatArray]:
 def _find_unbalanced(structure: Structure) -> FloatArray:
     """Return the force that nothing balances at each node (n_nodes, 3) [N], zero where it is held."""
     unit, _ = _directions(structure)
-    pull = structure.static_tension()[:, None] * unit
+    strands = structure.strands
+    pull = strands.spread(structure.static_tension())[:, None] * unit
     mass = structure.node_mass.copy()
     force = structure.node_load.copy()
     for side, sign in ((0, -1.0), (1, 1.0)):
         np.add.at(mass, structure.connectivity[:, side], structure.member_mass / 2)
-        np.add.at(force, structure.connectivity[:, side], sign * pull)
+        np.add.at(force, strands.ends[:, side], sign * pull)
     force += mass[:, None] * structure.gravity
     free = np.zeros(force.shape, dtype=bool)
     free[:, list(structure.axes)] = ~structure.node_anchored[:, list(structure.axes)]
@@ -172,7 +172,8 @@ def _find_unbalanced(structure: Structure) -> FloatArray:
     if not rigid.size:
         return force
     rows = 3 * structure.connectivity[rigid][:, :, None] + np.arange(3)  # (n_rigid, 2, 3)
-    data = np.stack([unit[rigid], -unit[rigid]], axis=1) * free.ravel()[rows]
+    along = unit[np.isin(strands.member, rigid)]
+    data = np.stack([along, -along], axis=1) * free.ravel()[rows]
     column = np.broadcast_to(np.arange(len(rigid))[:, None, None], rows.shape)
     matrix = scipy.sparse.csr_array(
         (data.ravel(), (rows.ravel(), column.ravel())), shape=(force.size, len(rigid))
@@ -184,13 +185,13 @@ def _find_unbalanced(structure: Structure) -> FloatArray:
 def _find_stiffness(structure: Structure) -> FloatArray:
     """Return each node's stiffness with the others held, (n_nodes, 3, 3) [N/m]: of bars and tight cables."""
     unit, length = _directions(structure)
-    tension = structure.static_tension()
-    slack = structure.tension_only & (length <= structure.rest_length)
-    mu = np.where(slack, 0.0, structure.mu)
+    tension, strands = structure.static_tension(), structure.strands
+    slack = structure.tension_only & (structure.member_length() <= structure.rest_length)
+    mu, tension = (strands.spread(values) for values in (np.where(slack, 0.0, structure.mu), tension))
     outer = unit[:, :, None] * unit[:, None, :]
     across = np.maximum(tension, 0.0) / length
     member = mu[:, None, None] * outer + across[:, None, None] * (np.eye(3) - outer)
     total = np.zeros((structure.n_nodes, 3, 3))
     for side in (0, 1):
-        np.add.at(total, structure.connectivity[:, side], member)
+        np.add.at(total, strands.ends[:, side], member)
     return total

@@ -153,8 +153,8 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
     """
     check_instance(structure, Structure, "structure", "a Structure")
     held = find_fully_anchored(structure.node_anchored, structure.axes)
-    first, second = structure.connectivity.T
-    between_anchors = held[first] & held[second]
+    between_anchors = np.ones(structure.n_members, dtype=np.bool_)
+    np.logical_and.at(between_anchors, structure.strands.member, held[structure.strands.ends].all(axis=1))
     pushed = held & (np.abs(structure.node_load).sum(axis=1) > 0)
     damped = structure.is_rigid & (structure.damping > 0)
     idle = [item.name for item in structure.inputs if item.kind == "force" and held[list(item.targets)].all()]
@@ -224,7 +224,7 @@ def _strain_warning(structure: Structure) -> str:
 
 def _pieces_warning(structure: Structure) -> str:
     """Return a warning when members fall apart into pieces that share no node."""
-    count, label = find_pieces(structure.n_nodes, *structure.connectivity.T)
+    count, label = find_pieces(structure.n_nodes, *structure.strands.ends.T)
     if count < 2:
         return ""
     _, start = np.unique(label, return_index=True)

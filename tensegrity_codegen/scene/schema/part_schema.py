@@ -33,14 +33,15 @@ class MemberClass(MemberValues):
 
 
 class Member(MemberValues):
-    """One member between two nodes: a class with overrides, or a kind with all values in place."""
+    """One member from node to node: a class with overrides, or a kind with all values in place."""
 
     class_name: Reference | None = Field(None, alias="class", description="Name of a member class.")
     kind: Literal["bar", "cable"] | None = Field(
         None, description="Only without a class: a bar takes both signs of force, a cable tension only."
     )
-    nodes: Annotated[tuple[Reference, ...], Strict(False), Field(min_length=2, max_length=2)] = Field(
-        description="The two nodes that the member joins; the member vector is first minus second."
+    nodes: Annotated[tuple[Reference, ...], Strict(False), Field(min_length=2)] = Field(
+        description="The two nodes that the member joins; the member vector is first minus second. Of cables "
+        "also the nodes between the ends, rings through which the cable slides without friction, in order."
     )
 
 

@@ -1,7 +1,7 @@
 """The words that scene models are made of: names, references, numbers, vectors, selections, member values."""
 
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import (
     AfterValidator,
@@ -12,6 +12,7 @@ from pydantic import (
     Strict,
     StringConstraints,
     Tag,
+    model_validator,
 )
 from pydantic_core import PydanticCustomError
 
@@ -73,12 +74,36 @@ class Table(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
 
 
+class SectionTable(Table):
+    """A round section by its sizes in metres: a tube or a rod."""
+
+    tube: Annotated[tuple[Positive, ...], Strict(False), Field(min_length=2, max_length=2)] | None = Field(
+        None, description="Outer diameter and thickness of the wall [m]."
+    )
+    rod: Positive | None = Field(None, description="Diameter [m].")
+
+    @model_validator(mode="after")
+    def _check_one(self) -> Self:
+        if (self.tube is None) == (self.rod is None):
+            raise PydanticCustomError("section_kind", "either tube or rod")
+        return self
+
+
+Section: TypeAlias = Annotated[
+    Annotated[str, Tag("@name")] | Annotated[SectionTable, Tag("@table")],
+    Discriminator(tag_by_type(str, "@name", "@table")),
+]
+
+
 class MemberValues(Table):
     """What a member class sets and a member may override."""
 
     spring_constant: Positive | None = Field(None, description="Spring constant mu = dt/dl [N/m].")
     axial_stiffness: Positive | None = Field(
         None, description="Axial stiffness EA [N]; the spring constant is EA / rest_length."
+    )
+    youngs_modulus: Positive | None = Field(
+        None, description="Young's modulus E [Pa]; needs a section or radius; axial_stiffness = E A."
     )
     switch_elongation: Number | None = Field(
         None, description="Elongation at which the slope of a bilinear member switches [m], not 0."
@@ -102,6 +127,11 @@ class MemberValues(Table):
     mass: Positive | None = Field(None, description="Bars only: own mass [kg], spread evenly along the bar.")
     density: Positive | None = Field(
         None, description="Bars only: density [kg/m3]; needs radius; mass = density * section * length."
+    )
+    section: Section | None = Field(
+        None,
+        description='Round section in place of radius and inner_radius: "CHS 60.3x3.2" of the catalogue '
+        "(EN 10210-2, mm), { tube = [outer diameter, wall] } or { rod = diameter } [m].",
     )
     radius: Positive | None = Field(None, description="Outer radius of the round section [m].")
     inner_radius: NotNegative | None = Field(

@@ -14,6 +14,7 @@ import numpy as np
 
 from tensegrity_codegen.report.pages.page import render_page
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.structure.ring_support import require_no_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case, generate_cases, is_essential
 from tensegrity_codegen.studies.stability.extended import certify_extended
@@ -287,6 +288,8 @@ def write_stability(
         For a folder that cannot be written, or that holds these files, without `overwrite`.
     """
     limits.check()
+    for structure in structures:
+        require_no_rings(structure, "stiff and extreme cases")
     prepare_study(structures, t_end, folder, (PAGE_NAME, DATA_NAME), overwrite=overwrite)
     end, outcomes = time.monotonic() + limits.total, dict[str, tuple[Outcome, ...]]()
     options = (t_end.hex(), repr(dataclasses.replace(limits, total=0.0)))  # the total changes no result

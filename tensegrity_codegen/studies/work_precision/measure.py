@@ -59,13 +59,12 @@ def _is_at_rest(structure: Structure) -> bool:
         return False
     if structure.is_rigid.any():
         return False  # the forces of rigid bars are not known beforehand
-    tension = structure.static_tension()
-    ends = structure.node_position[structure.connectivity]
-    vector = ends[:, 0] - ends[:, 1]
-    pull = (tension / structure.member_length())[:, None] * vector
+    tension, strands = structure.static_tension(), structure.strands
+    density = strands.spread(tension) / strands.strand_lengths(structure.node_position)
+    pull = density[:, None] * strands.vectors(structure.node_position)
     force = structure.node_load + structure.lumped_mass[:, None] * structure.gravity
-    np.add.at(force, structure.connectivity[:, 0], -pull)
-    np.add.at(force, structure.connectivity[:, 1], pull)
+    np.add.at(force, strands.ends[:, 0], -pull)
+    np.add.at(force, strands.ends[:, 1], pull)
     free = ~structure.node_anchored & np.isin(np.arange(3), structure.axes)
     scale = max(float(np.abs(tension).max()), 1e-300)
     return bool(np.abs(force[free]).max(initial=0.0) <= REST_TOLERANCE * scale)

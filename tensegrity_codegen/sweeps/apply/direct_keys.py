@@ -240,7 +240,6 @@ class _KeyReader:
         position = (
             compute_node_position(subject) if isinstance(subject, BodySystem) else subject.node_position
         )
-        ends = position[subject.connectivity[members]]
         columns = {
             name: StatedValues(np.full(len(members), -1), np.full(len(members), np.nan)) for name in STATED
         }
@@ -252,7 +251,7 @@ class _KeyReader:
         for key, found in stated.items():
             for name, row, factor in found:
                 columns[name].keys[place[row]], columns[name].factors[place[row]] = key, factor
-        length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=-1)
+        length = subject.strands.lengths(position)[members]
         return RestLengths(members, length, columns, subject.tension_only[members])
 
     def _find_rows(self, section: object, name: str, word: str) -> list[int]:

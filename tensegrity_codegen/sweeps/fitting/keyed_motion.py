@@ -314,16 +314,16 @@ class MotionSlopes:
         """Return a quantity at the samples, (n_t, ...)."""
         if quantity != "member_length":
             return np.asarray(getattr(self.motion, quantity))
-        return np.asarray(np.linalg.norm(self._spans, axis=-1))
+        return self.model.manifest.strands.lengths(self.motion.node_position)
 
     @cached_property
     def _spans(self) -> FloatArray:
-        """Vectors from end to end of all members, (n_t, n_members, 3) [m]."""
+        """Vectors from end to end of all strands of members, (n_t, n_strands, 3) [m]."""
         return self._span(self.motion.node_position)
 
     def _span(self, position: FloatArray) -> FloatArray:
-        """Return from end to end of all members, (n_t, n_members, 3, ...), of (n_t, n_nodes, 3, ...)."""
-        ends = np.array(self.model.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
+        """Return from end to end of all strands, (n_t, n_strands, 3, ...), of (n_t, n_nodes, 3, ...)."""
+        ends = self.model.manifest.strands.ends
         return np.asarray(position[:, ends[:, 1]] - position[:, ends[:, 0]])
 
     @cached_property
@@ -351,7 +351,8 @@ class MotionSlopes:
     def member_length(self) -> FloatArray:
         """Derivatives of all member lengths, (n_t, n_members, n_keys) [m]."""
         along = self._spans / np.linalg.norm(self._spans, axis=-1, keepdims=True)
-        return np.asarray(np.einsum("tma,tmak->tmk", along, self._span(self.node_position)))
+        rates = np.einsum("tma,tmak->tkm", along, self._span(self.node_position))
+        return self.model.manifest.strands.add_up(rates).swapaxes(1, 2)
 
     @cached_property
     def member_tension(self) -> FloatArray:

@@ -204,9 +204,7 @@ class Simulate(Operation):
                 found = bound[text.name].evaluate(values, shape)
                 arrays[text.name][rows] = reduce_values(text, found, batch.time)
             elif text.expression == LIMIT_USE:
-                first, second = np.array(model.manifest.connectivity, dtype=np.int64).reshape(-1, 2).T
-                apart = batch.node_position[:, :, first] - batch.node_position[:, :, second]
-                length = np.linalg.norm(apart, axis=-1)
+                length = model.manifest.strands.lengths(batch.node_position)
                 arrays[text.name][rows] = compute_limit_use(
                     model, case_arguments, rows, batch.member_tension, length
                 )

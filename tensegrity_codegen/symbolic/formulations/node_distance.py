@@ -168,11 +168,11 @@ class _NodeDistance:
 
     @cached_property
     def net_force(self) -> list[Vector]:
-        return self.members.add_to(self.external_force, self.members.densities)
+        return self.members.add_to(self.external_force, lambda member: member.density)
 
     @cached_property
     def net_static_force(self) -> list[Vector]:
-        return self.members.add_to(self.external_force, self.members.static_densities)
+        return self.members.add_to(self.external_force, lambda member: member.static_density)
 
     def node_quantities(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of quantities of nodes, but those of free node coordinates."""

@@ -13,6 +13,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.interference import build_bar_quantities
 from tensegrity_codegen.symbolic.jacobians import below_zeros, by_parameters
+from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_family import build_member_quantities
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
@@ -66,7 +67,7 @@ class _NodePosition(NodeCoordinates):
             "cable_margin": members.cable_margin,
             "switch_margin": members.switch_margin,
             **build_bar_quantities(self.bar_pairs, self.arguments.symbols["coordinate"]),
-            **self.force_quantities(),
+            **self.memory_quantities(),
         }
 
     def with_net_force(self, force: list[Vector]) -> "_NodePosition":
@@ -114,11 +115,11 @@ class _NodePosition(NodeCoordinates):
         return ca.vertcat(ca.horzcat(upper, ca.SX(n, count)), accelerations, memory)
 
     def equilibrium_matrix(self) -> ca.SX:
-        return self.map.member_columns([member.direction() for _, member in self.each_member()], self.ends)
+        return self.columns(Member.direction)
 
     def rest_length_jacobian(self) -> ca.SX:
-        pull = self.map.member_columns([member.rest_pull() for _, member in self.each_member()], self.ends)
-        return below_zeros(ca.mtimes(self.inverse_mass, pull), len(self.structure.internal_name))
+        pull = ca.mtimes(self.inverse_mass, self.columns(Member.rest_pull))
+        return below_zeros(pull, len(self.structure.internal_name))
 
     def input_jacobian(self) -> ca.SX:
         force = self.map.node_columns(self._pulls_of_inputs(), len(self.structure.inputs))
@@ -129,8 +130,11 @@ class _NodePosition(NodeCoordinates):
         inputs = list(enumerate(self.structure.inputs))
         for e in self.members.plan.member.tolist():
             for number in (n for n, item in inputs if item.kind == "rest_length" and e in item.targets):
-                for node, sign in zip(self.ends[e], (1, -1), strict=True):
-                    yield number, node, self.members.members[e].rest_pull(), sign
+                for strand, ends in zip(
+                    self.members.members[e].strands, self.members.strand_ends[e], strict=True
+                ):
+                    for node, sign in zip(ends, (1, -1), strict=True):
+                        yield number, node, strand.rest_pull(), sign
         for number, item in inputs:
             for node in item.targets if item.kind == "force" else ():
                 yield number, node, [ca.SX(item.direction[axis]) for axis in self.structure.axes], 1

@@ -139,7 +139,7 @@ class _RigidBar(NodeCoordinates):
             **self.mixed_form(),
             **self.statics(),
             **build_bar_quantities(self.bar_pairs, self.q),
-            **self.force_quantities(),
+            **self.memory_quantities(),
         }
 
     def mixed_form(self) -> dict[str, Any]:
@@ -283,7 +283,7 @@ class _RigidBar(NodeCoordinates):
 
     def equilibrium_matrix(self) -> ca.SX:
         """Return unit vectors of all members, rigid ones too, (n_coordinates, n_members)."""
-        return self.map.member_columns([member.direction() for _, member in self.each_member()], self.ends)
+        return self.columns(Member.direction)
 
     def of_springs(self, block: Callable[[Member], MemberBlocks], damped: bool = False) -> ca.SX:
         """Return the sum of blocks of members that are springs, of the damped ones alone if asked."""

@@ -66,10 +66,19 @@ class Member:
         return not self.values["damping"].is_zero()
 
     @cached_property
+    def rate(self) -> Scalar:
+        """Rate of the length [m/s]; 0 without damping, where nothing depends on it."""
+        return member_rate(self.vector, self.vector_rate, self.length) if self.is_damped else ca.SX(0.0)
+
+    @cached_property
     def law(self) -> MemberLaw:
         """Law at the present length, rate and rest length."""
-        rate = member_rate(self.vector, self.vector_rate, self.length) if self.is_damped else ca.SX(0.0)
-        return build_law(self.length, rate, self.values, self.tension_only)
+        return build_law(self.length, self.rate, self.values, self.tension_only)
+
+    @property
+    def strands(self) -> "tuple[Member, ...]":
+        """Its straight parts: here itself."""
+        return (self,)
 
     @property
     def is_mixed(self) -> bool:
@@ -119,11 +128,11 @@ class Member:
         if not self.is_damped:
             return gradient
         by_rate = self.law.tension_by_rate()
-        return [total + by_rate * part for total, part in zip(gradient, self._rate_gradient(), strict=True)]
+        return [total + by_rate * part for total, part in zip(gradient, self.rate_gradient(), strict=True)]
 
-    def _rate_gradient(self) -> Vector:
+    def rate_gradient(self) -> Vector:
         """Return dl'/dd = d'/l - (l'/l^2) d: the rate of l = d . d' / l depends on the member vector."""
-        turning = self.law.rate / (self.length * self.length)
+        turning = self.rate / (self.length * self.length)
         return [
             rate / self.length - turning * component
             for rate, component in zip(self.vector_rate, self.vector, strict=True)
@@ -153,4 +162,4 @@ class Member:
         block = tangent_block(d, self.length, law.tension_by_length(), law.tension())
         if not self.is_damped:
             return block
-        return block.plus(MemberBlocks.outer(d, self._rate_gradient(), law.tension_by_rate() / self.length))
+        return block.plus(MemberBlocks.outer(d, self.rate_gradient(), law.tension_by_rate() / self.length))

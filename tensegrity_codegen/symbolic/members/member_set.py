@@ -4,7 +4,9 @@ A formulation says where the members are, by their vectors d_e and rates d_e'; e
 these, whatever the coordinates are.
 """
 
+from collections.abc import Callable, Mapping
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -16,6 +18,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw
+from tensegrity_codegen.symbolic.members.ring_cable import RingCable
 
 Scalar = Any
 Vector = list[Scalar]
@@ -25,7 +28,7 @@ class MemberSet:
     """Laws of all members; every intermediate is built once, when first needed.
 
     structure: the structure; arguments: its values; vectors, vector_rates: n_members vectors d_e [m] and
-    d_e' [m/s] over the modelled axes.
+    d_e' [m/s] over the modelled axes; strands: those of the strands of members that pass rings, by member.
     """
 
     def __init__(
@@ -34,11 +37,13 @@ class MemberSet:
         arguments: SymbolicArguments,
         vectors: list[Vector],
         vector_rates: list[Vector],
+        strands: Mapping[int, tuple[tuple[Vector, Vector], ...]] = MappingProxyType({}),
     ) -> None:
         self.structure = structure
         self.arguments = arguments
         self.vectors = vectors
         self.vector_rates = vector_rates
+        self.strands = strands
         self.ends = [(int(i), int(j)) for i, j in structure.connectivity]
         self.plan = plan_assembly(structure, arguments.parameters)
 
@@ -58,14 +63,18 @@ class MemberSet:
         return [member.law for member in self.members]
 
     @cached_property
+    def strand_ends(self) -> list[list[tuple[int, int]]]:
+        """Nodes of the straight parts of each member: of most members its own two."""
+        found: list[list[tuple[int, int]]] = [[] for _ in self.ends]
+        strands = self.structure.strands
+        for e, (i, j) in zip(strands.member.tolist(), strands.ends.tolist(), strict=True):
+            found[e].append((i, j))
+        return found
+
+    @cached_property
     def densities(self) -> list[Scalar]:
         """Force densities t_e / l_e with damping [N/m]."""
         return [member.density for member in self.members]
-
-    @cached_property
-    def static_densities(self) -> list[Scalar]:
-        """Force densities t_e / l_e without damping [N/m]."""
-        return [member.static_density for member in self.members]
 
     @property
     def damped(self) -> list[int]:
@@ -97,27 +106,37 @@ class MemberSet:
             for load, m in zip(self.arguments.node_load, weight_mass, strict=True)
         ]
 
-    def add_to(self, node_load: list[Vector], densities: list[Scalar]) -> list[Vector]:
-        """Return `node_load` plus the pull of all members, in the order of the plan [N]."""
-        pulls = [member.pull(density) for member, density in zip(self.members, densities, strict=True)]
-        return self.add_pulls(node_load, pulls)
+    def add_to(self, node_load: list[Vector], density: Callable[[Member], Scalar]) -> list[Vector]:
+        """Return `node_load` plus the pull of all members, in the order of the plan [N].
 
-    def add_pulls(self, node_load: list[Vector], pulls: list[Vector]) -> list[Vector]:
-        """Return `node_load` plus given forces on node j, minus those on node i, in the order of the plan."""
+        density: returns the force density of a member or strand [N/m].
+        """
+        return self.add_pulls(
+            node_load,
+            [[strand.pull(density(strand)) for strand in member.strands] for member in self.members],
+        )
+
+    def add_pulls(self, node_load: list[Vector], pulls: list[list[Vector]]) -> list[Vector]:
+        """Return `node_load` plus given forces on node j, minus those on node i, in the order of the plan.
+
+        pulls: of each strand of each member.
+        """
         force = list(node_load)
         for e, end in self.plan.ends:
-            node, pull = self.ends[e][end], pulls[e]
-            if end == 0:
-                force[node] = [f - p for f, p in zip(force[node], pull, strict=True)]
-            else:
-                force[node] = [f + p for f, p in zip(force[node], pull, strict=True)]
+            for ends, pull in zip(self.strand_ends[e], pulls[e], strict=True):
+                node = ends[end]
+                if end == 0:
+                    force[node] = [f - p for f, p in zip(force[node], pull, strict=True)]
+                else:
+                    force[node] = [f + p for f, p in zip(force[node], pull, strict=True)]
         return force
 
     def _member(self, e: int) -> Member:
-        return Member(
+        values = (
             self.vectors[e],
             self.vector_rates[e],
             self.arguments.member_values(e),
             bool(self.structure.tension_only[e]),
             {name: ca.SX(float(getattr(self.structure, name)[e])) for name in SECTION_VALUES},
         )
+        return RingCable(*values, parts=self.strands[e]) if e in self.strands else Member(*values)

@@ -43,11 +43,12 @@ class GroundContact(NodeForce):
 
     def __init__(self, structure: Structure, ground: Ground, arguments: SymbolicArguments) -> None:
         self.ground = ground
-        count, first_slip = count_bristles(structure), len(structure.internal_name) - ground.n_contacts
+        self.names = structure.contact_name
         self.contacts: list[Contact] = []
         for k, (node, radius) in enumerate(zip(ground.node.tolist(), ground.radius.tolist(), strict=True)):
-            bristle = [arguments.symbols["internal"][k * count + i] for i in range(count)]
-            slips = arguments.symbols["internal"][first_slip + k] if ground.has_static_friction else None
+            tangents = range(1, count_bristles(structure) + 1)
+            bristle = [arguments.internal[f"{self.names[k]}_stick{i}"] for i in tangents]
+            slips = arguments.internal.get(f"{self.names[k]}_slips")
             at, rate = arguments.position[node], arguments.velocity[node]
             law = put_numbers(ground, arguments.ground)
             contact = build_contact(ground, law, structure.axes, (at, rate), radius, bristle, slips)
@@ -68,9 +69,14 @@ class GroundContact(NodeForce):
         nodes = zip(self.ground.node.tolist(), self.contacts, strict=True)
         return {node: c.normal_stiffness() * np.outer(c.normal, c.normal) for node, c in nodes}
 
-    def internal_rate(self) -> list[Scalar]:
-        """Return the rates of the bristles, contact by contact [m/s]; whether one slips changes at events."""
-        return [rate for contact in self.contacts for rate in contact.bristle_rate]
+    def internal_rates(self) -> Mapping[str, Scalar]:
+        """Return the rates of the bristles [m/s]; whether one slips changes at events."""
+        contacts = zip(self.names, self.contacts, strict=True)
+        return {
+            f"{name}_stick{i}": rate
+            for name, contact in contacts
+            for i, rate in enumerate(contact.bristle_rate, start=1)
+        }
 
     def stored_energy(self) -> Scalar:
         """Return the energy of compressed ground and deflected bristles [J]."""

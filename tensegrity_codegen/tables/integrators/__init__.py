@@ -43,13 +43,13 @@ INTEGRATORS = _find_integrators()
 STIFF_INTEGRATOR = next(name for name, item in INTEGRATORS.items() if item.kind == "implicit")
 
 
-def find_row(name: str, has_contacts: bool) -> Integrator:
-    """Return the record of an integrator, as it is for structures with or without contacts."""
+def find_row(name: str, needs_state_jacobian: bool) -> Integrator:
+    """Return the record of an integrator, as it is for structures with or without contacts or memory."""
     row = INTEGRATORS[name]
-    return row.with_contacts if has_contacts and row.with_contacts else row
+    return row.with_contacts if needs_state_jacobian and row.with_contacts else row
 
 
-def called_quantities(names: Iterable[str], has_contacts: bool) -> list[str]:
+def called_quantities(names: Iterable[str], needs_state_jacobian: bool) -> list[str]:
     """Return the quantities that these integrators call besides those that all do, each once."""
-    rows = [find_row(name, has_contacts) for name in names if name in INTEGRATORS]
+    rows = [find_row(name, needs_state_jacobian) for name in names if name in INTEGRATORS]
     return list(dict.fromkeys(item for row in rows for item in row.quantities))

@@ -57,7 +57,8 @@ class Integrator:
     iterates : bool
         Whether its steps iterate, count their evaluations, and know the derivative at their end.
     with_contacts : Integrator, optional
-        What this name stands for where nodes touch the ground or bars press each other, if not this.
+        What this name stands for where nodes touch the ground, bars press each other or members remember, if
+        not this.
     """
 
     name: str

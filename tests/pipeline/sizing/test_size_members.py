@@ -437,9 +437,13 @@ def test_loads_that_nothing_carries_are_proved_so() -> None:
     assert (structure.node_load * motion).sum() == pytest.approx(2e4)
 
 
-def test_structures_on_the_ground_are_refused() -> None:
+def test_grounds_and_rings_are_refused() -> None:
     scene = {**diamond(RING, CROSS), "ground": {"stiffness": 1e5}}
     for node in scene["nodes"].values():
         node["mass"] = 1.0
-    with pytest.raises(FormulationError, match="sized"):
+    with pytest.raises(FormulationError, match="least mass"):
+        size_members(scene, **ALUMINIUM)
+    scene = diamond(RING, [(1, 3)])
+    scene["members"]["cable13"]["nodes"] = ["n1", "n2", "n3"]
+    with pytest.raises(FormulationError, match="through rings"):
         size_members(scene, **ALUMINIUM)

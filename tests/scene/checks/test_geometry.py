@@ -4,10 +4,10 @@ import pytest
 from tensegrity_codegen.scene.checks.geometry import (
     check_connectivity,
     check_freedom,
-    compute_member_length,
     find_fully_anchored,
 )
 from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
+from tensegrity_codegen.tables.strands import list_strands
 from tests.scene.samples import WHERE, build, changed
 
 POSITION = np.array([[0.0, 0, 0], [3, 0, 4], [1, 1, 1]])
@@ -16,12 +16,8 @@ NODES = ("a", "b", "c")
 
 def check(pairs, position=POSITION):
     names = tuple(f"m{row}" for row in range(len(pairs)))
-    check_connectivity(np.array(pairs, dtype=np.int64), names, NODES, np.asarray(position, float), WHERE)
-
-
-def test_member_length():
-    pairs = np.array([[0, 1], [2, 0]])
-    np.testing.assert_allclose(compute_member_length(pairs, POSITION), [5, np.sqrt(3)])
+    strands = list_strands(np.array(pairs, dtype=np.int64), ())
+    check_connectivity(strands, names, NODES, np.asarray(position, float), WHERE)
 
 
 def test_a_member_to_itself():

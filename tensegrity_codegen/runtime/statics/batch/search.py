@@ -273,7 +273,7 @@ class BatchSearch:
         self.status[rows] = np.where(is_quiet, "rounding_limited", LEFT)
 
     def _locate(self, point: Points) -> Members:
-        return locate_members(point.position, self.problem.ends, point)
+        return locate_members(point.position, self.problem.manifest.strands, point)
 
 
 def _project(vector: FloatArray, motions: FloatArray) -> FloatArray:

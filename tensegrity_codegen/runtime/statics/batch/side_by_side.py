@@ -33,7 +33,8 @@ def can_go_side_by_side(model: CompiledModel, method: str) -> bool:
     count = len(model.manifest.coordinate_name)
     small = in_nodes and count == len(model.manifest.coordinate_node_axis) and 0 < count <= DENSE_LIMIT
     has_all = all(model.has(name) for name in EQUILIBRIUM_QUANTITIES)
-    is_alone = method == "relaxation" or bool(model.manifest.contact_name)  # the ground is loaded in steps
+    # The ground is loaded in steps, and members side by side are single strands
+    is_alone = method == "relaxation" or bool(model.manifest.contact_name or model.manifest.ring_nodes)
     return small and has_all and not is_alone and bool(model.library.batch_width)
 
 

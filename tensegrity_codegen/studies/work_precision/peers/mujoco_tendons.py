@@ -132,7 +132,7 @@ def _tendon(structure: Structure, member: int) -> str:
     rest = float(structure.rest_length[member])
     mu = float(structure.mu[member])
     spring = f"0 {rest!r}" if structure.tension_only[member] else f"{rest!r}"
-    ends = "".join(f'<site site="s{int(k)}"/>' for k in structure.connectivity[member])
+    ends = "".join(f'<site site="s{int(k)}"/>' for k in structure.path(member))
     damping = float(structure.damping[member])
     return f'<spatial stiffness="{mu!r}" damping="{damping!r}" springlength="{spring}">{ends}</spatial>'
 

@@ -1,0 +1,83 @@
+"""Memory of a structure: the kinds of internal states z, and their order in a state.
+
+An internal state has a rate, or it is a number that events set: 0 while a margin is positive, else 1. Those
+with rates come first, kind by kind; those that events set are the last ones, in the order of their margins.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from tensegrity_codegen.structure.ground import ENERGY_STATES
+from tensegrity_codegen.tables.manifest import SET_STATES
+from tensegrity_codegen.tables.request import ModelRequest
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class MemoryKind:
+    """One kind of internal states; its expressions are those of a `Memory` in symbolic/memory.py.
+
+    states: structure -> names of the states with rates; set_at: kind of events that set the other ones, ""
+    without any; subjects: structure -> what each margin of these events is of.
+    """
+
+    states: Callable[[Any], Names]
+    set_at: str = ""
+    subjects: Callable[[Any], Names] = lambda structure: ()
+
+    def set_states(self, structure: Any) -> Names:
+        """Return the names of the states that events set."""
+        return tuple(f"{name}_{SET_STATES[self.set_at]}" for name in self.subjects(structure))
+
+
+def _name_bristles(structure: Any) -> Names:
+    """Return a name for each tangent of each contact with friction."""
+    if structure.ground is None or not structure.ground.friction:
+        return ()
+    tangents = range(1, len(structure.axes))
+    return tuple(f"{name}_stick{k}" for name in structure.contact_name for k in tangents)
+
+
+def _find_sliding(structure: Any) -> Names:
+    """Return the contacts whose slip jumps: those with a static friction."""
+    ground = getattr(structure, "ground", None)
+    return structure.contact_name if ground is not None and ground.has_static_friction else ()
+
+
+def _name_energies(structure: Any) -> Names:
+    """Return the names of the energies of a balance, where it is asked for."""
+    return ENERGY_STATES if structure.ground is not None and structure.ground.balances_energy else ()
+
+
+# Those that events set stand in the order of their kinds here, as their margins do in EVENT_KINDS.
+MEMORY_KINDS = (
+    MemoryKind(_name_bristles, "stick", _find_sliding),
+    MemoryKind(_name_energies),
+)
+
+
+def name_internal_states(structure: Any) -> Names:
+    """Return the names of all internal states of a structure, in their order."""
+    rated = [name for kind in MEMORY_KINDS for name in kind.states(structure)]
+    return (*rated, *(name for kind in MEMORY_KINDS for name in kind.set_states(structure)))
+
+
+def find_setting_events(structure: Any) -> Names:
+    """Return the kinds of events that set internal states of a structure: motions need these events."""
+    return tuple(kind.set_at for kind in MEMORY_KINDS if kind.set_states(structure))
+
+
+def lack_setting_events(subject: Any, request: ModelRequest) -> dict[str, bool]:
+    """Return what cannot follow the events that set internal states -> whether a request wants it."""
+    needed = find_setting_events(subject)
+    return {
+        f"emitter {request.emitter!r}": request.emitter not in ("auto", "unrolled"),
+        "batch functions": bool(request.batch_width),
+        "interfaces": bool(request.interfaces),
+        "single precision": request.precision != "double",
+        f"model.events without {' and '.join(needed)}": request.events is not None
+        and bool(request.integrators)
+        and not set(needed) <= set(request.events),
+    }
