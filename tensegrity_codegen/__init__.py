@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.pipeline.forming.formed import Form
     from tensegrity_codegen.pipeline.motion_function import motion_function
     from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions, symbolic_functions
+    from tensegrity_codegen.pipeline.sizing.size_members import size_members
+    from tensegrity_codegen.pipeline.sizing.sizing import Sizing
     from tensegrity_codegen.runtime.analysis.analyse import analyse
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
     from tensegrity_codegen.runtime.analysis.stand import stand
@@ -114,6 +116,7 @@ __all__ = [
     "Sampling",
     "Scene",
     "Sensitivity",
+    "Sizing",
     "Stand",
     "StatedErrors",
     "Stepping",
@@ -153,6 +156,7 @@ __all__ = [
     "simulate_batch",
     "simulate_control",
     "simulate_control_batch",
+    "size_members",
     "stand",
     "study_control",
     "sweep",
@@ -202,6 +206,8 @@ _HOME = {
     "Scene": "scene.schema.schema",
     "RandomGust": "control.feedback.study.stated_errors",
     "Sensitivity": "runtime.sensitivity.record",
+    "Sizing": "pipeline.sizing.sizing",
+    "size_members": "pipeline.sizing.size_members",
     "Stand": "runtime.contacts.judge_stand",
     "StatedErrors": "control.feedback.study.stated_errors",
     "Structure": "structure.structure",

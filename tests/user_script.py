@@ -154,6 +154,10 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
     assert design.loss <= design.start_loss
     shape: tc.Form = tc.form(SCENE, density={"cables": 5.0})
     assert shape.status == "stable"
+    sizing: tc.Sizing = tc.size_members(
+        SCENE, density=7850.0, yield_stress=2e8, load_cases={"pull": {"load": [0.0, 0.0, -50.0]}}
+    )
+    assert sizing.status == "optimal"
     structure, _ = tc.load_scene(SCENE)
     backwards = tc.ModelRequest(
         ("member_tension", "acceleration", "kinetic_energy", "total_energy", "adjoint_rate"),

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    NonFiniteError,
+    UnknownNameError,
+    suggest,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -97,7 +103,9 @@ def _own_form(axes: Sequence[int]) -> str:
     return "" if len(axes) == 3 else f", or NODE={','.join('f' + 'xyz'[axis] for axis in axes)}"
 
 
-def parse_loads(texts: list[str], structure: "Structure | BodySystem") -> "NDArray[np.float64]":
+def parse_loads(
+    texts: list[str], structure: "Structure | BodySystem", option: str = "--load"
+) -> "NDArray[np.float64]":
     """Return loads (n_nodes, 3) [N] of "NODE=fx,fy,fz" texts; several on one node add up.
 
     A scene of one or two axes takes one number for each of its axes too, as its file does.
@@ -111,7 +119,7 @@ def parse_loads(texts: list[str], structure: "Structure | BodySystem") -> "NDArr
         if not equals:
             raise InvalidValueError(
                 "not a load",
-                where="--load",
+                where=option,
                 given=text,
                 allowed="NODE=fx,fy,fz" + _own_form(structure.axes),
                 hint="for example t1=0,0,-10",
@@ -119,22 +127,48 @@ def parse_loads(texts: list[str], structure: "Structure | BodySystem") -> "NDArr
         if name.strip() not in index:
             raise UnknownNameError(
                 "unknown node",
-                where="--load",
+                where=option,
                 given=name,
                 allowed="a node of the scene",
                 hint=suggest(name, index),
             )
-        force = np.array(parse_vector(vector, f"--load {name}", structure.axes))
+        force = np.array(parse_vector(vector, f"{option} {name}", structure.axes))
         dropped = [axis for axis in range(3) if axis not in structure.axes and force[axis] != 0.0]
         if dropped:
             raise InvalidValueError(
                 "a load on an axis that the scene does not model",
-                where=f"--load {name}",
+                where=f"{option} {name}",
                 given=vector,
                 allowed=f"forces along {', '.join('xyz'[axis] for axis in structure.axes)}",
             )
         loads[index[name.strip()]] += force
     return loads
+
+
+def parse_member_values(texts: Sequence[str], option: str, alone: str = "") -> dict[str, float]:
+    """Return NAME=VALUE texts as values by name; alone: the name of a VALUE without one.
+
+    Raises InvalidValueError or DuplicateNameError.
+    """
+    found: dict[str, float] = {}
+    for text in texts:
+        name, equals, number = text.partition("=")
+        if alone and not equals:
+            name, number = alone, text
+        try:
+            value = float(number)
+        except ValueError:
+            raise InvalidValueError(
+                "not a value of members",
+                where=option,
+                given=text,
+                allowed="VALUE or NAME=VALUE" if alone else "NAME=VALUE",
+                hint="cables=100",
+            ) from None
+        if name in found:
+            raise DuplicateNameError("a name twice", where=option, given=name, allowed="each name once")
+        found[name] = value
+    return found
 
 
 def read_folder(text: str) -> Path:

@@ -200,6 +200,34 @@ def members_table(
     )  # fmt: skip
 
 
+def sizes_table(
+    structure: Structure,
+    tension: FloatArray,
+    radius: FloatArray,
+    mass: FloatArray,
+    limit: Sequence[str],
+    case: Sequence[str],
+) -> LongTable:
+    """Return a table of members with their sections.
+
+    tension (n_cases, n_members) [N]; radius [m], mass [kg], what decides them and in which load case,
+    (n_members,) each.
+    """
+    length = structure.member_length()
+
+    def describe(e: int) -> list[str]:
+        ends = [f"{x:.6g}" for x in dict.fromkeys((tension[:, e].min(), tension[:, e].max()))]
+        kind = structure.member_class[e] or ("bar" if structure.is_bar[e] else "cable")
+        numbers = (f"{length[e]:.5g}", " to ".join(ends), f"{radius[e]:.6g}", f"{mass[e]:.6g}")
+        return [structure.member_name[e], kind, *numbers, limit[e], case[e]]
+
+    heads = ("member", "class", "length\n[m]", "tension\n[N]", "radius\n[m]", "mass\n[kg]", "limit", "case")
+    ranking = (("largest mass", rank_rows(-mass)),)
+    return LongTable(
+        f"{structure.name}: sections", heads, "ffrrrrlf", structure.n_members, describe, "members", ranking
+    )
+
+
 def rank_members(
     structure: Structure | BodySystem, member_tension: FloatArray, checks: MemberChecks | None = None
 ) -> Ranking:

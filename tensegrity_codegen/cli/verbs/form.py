@@ -1,16 +1,20 @@
 """`tensegrity-codegen form`: a shape in balance, and the rest lengths that hold it."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
+from tensegrity_codegen.cli.options import (
+    CompilerOption,
+    OverwriteOption,
+    PrintOptions,
+    SceneArgument,
+    parse_member_values,
+)
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import check_result
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
 OF = "NAME is a member, a group, a class, cables or bars; may be repeated."
 DensityOption = Annotated[
@@ -49,7 +53,7 @@ def form(
     with output.guard(scene):
         check_result(out, ".toml", inputs=[scene], overwrite=overwrite)
         stated = {
-            word: _read_values(texts or [], f"--{word}")
+            word: parse_member_values(texts or [], f"--{word}")
             for word, texts in (("density", density), ("force", force), ("length", length))
         }
         from tensegrity_codegen.pipeline.forming.form import form as find
@@ -67,23 +71,6 @@ def form(
         output.result(data, found.headline(), table, *lines)
         if found.status != "stable":
             raise typer.Exit(3)
-
-
-def _read_values(texts: Sequence[str], option: str) -> dict[str, float]:
-    """Return NAME=VALUE as values by name; raises InvalidValueError or DuplicateNameError."""
-    found: dict[str, float] = {}
-    for text in texts:
-        name, _, number = text.partition("=")
-        try:
-            value = float(number)
-        except ValueError:
-            raise InvalidValueError(
-                "not a value of members", where=option, given=text, allowed="NAME=VALUE", hint="cables=100"
-            ) from None
-        if name in found:
-            raise DuplicateNameError("a name twice", where=option, given=name, allowed="each name once")
-        found[name] = value
-    return found
 
 
 VERB = Verb(form, order=105)

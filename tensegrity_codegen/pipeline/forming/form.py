@@ -88,22 +88,22 @@ def form(
     ('stable', ('member1',))
     """
     subject, request = load_scene(scene)
-    structure = _require_nodes(subject)
+    structure = require_nodes(subject, "form finding")
     stated = read_statements(structure, density or {}, force or {}, length or {})
     position, q = _find_shape(structure, request, *stated, compiler)
     return _settle(structure, request, position, q, compiler)
 
 
-def _require_nodes(subject: Any) -> Structure:
-    """Return a structure of nodes in the air; raises FormulationError."""
+def require_nodes(subject: Any, what: str) -> Structure:
+    """Return a structure of nodes in the air; raises FormulationError. what: "form finding", for messages."""
     if not isinstance(subject, Structure) or subject.ground is not None:
         raise FormulationError(
-            "only structures of nodes, bars and cables between anchors or in the air are formed",
+            f"only nodes, bars and cables between anchors or in the air are supported here: {what}",
             where=subject.name,
             given="bodies" if not isinstance(subject, Structure) else "a ground",
             hint="leave out the ground, and settle on it afterwards",
         )
-    require_no_rings(subject, "form finding")
+    require_no_rings(subject, what)
     return subject
 
 

@@ -26,7 +26,7 @@ def read_statements(
     said = [""] * structure.n_members
     for which, (word, given) in enumerate((("density", density), ("force", force), ("length", length))):
         for name, value in given.items():
-            members, order = _find_members(structure, name, word)
+            members, order = find_members(structure, name, word)
             _check_value(structure, word, name, value, members)
             for e in members:
                 if rank[e] == order:
@@ -53,7 +53,7 @@ def read_statements(
     return values[0], values[1], values[2]
 
 
-def _find_members(structure: Structure, name: str, word: str) -> tuple[list[int], int]:
+def find_members(structure: Structure, name: str, word: str) -> tuple[list[int], int]:
     """Return the members of a name, and how far it comes behind: of a member, group, class or kind."""
     if name in structure.member_name:
         return [structure.member_name.index(name)], 0

@@ -1,0 +1,132 @@
+"""`tensegrity-codegen size`: the sections with which a structure carries its loads at the least mass."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tensegrity_codegen.cli.options import (
+    OverwriteOption,
+    PrintOptions,
+    SceneArgument,
+    parse_loads,
+    parse_member_values,
+)
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.scene_files import check_result
+from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.system.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.structure.structure import Structure
+
+OF = "VALUE of all members, or NAME=VALUE: a member, group, class, cables or bars; may be repeated."
+ModulusOption = Annotated[list[str] | None, typer.Option("--youngs-modulus", help=f"[Pa], of bars. {OF}")]
+DensityOption = Annotated[list[str] | None, typer.Option("--density", help=f"[kg/m3]. {OF}")]
+YieldOption = Annotated[list[str] | None, typer.Option("--yield-stress", help=f"[Pa]. {OF}")]
+CaseOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--case",
+        help="Load CASE:NODE=fx,fy,fz [N] added to the scene's in a load case; may be repeated. CASE: alone "
+        "is the loads of the scene.",
+    ),
+]
+JohnsonOption = Annotated[
+    bool, typer.Option("--johnson", help="Stocky bars buckle by Johnson's parabola above half of yield.")
+]
+PullOption = Annotated[bool, typer.Option("--bars-pull", help="Let bars pull too.")]
+SplitsOption = Annotated[
+    int | None,
+    typer.Option(
+        help="Most intervals that the proof splits; by default 20,000 up to 40 members, 100 beyond.", min=0
+    ),
+]
+
+
+def size(
+    scene: SceneArgument,
+    youngs_modulus: ModulusOption = None,
+    density: DensityOption = None,
+    yield_stress: YieldOption = None,
+    case: CaseOption = None,
+    johnson: JohnsonOption = False,
+    bars_pull: PullOption = False,
+    max_splits: SplitsOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Write the scene with these sections, as tense as in the first case."
+        ),
+    ] = None,
+    overwrite: OverwriteOption = False,
+    *,
+    printing: PrintOptions,
+) -> None:
+    """Size bars and cables so that they carry the loads at the least mass, with a proof.
+
+    Bars neither yield nor buckle (Euler), cables do not yield. What the scene states of sections is the
+    material unless options state it. Up to about 40 members the mass is proved to be the least, beyond that
+    it is the best of many local optima, with the bound that is proved. Exit code 3 where no forces balance
+    the loads.
+
+    Example: tensegrity-codegen size prism.toml --youngs-modulus 2e11 --density 7850 --yield-stress 235e6
+    --case lift:t1=0,0,-100
+    """
+    output = Output(printing.json, printing.all)
+    with output.guard(scene):
+        check_result(out, ".toml", inputs=[scene], overwrite=overwrite)
+        from tensegrity_codegen.pipeline.forming.form import require_nodes
+        from tensegrity_codegen.pipeline.sizing.size_members import size_members
+        from tensegrity_codegen.report.tables import sizes_table
+        from tensegrity_codegen.scene.write import write_scene
+
+        subject, _ = output.load(scene)
+        found = size_members(
+            scene,
+            youngs_modulus=parse_member_values(youngs_modulus or [], "--youngs-modulus", alone="all"),
+            density=parse_member_values(density or [], "--density", alone="all"),
+            yield_stress=parse_member_values(yield_stress or [], "--yield-stress", alone="all"),
+            load_cases=_parse_cases(case or [], require_nodes(subject, "least mass")),
+            column="johnson" if johnson else "euler",
+            bars_pull=bars_pull,
+            max_splits=max_splits,
+        )
+        if out is not None:
+            write_scene(found.document, out, overwrite=overwrite)
+        data = {**found.as_evidence(), "out": None if out is None else str(out)}
+        lines = [f"proved: no sections carry the loads below {found.lower_bound:.9g} kg"]
+        if out is not None:
+            lines.append(str(out))
+        columns = (found.radius, found.member_mass, found.limit, found.governing_case)
+        table = sizes_table(found.structure, found.member_tension, *columns)
+        output.result(data, found.headline(), table, *lines)
+
+
+def _parse_cases(texts: list[str], structure: "Structure") -> dict[str, dict[str, list[float]]]:
+    """Return forces by node by case of CASE:NODE=fx,fy,fz texts; raises InvalidValueError."""
+    found: dict[str, list[str]] = {}
+    for text in texts:
+        name, colon, load = text.partition(":")
+        if not colon or not name.strip():
+            raise InvalidValueError(
+                "not a load of a case",
+                where="--case",
+                given=text,
+                allowed="CASE:NODE=fx,fy,fz",
+                hint="for example wind:t1=10,0,0",
+            )
+        found.setdefault(name.strip(), []).extend([load] if load.strip() else [])
+    return {
+        name: {
+            node: force
+            for node, force in zip(
+                structure.node_name, parse_loads(loads, structure, "--case").tolist(), strict=True
+            )
+            if any(force)
+        }
+        for name, loads in found.items()
+    }
+
+
+VERB = Verb(size, order=107)

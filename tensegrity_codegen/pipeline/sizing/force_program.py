@@ -1,0 +1,174 @@
+"""Linear programs of forces in balance and of masses above lines, with bounds that are proved.
+
+Unknown are the tension of each member in each load case and the mass of each member. Their optimum is a
+number from a solver with tolerances; what proves something is the bound that its multipliers give: for any
+multipliers y, w >= 0 of A x = b, C x <= d and limits of x, c x >= b y - d w + min over the limits of
+(c - A'y + C'w) x, whatever the solver's tolerances are (A. Neumaier and O. Shcherbina, "Safe bounds in
+linear and mixed-integer linear programming", Mathematical Programming 99, 2004).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy
+
+from tensegrity_codegen.pipeline.sizing.member_mass import MassLaw
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import ConvergenceError
+
+TOLERANCES = (1e-9, 1e-7)  # of HiGHS; the second where the first is not reached
+INFEASIBLE = 2  # status of scipy.optimize.linprog
+ROUNDING = 1e-9  # of tensions, and of reduced costs of tensions without a limit, that count as zero
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A solution of a linear program.
+
+    bound: no solution costs less. tension (n_cases, n_members), and its reduced cost: what one more unit of
+    it costs at least.
+    """
+
+    bound: float
+    tension: FloatArray
+    reduced: FloatArray
+
+
+@dataclass(frozen=True)
+class Unbalanced:
+    """Proof that forces within limits do not balance the loads.
+
+    motion (n_cases, n_coordinates): a motion, at most 1 at each coordinate, in which loads do more work than
+    members can take. excess: that work, which is the least sum of forces out of balance, as proved.
+    residual (n_cases, n_coordinates): forces out of balance at best.
+    """
+
+    motion: FloatArray
+    excess: float
+    residual: FloatArray
+
+
+class ForceProgram:
+    """Tensions within limits that balance loads, and masses above lines over them.
+
+    matrix (n_coordinates, n_members): equilibrium matrix A; load (n_cases, n_coordinates): A t = load.
+    lower, upper (n_cases, n_members): limits of tensions. All are multiples of a force and a mass.
+    """
+
+    def __init__(
+        self, matrix: FloatArray, load: FloatArray, law: MassLaw, lower: FloatArray, upper: FloatArray
+    ) -> None:
+        self.matrix, self.load, self.law, self.lower, self.upper = matrix, load, law, lower, upper
+        cases, members = lower.shape
+        self.count, self.is_curved = 0, np.broadcast_to((law.root > 0) & (lower < 0), lower.shape)
+        column = np.arange(cases * members).reshape(lower.shape)
+        owner = np.broadcast_to(np.arange(members), lower.shape)
+        # Lines: along tension, along compression where a bar yields, and the chord of a bar that buckles.
+        direct = np.broadcast_to(law.direct, lower.shape)
+        pulls, yields = upper > 0, (lower < 0) & np.isfinite(law.kink)
+        self.straight = np.concatenate([direct[pulls], -direct[yields]])
+        self.columns = np.concatenate([column[used] for used in (pulls, yields, self.is_curved)])
+        self.owners = np.concatenate([owner[used] for used in (pulls, yields, self.is_curved)])
+        blocks = scipy.sparse.block_diag([scipy.sparse.csr_array(matrix)] * cases)
+        empty = scipy.sparse.csr_array((len(matrix) * cases, members))
+        self.equal = scipy.sparse.csr_array(scipy.sparse.hstack([blocks, empty]))
+
+    def solve(
+        self,
+        line: tuple[FloatArray, FloatArray],
+        lower: FloatArray,
+        upper: FloatArray,
+        most_mass: float = np.inf,
+        weight: FloatArray | None = None,
+        cost: FloatArray | None = None,
+    ) -> Optimum | None:
+        """Return the least total of masses; None where there are no such forces.
+
+        line: slope and intercept over the compression of each curved member in each case. most_mass: largest
+        total of masses. weight (n_members,): cost of masses, 1 where not given; cost (n_cases, n_members): of
+        tensions, in its place.
+        """
+        cases, members = lower.shape
+        slope, intercept = (np.broadcast_to(part, lower.shape)[self.is_curved] for part in line)
+        values = np.concatenate([self.straight, -slope])
+        rows, n = np.arange(len(values)), cases * members
+        total = (np.full(members, len(rows)), n + np.arange(members))
+        above = scipy.sparse.csr_array(
+            (
+                np.concatenate([values, np.full(len(rows), -1.0), np.ones(members)]),
+                (
+                    np.concatenate([rows, rows, total[0]]),
+                    np.concatenate([self.columns, n + self.owners, total[1]]),
+                ),
+            ),
+            shape=(len(rows) + 1, n + members),
+        )
+        limit = np.concatenate([np.zeros(len(rows) - len(slope)), -intercept, [min(most_mass, 1e30)]])
+        if cost is None:
+            price = np.concatenate([np.zeros(n), np.ones(members) if weight is None else weight])
+        else:
+            price = np.concatenate([cost.ravel(), np.zeros(members)])
+        least = np.concatenate([lower.ravel(), np.zeros(members)])
+        most = np.concatenate([upper.ravel(), np.full(members, most_mass)])
+        found = self._call(price, self.equal, self.load.ravel(), above, limit, least, most)
+        if found is None:
+            return None
+        point, y, w = found
+        reduced = price - self.equal.T @ y - above.T @ w
+        bound = float(self.load.ravel() @ y + limit @ w + _find_least(reduced, least, most))
+        tension = np.where(np.abs(point[:n]) <= ROUNDING, 0.0, point[:n])
+        tension = np.clip(tension, least[:n], most[:n]).reshape(lower.shape)
+        return Optimum(bound, tension, reduced[:n].reshape(lower.shape))
+
+    def find_unbalanced(self, lower: FloatArray, upper: FloatArray) -> Unbalanced:
+        """Return what is out of balance at least with tensions within limits."""
+        rows, n = self.load.size, lower.size
+        unit = scipy.sparse.eye_array(rows)
+        forces = scipy.sparse.csr_array(self.equal[:, :n])
+        equal = scipy.sparse.csr_array(scipy.sparse.hstack([forces, unit, -unit]))
+        price = np.concatenate([np.zeros(n), np.ones(2 * rows)])
+        least = np.concatenate([lower.ravel(), np.zeros(2 * rows)])
+        most = np.concatenate([upper.ravel(), np.full(2 * rows, np.inf)])
+        found = self._call(price, equal, self.load.ravel(), None, None, least, most)
+        if found is None:  # cannot be: the forces out of balance take whatever is left
+            raise ConvergenceError("the linear program of unbalanced forces was not solved", where="HiGHS")
+        point, y, _ = found
+        y = np.clip(y, -1.0, 1.0)
+        excess = self.load.ravel() @ y + _find_least(-(forces.T @ y), lower.ravel(), upper.ravel())
+        residual = point[n : n + rows] - point[n + rows :]
+        return Unbalanced(y.reshape(self.load.shape), float(excess), residual.reshape(self.load.shape))
+
+    def _call(
+        self, price: FloatArray, equal: Any, load: FloatArray, above: Any, limit: Any, least: Any, most: Any
+    ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """Return solution and multipliers; None where there is none; raises ConvergenceError."""
+        bounds: Any = np.stack([least, most], axis=1)
+        for tolerance in TOLERANCES:
+            options: Any = {
+                "primal_feasibility_tolerance": tolerance,
+                "dual_feasibility_tolerance": tolerance,
+            }
+            found = scipy.optimize.linprog(
+                price, above, limit, equal, load, bounds, method="highs", options=options
+            )
+            self.count += 1
+            if found.status == 0:
+                w = np.minimum(found.ineqlin.marginals, 0.0)
+                return np.asarray(found.x), np.asarray(found.eqlin.marginals), np.asarray(w)
+            if found.status == INFEASIBLE:
+                return None
+        raise ConvergenceError(
+            f"a linear program was not solved: {found.message}",
+            evidence={"status": int(found.status)},
+            where="HiGHS",
+            hint="check that positions, loads and materials are of sensible size",
+        )
+
+
+def _find_least(reduced: FloatArray, least: FloatArray, most: FloatArray) -> float:
+    """Return the least of reduced . x for x within limits; -inf where there is none."""
+    end = np.where(reduced > 0, least, most)
+    is_finite = np.isfinite(end)
+    part = np.where(is_finite, reduced * np.where(is_finite, end, 0.0), -np.inf)
+    return float(np.where(~is_finite & (np.abs(reduced) <= ROUNDING), 0.0, part).sum())

@@ -1,0 +1,118 @@
+"""Materials and load cases by name, and what a scene states of them."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from tensegrity_codegen.pipeline.forming.statements import find_members
+from tensegrity_codegen.pipeline.sizing.member_mass import Material
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
+from tensegrity_codegen.system.checks import is_number
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    NonFiniteError,
+    check_choice,
+)
+from tensegrity_codegen.system.summaries import count_names
+
+ALL = "all"
+WORDS = {"youngs_modulus": "Young's modulus", "density": "density", "yield_stress": "yield stress"}
+HINTS = {
+    "youngs_modulus": "`youngs_modulus=2e11` [Pa], or radius and axial_stiffness of bars in the scene",
+    "density": "`density=7850` [kg/m3], or radius and density of bars in the scene",
+    "yield_stress": "`yield_stress=235e6` [Pa], or radius and limits.yield_stress in the scene",
+}
+
+
+def read_material(
+    structure: Structure,
+    youngs_modulus: float | Mapping[str, float] | None,
+    density: float | Mapping[str, float] | None,
+    yield_stress: float | Mapping[str, float] | None,
+    johnson: bool,
+) -> Material:
+    """Return the material of each member; raises UnknownNameError and InvalidValueError."""
+    outer = structure.radius
+    inner = np.zeros_like(outer) if structure.inner_radius is None else structure.inner_radius
+    section = np.pi * (outer**2 - inner**2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        modulus = (structure.axial_stiffness + structure.spring_constant * structure.rest_length) / section
+        own_density = structure.member_mass / (section * structure.member_length())
+        ratio = np.where(outer > 0, inner / outer, 0.0)
+    yields = structure.limits.yield_stress
+    everyone = np.ones(structure.n_members, dtype=bool)
+    return Material(
+        youngs_modulus=_read(structure, "youngs_modulus", youngs_modulus, modulus, structure.is_bar),
+        density=_read(structure, "density", density, own_density, everyone),
+        yield_stress=_read(structure, "yield_stress", yield_stress, yields, everyone),
+        safety_factor=np.maximum(structure.limits.buckling, 1.0),
+        radius_ratio=ratio,
+        is_bar=structure.is_bar,
+        johnson=johnson,
+    )
+
+
+def read_load_cases(
+    structure: Structure, given: Mapping[str, Mapping[str, Sequence[float]]]
+) -> dict[str, FloatArray]:
+    """Return loads (n_nodes, 3) [N] by case; raises UnknownNameError and InvalidValueError."""
+    found = {}
+    for case, loads in given.items():
+        load = structure.node_load + structure.node_mass[:, None] * structure.gravity
+        for name, force in loads.items():
+            where = f"{structure.name}: load_cases.{case}.{name}"
+            check_choice(name, structure.node_name, "node", where)
+            value = np.asarray(force, dtype=float)
+            if value.shape != (3,):
+                raise InvalidValueError("not a force", where=where, given=force, allowed="three numbers [N]")
+            if not np.isfinite(value).all():
+                raise NonFiniteError(
+                    "not finite", where=where, given=force, allowed="three finite numbers [N]"
+                )
+            load[structure.node_name.index(name)] += value
+        found[case] = load
+    return found
+
+
+def _read(
+    structure: Structure,
+    word: str,
+    given: float | Mapping[str, float] | None,
+    own: FloatArray,
+    needed: BoolArray,
+) -> FloatArray:
+    """Return the value of each member: what is given, else what the scene states; nan where not known."""
+    value = np.where(np.isfinite(own) & (own > 0), own, np.nan)
+    rank = np.full(structure.n_members, 9)  # behind all that can be stated
+    stated = given if isinstance(given, Mapping) else {} if given is None else {ALL: given}
+    for name, number in stated.items():
+        if not is_number(number) or number <= 0:
+            raise InvalidValueError(
+                f"not a {WORDS[word]}",
+                where=f"{structure.name}: {word}",
+                given=f"{name} = {number!r}",
+                allowed="a finite number above 0",
+            )
+        members, order = find_members(structure, name, word) if name != ALL else (range(len(rank)), 8)
+        for e in members:
+            if order == rank[e]:
+                raise DuplicateNameError(
+                    "two statements of one member",
+                    where=f"{structure.name}: {word}",
+                    given=f"{name}, and another one of {structure.member_name[e]}",
+                    allowed="one, or another one of fewer members",
+                )
+            if order < rank[e]:
+                value[e], rank[e] = number, order
+    missing = np.flatnonzero(needed & np.isnan(value))
+    if missing.size:
+        raise InvalidValueError(
+            f"no {WORDS[word]} of some members",
+            where=f"{structure.name}: {word}",
+            given=count_names([structure.member_name[e] for e in missing]),
+            allowed="one of each of them",
+            hint=HINTS[word],
+        )
+    return value

@@ -1,0 +1,274 @@
+"""Least mass of a structure that carries its loads: sections by force, proved by branch and bound."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import scipy
+
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.pipeline.forming.form import require_nodes
+from tensegrity_codegen.pipeline.sizing.branch_and_bound import LeastForces, find_least_forces
+from tensegrity_codegen.pipeline.sizing.force_program import ForceProgram
+from tensegrity_codegen.pipeline.sizing.mass_gradient import find_mass_gradient, move_balance
+from tensegrity_codegen.pipeline.sizing.member_mass import MassLaw, Material, find_mass_law
+from tensegrity_codegen.pipeline.sizing.read_material import read_load_cases, read_material
+from tensegrity_codegen.pipeline.sizing.sizing import Sizing
+from tensegrity_codegen.scene.describe import describe_structure
+from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_positive, check_switch, check_whole
+from tensegrity_codegen.system.errors import InfeasibleError, InvalidValueError, check_choice
+from tensegrity_codegen.system.summaries import count_names, describe_count
+from tensegrity_codegen.tables.request import ModelRequest
+
+MOST_PROVED = 40  # members, up to which the search goes on until the mass is proved
+MOST_SPLITS, FEW_SPLITS = 20_000, 100  # by default, up to that many members and beyond
+LEAST_FORCE = 1e-9  # of the largest: smaller ones at nodes are rounding
+
+
+def size_members(
+    scene: str | Path | Mapping[str, Any] | Scene,
+    *,
+    youngs_modulus: float | Mapping[str, float] | None = None,
+    density: float | Mapping[str, float] | None = None,
+    yield_stress: float | Mapping[str, float] | None = None,
+    load_cases: Mapping[str, Mapping[str, Sequence[float]]] | None = None,
+    column: Literal["euler", "johnson"] = "euler",
+    bars_pull: bool = False,
+    gap: float = 1e-6,
+    max_splits: int | None = None,
+) -> Sizing:
+    """Find the sections with which a structure carries its loads at the least mass.
+
+    Parameters
+    ----------
+    scene : str, Path, mapping or Scene
+        As for `read_scene`: nodes, anchors, loads, members. Of the limits, `least_tension` and
+        `most_tension` bound forces, `buckling` is the safety factor of bars (1 where not stated).
+    youngs_modulus, density, yield_stress : float or mapping of str to float, optional
+        Material [Pa, kg/m3, Pa]: of all members, or by member, group, class, ``"cables"``, ``"bars"`` or
+        ``"all"``; what is stated of fewer members comes first. By default that of the scene: the modulus from
+        stiffness and section, the density from mass and section, the limit `yield_stress`.
+    load_cases : mapping, optional
+        Forces [N] by node by case, added to the loads and weights of nodes in the scene; each section is the
+        largest that a case needs. By default the loads of the scene are the only case.
+    column : {"euler", "johnson"}
+        Whether stocky bars yield at once, or buckle by Johnson's parabola above half of the yield stress.
+    bars_pull : bool
+        Whether bars may pull too.
+    gap : float
+        Relative difference between mass and bound at which the mass counts as proved.
+    max_splits : int, optional
+        Most intervals that the branch and bound splits; by default 20,000 up to 40 members, 100 beyond.
+
+    Returns
+    -------
+    Sizing
+        Forces, sections and masses, the bound, and derivatives by positions of nodes.
+
+    Raises
+    ------
+    UnknownNameError, InvalidValueError
+        A name that is none; a material that is missing or not above 0; no load and no least tension.
+    InfeasibleError
+        No forces of these signs balance the loads; the evidence has the nodes and a motion that proves it.
+    FormulationError
+        A structure of bodies, or on the ground.
+
+    Notes
+    -----
+    With force f and length l a member that yields has the mass density l |f| / yield_stress, a solid bar that
+    buckles 2 density l^2 sqrt(f / (pi E)); a bar has the larger of both (R. E. Skelton and M. C. de Oliveira,
+    "Tensegrity systems", 2009). Forces are those of the stated shape: A(x) t = load. A bar with an inner
+    radius in the scene is a tube of the same ratio of radii. The weight of members is not among the loads,
+    and joints and least sections are not looked at. The least mass is often one in which the loads balance
+    and no others would; `n_unstable` says where the structure would leave that balance.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import size_members
+    >>> steel = {"youngs_modulus": 2e11, "density": 7850.0, "yield_stress": 3e8}
+    >>> found = size_members("two_nodes.toml", load_cases={"pull": {"n2": [0.0, 0.0, -100.0]}}, **steel)
+    >>> found.status, found.limit
+    ('optimal', ('yield',))
+    """
+    check_choice(column, ("euler", "johnson"), "formula of columns", "column")
+    check_switch(bars_pull, "bars_pull")
+    check_positive(gap, "gap")
+    if max_splits is not None:
+        check_whole(max_splits, "max_splits", 0)
+    subject, request = load_scene(scene)
+    structure = require_nodes(subject, "least mass")
+    material = read_material(structure, youngs_modulus, density, yield_stress, column == "johnson")
+    cases = read_load_cases(structure, load_cases or {"scene": {}})
+    law = find_mass_law(material, structure.member_length())
+    program, force, mass = _state_program(structure, law, np.stack(list(cases.values())), bars_pull)
+    splits = max_splits
+    if splits is None:
+        splits = MOST_SPLITS if structure.n_members <= MOST_PROVED else FEW_SPLITS
+    found = find_least_forces(program, gap, splits)
+    if found is None:
+        raise _prove_infeasible(structure, program, tuple(cases), force)
+    return _record(structure, request, material, law, program, found, tuple(cases), force, mass, gap)
+
+
+def _state_program(
+    structure: Structure, law: MassLaw, load: FloatArray, bars_pull: bool
+) -> tuple[ForceProgram, float, float]:
+    """Return the program in multiples of a force [N] and a mass [kg], and these."""
+    node, axis = structure.coordinate_node_axis.T
+    matrix = equilibrium_matrix(structure.node_position, structure.connectivity)[3 * node + axis]
+    limits = structure.limits
+    lower = np.maximum(np.where(structure.is_bar, -np.inf, 0.0), limits.least_tension)
+    upper = np.minimum(np.where(structure.is_bar & (not bars_pull), 0.0, np.inf), limits.most_tension)
+    forces = np.concatenate(
+        [load[:, node, axis].ravel(), lower[np.isfinite(lower)], upper[np.isfinite(upper)]]
+    )
+    force = float(
+        np.abs(np.concatenate([load[:, node, axis].ravel(), np.maximum(lower, 0.0)])).max(initial=0.0)
+    )
+    if not force > 0:
+        raise InvalidValueError(
+            "no load and no least tension, so that the least mass is nothing",
+            where=structure.name,
+            given=f"{len(forces)} forces of 0 N",
+            allowed="a load on a node that is free, or a least tension of cables",
+            hint="state loads, or [limits] least_tension = 100",
+        )
+    mass = float(law.direct.mean() * force)
+    shape = (len(load), structure.n_members)
+    program = ForceProgram(
+        matrix,
+        load[:, node, axis] / force,
+        law.scale(force, mass),
+        np.broadcast_to(lower / force, shape),
+        np.broadcast_to(upper / force, shape),
+    )
+    return program, force, mass
+
+
+def _prove_infeasible(
+    structure: Structure, program: ForceProgram, case_name: tuple[str, ...], force: float
+) -> InfeasibleError:
+    """Return the error with the nodes that cannot be in balance, and a motion that proves it."""
+    found = program.find_unbalanced(program.lower, program.upper)
+    case = int(np.abs(found.residual).sum(axis=1).argmax())
+    node, axis = structure.coordinate_node_axis.T
+    residual, motion = np.zeros((2, structure.n_nodes, 3))
+    residual[node, axis], motion[node, axis] = found.residual[case] * force, found.motion[case]
+    size = np.linalg.norm(residual, axis=1)
+    nodes = [structure.node_name[k] for k in np.flatnonzero(size > LEAST_FORCE * force)]
+    moves = np.flatnonzero(np.linalg.norm(motion, axis=1) > LEAST_FORCE)
+    return InfeasibleError(
+        "no forces of these members balance the loads",
+        where=f"{structure.name}: load case {case_name[case]}",
+        evidence={
+            "nodes": count_names(nodes),
+            "unbalanced_force": found.excess * force,
+            "motion": {
+                structure.node_name[k]: [round(x, 6) + 0.0 for x in motion[k].tolist()] for k in moves
+            },
+        },
+        hint="anchor these nodes, add members, or let bars pull: `bars_pull=True`; in the motion loads do "
+        "more work than the members can take",
+    )
+
+
+def _record(
+    structure: Structure,
+    request: ModelRequest,
+    material: Material,
+    law: MassLaw,
+    program: ForceProgram,
+    found: LeastForces,
+    case_name: tuple[str, ...],
+    force: float,
+    mass: float,
+    gap: float,
+) -> Sizing:
+    """Return the result in SI units, and the structure with its sections."""
+    tension = found.tension * force
+    needed = law.find_mass(tension)
+    member_mass, governing = needed.max(axis=0), needed.argmax(axis=0)
+    members = np.arange(structure.n_members)
+    governs = tension[governing, members]
+    is_yield = law.direct * np.abs(governs) >= law.find_buckling_mass(-governs) * (1 - LEAST_FORCE)
+    length = structure.member_length()
+    area = member_mass / (material.density * length)
+    radius = np.sqrt(area / (np.pi * (1 - material.radius_ratio**2)))
+    used = member_mass > 0
+    total = float(member_mass.sum())
+    bound = min(found.bound * mass, total)
+    status = "optimal" if total - bound <= gap * total else "local"
+    unstable = max(_count_unstable(structure, program.matrix[:, tense != 0], tense) for tense in tension)
+    limits = (program.lower[0] * force, program.upper[0] * force)
+    gradient = find_mass_gradient(structure, law, tension, program.matrix, limits)
+    held = _build(structure, material, area, radius, member_mass, tension[0], used)
+    proof = f"proved to {gap:.0e}" if status == "optimal" else f"proved {bound:.6g} kg"
+    idle = f"; {describe_count(int((~used).sum()), 'member')} without force" if not used.all() else ""
+    leaves = f"; not stable: {describe_count(unstable, 'motion')} without strain" if unstable else ""
+    return Sizing(
+        status=status,
+        message=f"{total:.9g} kg, {proof} after {found.splits} splits{idle}{leaves}",
+        case_name=case_name,
+        member_tension=tension,
+        force_density=tension / length,
+        area=area,
+        radius=radius,
+        inner_radius=radius * material.radius_ratio,
+        member_mass=member_mass,
+        limit=tuple(np.where(used, np.where(is_yield, "yield", "buckling"), "none").tolist()),
+        governing_case=tuple(case_name[k] if mine else "" for k, mine in zip(governing, used, strict=True)),
+        total_mass=total,
+        lower_bound=bound,
+        gap=(total - bound) / total,
+        mass_gradient=gradient,
+        n_unstable=unstable,
+        residual=float(np.abs(found.tension @ program.matrix.T - program.load).max(initial=0.0) * force),
+        n_splits=found.splits,
+        n_programs=program.count,
+        structure=held,
+        document=describe_structure(held, request),
+    )
+
+
+def _count_unstable(structure: Structure, matrix: FloatArray, tension: FloatArray) -> int:
+    """Return how many motions that strain no member with a force lower the energy.
+
+    matrix: equilibrium matrix of these members; the energy is of the order of `tension` times length.
+    """
+    node, axis = structure.coordinate_node_axis.T
+    geometric = move_balance(structure, tension)[:, 3 * node + axis]
+    motions = scipy.linalg.null_space(matrix.T)
+    energy = np.linalg.eigvalsh(motions.T @ geometric @ motions)
+    return int((energy < -LEAST_FORCE * np.abs(geometric).max(initial=0.0)).sum())
+
+
+def _build(
+    structure: Structure,
+    material: Material,
+    area: FloatArray,
+    radius: FloatArray,
+    member_mass: FloatArray,
+    tension: FloatArray,
+    used: Any,
+) -> Structure:
+    """Return the structure with these sections where members have mass, at rest with these tensions."""
+    length = structure.member_length()
+    outer = np.where(used, radius, structure.radius)
+    stiff = used & np.isfinite(material.youngs_modulus) & ~structure.is_rigid
+    sized = structure.with_changes(
+        radius=outer,
+        inner_radius=outer * material.radius_ratio,
+        member_mass=np.where(used & structure.is_bar, member_mass, structure.member_mass),
+        axial_stiffness=np.where(stiff, material.youngs_modulus * area, structure.axial_stiffness),
+        spring_constant=np.where(stiff, 0.0, structure.spring_constant),
+        node_velocity=np.zeros_like(structure.node_velocity),
+        rest_length=length,
+    )
+    hint = "a larger modulus"
+    return sized.with_changes(rest_length=sized.require_rest_length(length, tension, hint))
