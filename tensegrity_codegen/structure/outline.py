@@ -76,6 +76,7 @@ def outline_bodies(subject: Structure | BodySystem) -> Structure:
         member_mass=extend(structure.member_mass, 0.0),
         radius=extend(structure.radius, radii),
         inner_radius=None if structure.inner_radius is None else extend(structure.inner_radius, 0.0),
+        thermal_expansion=None,
         limits=Limits(),
         law_parameter={name: extend(values, 0.0) for name, values in structure.law_parameter.items()},
     )

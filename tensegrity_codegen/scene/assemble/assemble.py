@@ -21,7 +21,12 @@ from tensegrity_codegen.scene.assemble.targets import (
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.geometry import check_freedom
 from tensegrity_codegen.scene.names import key_path
-from tensegrity_codegen.scene.schema.part_schema import ForceInput, Load, RestLengthInput
+from tensegrity_codegen.scene.schema.part_schema import (
+    ForceInput,
+    Load,
+    RestLengthInput,
+    TemperatureInput,
+)
 from tensegrity_codegen.scene.schema.schema import Scene, SceneParts
 from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.translate import translate
@@ -32,6 +37,7 @@ from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueErr
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
+INPUTS = RestLengthInput | TemperatureInput | ForceInput
 SCENE = "a Scene, as read_scene(...) returns it"
 # What a scene gets that asks for no quantities; the second where a free node has no mass.
 DEFAULT_QUANTITIES = ("member_tension", "acceleration", "total_energy")
@@ -61,7 +67,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     )
     rigid = (member["spring_constant"] == 0) & (member["axial_stiffness"] == 0)
     check_freedom(member["connectivity"], node["node_anchored"], axes, node["node_name"], where)
-    acting = build_inputs(inputs, targets, rigid, axes)
+    acting = build_inputs(inputs, targets, member, axes)
     actuators = build_actuators(scene.actuators, [item.name for item in acting], targets, rigid)
     structure = Structure(
         name=scene.name,
@@ -86,10 +92,12 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     return structure, request
 
 
-def _of_nodes(scene: Scene, where: str) -> tuple[list[Load], list[RestLengthInput | ForceInput]]:
+def _of_nodes(
+    scene: Scene, where: str
+) -> tuple[list[Load], list[RestLengthInput | TemperatureInput | ForceInput]]:
     """Return loads and inputs of a scene without bodies; InvalidValueError for what only bodies have."""
     loads = [item for item in scene.loads if isinstance(item, Load)]
-    inputs = [item for item in scene.inputs if isinstance(item, RestLengthInput | ForceInput)]
+    inputs = [item for item in scene.inputs if isinstance(item, INPUTS)]
     foreign = [
         ("bodies", bool(scene.bodies)),
         ("tendons", bool(scene.tendons)),
@@ -103,7 +111,7 @@ def _of_nodes(scene: Scene, where: str) -> tuple[list[Load], list[RestLengthInpu
                 "this belongs to a scene of bodies",
                 where=key_path(where, section),
                 given=section,
-                allowed="nodes and members, with loads on nodes and inputs of kind rest_length and force",
+                allowed="nodes and members, loads on nodes, and inputs of rest_length, temperature and force",
                 hint="describe everything as bodies and tendons, or everything as nodes and members",
             )
     if find_formulation(scene.model.formulation).of_bodies:

@@ -106,7 +106,7 @@ def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, Mod
     )
     find = BodyFinder(scene, built, where)
     load, turning = build_body_loads(scene, find)
-    inputs = build_body_inputs(scene, targets, find)
+    inputs = build_body_inputs(scene, targets, find, system)
     rigid = np.zeros(system.n_members, dtype=np.bool_)
     actuators = build_actuators(scene.actuators, [item.name for item in inputs], targets, rigid)
     system = system.with_changes(

@@ -22,7 +22,7 @@ Columns = dict[str, FloatArray]  # one value a row, NaN where the scene gives no
 STIFFNESS = ("spring_constant", "axial_stiffness")
 LAW_KEYS = tuple(group for law in LAWS for group in law.keys)
 ALTERNATIVES = (STIFFNESS, ("rest_length", "prestress", "strain"), ("mass", "density"), *LAW_KEYS)
-SINGLE = ("damping", "radius", "inner_radius")
+SINGLE = ("damping", "radius", "inner_radius", "thermal_expansion")
 BAR_ONLY = ("mass", "density", "inner_radius")
 
 

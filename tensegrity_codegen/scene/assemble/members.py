@@ -39,6 +39,7 @@ def build_member_arrays(
     stiffness = {key: _or_zero(given[key]) for key in STIFFNESS}
     laws = _find_laws(given, names, is_bar, where)
     rest_length = _rest_length({**given, **stiffness}, laws, length, tension_only, names, where)
+    expansion = _or_zero(given["thermal_expansion"])
     return {
         "member_name": names,
         "member_class": tuple(row.class_name or "" for row in rows),
@@ -52,6 +53,7 @@ def build_member_arrays(
         "radius": _or_zero(given["radius"]),
         # None where no member is a tube
         "inner_radius": _or_zero(given["inner_radius"]) if (given["inner_radius"] > 0).any() else None,
+        "thermal_expansion": expansion if expansion.any() else None,
         "law_parameter": _law_parameter(
             {**given, **stiffness},
             laws,

@@ -11,11 +11,11 @@ from tensegrity_codegen.scene.assemble.nodes import spread_vectors
 from tensegrity_codegen.scene.checks.geometry import find_fully_anchored
 from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.scene.schema.model_schema import Parameters
-from tensegrity_codegen.scene.schema.part_schema import ForceInput, RestLengthInput
+from tensegrity_codegen.scene.schema.part_schema import ForceInput, RestLengthInput, TemperatureInput
 from tensegrity_codegen.scene.schema.schema_types import Selection
 from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
 from tensegrity_codegen.structure.structure import ActuatedInput
-from tensegrity_codegen.system.arrays import BoolArray
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
@@ -109,9 +109,12 @@ class Targets:
 
 
 def build_inputs(
-    inputs: Sequence[RestLengthInput | ForceInput], targets: Targets, rigid: BoolArray, axes: tuple[int, ...]
+    inputs: Sequence[RestLengthInput | TemperatureInput | ForceInput],
+    targets: Targets,
+    member: Mapping[str, Any],
+    axes: tuple[int, ...],
 ) -> tuple[ActuatedInput, ...]:
-    """Return the actuated inputs; `rigid` (n_members,) marks members that have no rest length to change.
+    """Return the actuated inputs; member: arrays of `build_member_arrays`.
 
     Raises DuplicateNameError, UnknownNameError or InvalidValueError.
     """
@@ -135,15 +138,41 @@ def build_inputs(
             members = targets.find_members(item.members, "inputs", number, "members")
             if not members:
                 _refuse_empty(targets.where, ("inputs", number, "members"), item.members)
-            refuse_members(
-                members,
-                rigid,
-                "a rigid bar has no rest length to change",
-                targets,
-                ("inputs", number, "members"),
-            )
-            built.append(ActuatedInput(item.name, "rest_length", members))
+            rigid = (member["spring_constant"] == 0) & (member["axial_stiffness"] == 0)
+            problem = "a rigid bar has no rest length to change"
+            refuse_members(members, rigid, problem, targets, ("inputs", number, "members"))
+            expanded = member["rest_length"], member["thermal_expansion"]
+            gain = find_gain(item, members, targets, ("inputs", number), *expanded)
+            built.append(ActuatedInput(item.name, item.kind, members, gain=gain))
     return tuple(built)
+
+
+def find_gain(
+    item: RestLengthInput | TemperatureInput,
+    members: tuple[int, ...],
+    targets: Targets,
+    place: tuple[str | int, ...],
+    rest_length: FloatArray,
+    expansion: FloatArray | None,
+) -> tuple[float, ...]:
+    """Return the gain of an input on each of its members, rho alpha of temperature; () where all are 1.
+
+    Raises InvalidValueError for a member without thermal expansion, or another number of gains than members.
+    """
+    if isinstance(item, TemperatureInput):
+        slope = rest_length * (np.zeros(len(rest_length)) if expansion is None else expansion)
+        problem = "a member without thermal_expansion does not change with temperature"
+        refuse_members(members, slope == 0, problem, targets, (*place, "members"))
+        return tuple(slope[list(members)].tolist())
+    gain = item.gain or (1.0,) * len(members)
+    if len(gain) != len(members):
+        raise InvalidValueError(
+            "not one gain for each member",
+            where=key_path(targets.where, *place, "gain"),
+            given=list(gain),
+            allowed=f"{len(members)} numbers, one for each member that the list stands for",
+        )
+    return () if set(gain) == {1.0} else tuple(gain)
 
 
 def build_parameters(

@@ -99,6 +99,9 @@ class MemberValues(Table):
     damping: NotNegative | None = Field(
         None, description="Damping constant c [N s/m]: adds c times the rate of length to the tension."
     )
+    thermal_expansion: Number | None = Field(
+        None, description="Coefficient of thermal expansion alpha [1/K], for inputs of temperature."
+    )
     mass: Positive | None = Field(None, description="Bars only: own mass [kg], spread evenly along the bar.")
     density: Positive | None = Field(
         None, description="Bars only: density [kg/m3]; needs radius; mass = density * section * length."

@@ -315,3 +315,13 @@ def test_wrong_keys_are_named_errors(
 def test_a_wrong_column_is_an_error_that_names_the_table() -> None:
     with pytest.raises(UnknownKeyError, match=r"^cases.csv: line 1: column shape.hieght"):
         build_assembler(scene("prism"), ["shape.hieght"], source="cases.csv: line 1")
+
+
+def test_gains_of_temperature_follow_rest_lengths() -> None:
+    document = scene("prism")
+    document["classes"]["cable"]["thermal_expansion"] = 1e-4
+    document["inputs"] = [{"kind": "temperature", "name": "sun", "members": ["cable"]}]
+    groups = group_and_compare(document, build_cases(["shape.prestress=5:20:3", "input.sun=0,40"]))
+    assert [len(group.rows) for group in groups] == [2, 2, 2]  # one library for each set of rest lengths
+    groups = group_and_compare(document, build_cases(["loads[0].force[2]=-5:-1:3", "input.sun=0,40"]))
+    assert len(groups) == 1
