@@ -12,6 +12,7 @@ from tensegrity_codegen.scene.assemble.interference import build_collision, find
 from tensegrity_codegen.scene.assemble.limits import build_limits
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
 from tensegrity_codegen.scene.assemble.nodes import build_node_arrays, spread_vectors
+from tensegrity_codegen.scene.assemble.segments import cut_cables
 from tensegrity_codegen.scene.assemble.targets import (
     Targets,
     build_inputs,
@@ -57,13 +58,17 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     member = build_member_arrays(
         scene.classes, parts.members, node["node_name"], node["node_position"], where
     )
+    gravity = spread_vectors([scene.gravity], axes, [("gravity",)], where)[0]
+    cut = cut_cables(node, member, parts.groups, gravity, axes, where)
+    node, member = cut.node, cut.member
     targets = Targets(
         node["node_name"],
         member["member_name"],
         member["member_class"],
         scene.classes,
-        parts.groups,
+        cut.groups,
         where,
+        share=cut.share,
     )
     rigid = (member["spring_constant"] == 0) & (member["axial_stiffness"] == 0)
     check_freedom(member["connectivity"], node["node_anchored"], axes, node["node_name"], where)
@@ -72,7 +77,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     structure = Structure(
         name=scene.name,
         axes=axes,
-        gravity=spread_vectors([scene.gravity], axes, [("gravity",)], where)[0],
+        gravity=gravity,
         groups=targets.groups,
         inputs=(*acting, *(ActuatedInput(item.name, "rest_length", item.members) for item in actuators)),
         actuators=actuators,
@@ -82,7 +87,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     )
     structure = structure.with_changes(
         interference=_watch_bars(scene, structure, where),
-        limits=build_limits(scene.limits, structure, scene.classes, where),
+        limits=build_limits(scene.limits, structure, scene.classes, where, cut.cables),
         ground=build_ground(scene.ground, structure, None, where),
         collision=build_collision(scene.interference, where),
     )

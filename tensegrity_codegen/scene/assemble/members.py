@@ -25,7 +25,7 @@ def build_member_arrays(
     node_position: FloatArray,
     where: str,
 ) -> dict[str, Any]:
-    """Return the fields of Structure that are about members, by name.
+    """Return the fields of Structure that are about members, by name, and `segments`, (n_members,) of int.
 
     Raises UnknownNameError (class or node), InvalidValueError, DuplicateNameError or StructureError with
     the member and key named.
@@ -49,7 +49,8 @@ def build_member_arrays(
         "rest_length": rest_length,
         **stiffness,
         "damping": _or_zero(given["damping"]),
-        "member_mass": _member_mass(given, length),
+        "member_mass": _member_mass(given, length, rest_length),
+        "segments": np.where(np.isnan(given["segments"]), 1, given["segments"]).astype(np.int64),
         "radius": _or_zero(given["radius"]),
         # None where no member is a tube
         "inner_radius": _or_zero(given["inner_radius"]) if (given["inner_radius"] > 0).any() else None,
@@ -226,9 +227,13 @@ def _or_zero(values: FloatArray) -> FloatArray:
     return np.where(np.isnan(values), 0.0, values)
 
 
-def _member_mass(given: Columns, length: FloatArray) -> FloatArray:
-    """Return the bars' own masses, (n_members,) [kg]: given, or density * pi (R^2 - r^2) * length."""
+def _member_mass(given: Columns, length: FloatArray, rest_length: FloatArray) -> FloatArray:
+    """Return own masses, (n_members,) [kg].
+
+    As given, or density * pi (R^2 - r^2) * length of bars, or mass_per_length * rest_length of cables.
+    """
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused with the structure
         section = np.pi * (given["radius"] ** 2 - _or_zero(given["inner_radius"]) ** 2)
         by_density = _or_zero(given["density"] * section * length)
+        by_density += _or_zero(given["mass_per_length"] * rest_length)
     return np.where(np.isnan(given["mass"]), by_density, given["mass"])

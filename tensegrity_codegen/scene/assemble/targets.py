@@ -28,6 +28,7 @@ from tensegrity_codegen.system.errors import (
 class Targets:
     """Finds the indices that names stand for; a name has one meaning among members, groups and classes.
 
+    share: (n_members,) the part of its cable that a member is, 1 unless it is one segment of several.
     Raises DuplicateNameError when it has two, UnknownNameError for a group of unknown members.
     """
 
@@ -39,7 +40,9 @@ class Targets:
         class_name: Iterable[str],
         groups: Mapping[str, Sequence[str]],
         where: str,
+        share: FloatArray | None = None,
     ) -> None:
+        self.share = np.ones(len(member_name)) if share is None else share
         self.where = where
         self.node_name, self.member_name = node_name, member_name
         self._node = {name: row for row, name in enumerate(node_name)}
@@ -157,22 +160,27 @@ def find_gain(
 ) -> tuple[float, ...]:
     """Return the gain of an input on each of its members, rho alpha of temperature; () where all are 1.
 
-    Raises InvalidValueError for a member without thermal expansion, or another number of gains than members.
+    A gain is shared by the segments of a cable, and not by those that are named themselves. Raises
+    InvalidValueError for a member without thermal expansion, or another number of gains than names.
     """
     if isinstance(item, TemperatureInput):
         slope = rest_length * (np.zeros(len(rest_length)) if expansion is None else expansion)
         problem = "a member without thermal_expansion does not change with temperature"
         refuse_members(members, slope == 0, problem, targets, (*place, "members"))
         return tuple(slope[list(members)].tolist())
-    gain = item.gain or (1.0,) * len(members)
-    if len(gain) != len(members):
+    stated = (1.0,) * len(item.members) if item.gain is None else item.gain
+    if len(stated) != len(item.members):
         raise InvalidValueError(
-            "not one gain for each member",
+            "not one gain for each name",
             where=key_path(targets.where, *place, "gain"),
-            given=list(gain),
-            allowed=f"{len(members)} numbers, one for each member that the list stands for",
+            given=list(stated),
+            allowed=f"{len(item.members)} numbers, one for each of `members`",
         )
-    return () if set(gain) == {1.0} else tuple(gain)
+    gain: dict[int, float] = {}
+    for name, value in zip(item.members, stated, strict=True):
+        for e in targets.find_members([name], *place, "members"):
+            gain.setdefault(e, value * (1.0 if targets.member_name[e] == name else float(targets.share[e])))
+    return () if set(gain.values()) == {1.0} else tuple(gain[e] for e in members)
 
 
 def build_parameters(

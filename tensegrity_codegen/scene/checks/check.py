@@ -214,14 +214,6 @@ def _check_laws(structure: Structure, where: str) -> None:
     report(
         bar & structure.tension_only, InvalidValueError, "a bar cannot be tension_only", key="tension_only"
     )
-    report(
-        ~bar & (structure.member_mass > 0),
-        InvalidValueError,
-        "a cable has no mass",
-        key="mass",
-        given=structure.member_mass,
-        hint="give the mass to the nodes",
-    )
     check_laws(structure, where)
 
 
