@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
     from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
-    from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+    from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium, SegmentError
     from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
     from tensegrity_codegen.scene.read import read_scene
