@@ -135,7 +135,7 @@ def find_catenary(
     --------
     >>> from tensegrity_codegen import find_catenary
     >>> found = find_catenary(10.0, 0.0, 10.5, 1.0)
-    >>> round(found.horizontal_force, 10), round(found.sag, 11), round(found.end_tension[0], 10)
+    >>> round(found.horizontal_force, 10), round(found.sag, 11), round(float(found.end_tension[0]), 10)
     (9.1963963004, 1.39304206592, 10.5894383663)
     """
     given = {"span": span, "rise": rise, "length": length, "weight": weight}

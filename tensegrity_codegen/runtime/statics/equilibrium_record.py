@@ -174,12 +174,12 @@ class Equilibrium(ByName, Summarised):
         )
         return [
             ("tension", f"{describe_range(self.member_tension, 'N')} in {members}"),
+            *found,
             ("residual", f"{residual}, largest member force {largest}"),
             ("smallest eigenvalue", describe_number(self.smallest_eigenvalue, "N/m")),
             ("displacement", describe_number(self.displacement, "m") + node),
             ("energy", describe_number(self.energy, "J")),
             ("method", f"{self.method}, {self.iterations} iterations"),
-            *found,
         ]
 
     @property

@@ -11,7 +11,7 @@ from tensegrity_codegen.scene.assemble.ground import build_ground
 from tensegrity_codegen.scene.assemble.interference import build_collision, find_bar_pairs
 from tensegrity_codegen.scene.assemble.limits import build_limits
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
-from tensegrity_codegen.scene.assemble.nodes import build_node_arrays, spread_vectors
+from tensegrity_codegen.scene.assemble.nodes import build_node_arrays, build_node_load, spread_vectors
 from tensegrity_codegen.scene.assemble.segments import cut_cables
 from tensegrity_codegen.scene.assemble.targets import (
     Targets,
@@ -54,13 +54,14 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     loads, inputs = _of_nodes(scene, where)
     parts = list_parts(scene, where)
     axes = tuple("xyz".index(letter) for letter in scene.axes)
-    node = build_node_arrays(parts.nodes, loads, axes, where)
+    node = build_node_arrays(parts.nodes, axes, where)
     member = build_member_arrays(
         scene.classes, parts.members, node["node_name"], node["node_position"], where
     )
     gravity = spread_vectors([scene.gravity], axes, [("gravity",)], where)[0]
     cut = cut_cables(node, member, parts.groups, gravity, axes, where)
     node, member = cut.node, cut.member
+    node["node_load"] = build_node_load(node["node_name"], loads, axes, where)
     targets = Targets(
         node["node_name"],
         member["member_name"],

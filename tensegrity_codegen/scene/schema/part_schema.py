@@ -70,7 +70,8 @@ class RestLengthInput(Table):
     name: Name = Field(description="Name of the input.")
     members: References = Field(description="Names of members, groups or classes.")
     gain: Annotated[tuple[Number, ...], Strict(False)] | None = Field(
-        None, description="Change of the rest length of each listed member for one unit of u; default 1."
+        None,
+        description="Change of rest lengths for one unit of u, one number for each of `members`; default 1.",
     )
 
 

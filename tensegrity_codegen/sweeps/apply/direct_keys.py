@@ -153,8 +153,11 @@ class _KeyReader:
         self.members: Mapping[str, Member | Tendon] = self.scene.tendons
         if not self.scene.bodies:
             self.members = list_parts(self.scene, "scene").members
-        # Gains of temperature follow from rest lengths.
-        self.has_derived = any(isinstance(item, TemperatureInput) for item in self.scene.inputs)
+        # Gains of temperature follow from rest lengths, pieces and masses of cables from those of the whole.
+        stated = [*self.scene.classes.values(), *self.members.values()]
+        self.has_derived = any(isinstance(item, TemperatureInput) for item in self.scene.inputs) or any(
+            item.segments is not None or item.mass_per_length is not None for item in stated
+        )
         names = self.subject.member_name
         # Of members of other laws the constants depend on stiffness and rest length.
         others = [np.asarray(item) != 0 for item in self.subject.law_parameter.values()]

@@ -166,6 +166,9 @@ def test_a_direction_of_length_zero_is_refused():
         normalise(np.zeros(3), (0, 0, 0), WHERE)
 
 
+PAIR = {"name": "u1", "kind": "rest_length", "members": ["bc", "ab"], "gain": [0.5, 2.0]}
+
+
 def heated(**changes):
     """Return the arch with an input of temperature on its strut and strings."""
     document = changed(
@@ -184,7 +187,7 @@ def test_gains_of_temperature_are_rest_lengths_times_expansion():
     assert structure.inputs[0].kind == "temperature"
 
 
-@pytest.mark.parametrize("inputs", [heated(), changed("inputs", 0, "gain", to=[0.5, 2.0])])
+@pytest.mark.parametrize("inputs", [heated(), changed("inputs", 0, to=PAIR)])
 def test_gains_are_the_same_after_writing_and_reading(inputs):
     structure, request = build(inputs)
     again, _ = build(describe_structure(structure, request))
@@ -194,7 +197,7 @@ def test_gains_are_the_same_after_writing_and_reading(inputs):
 
 
 def test_gains_of_one_are_none():
-    assert build(changed("inputs", 0, "gain", to=[1, 1]))[0].inputs == build(ARCH)[0].inputs
+    assert build(changed("inputs", 0, "gain", to=[1]))[0].inputs == build(ARCH)[0].inputs
 
 
 @pytest.mark.parametrize(
@@ -202,7 +205,7 @@ def test_gains_of_one_are_none():
     [
         (heated(members=["bc", "string"]), "inputs[0].members", "without thermal_expansion"),
         (heated(), "inputs[0].members", "a rigid bar has no rest length"),
-        (changed("inputs", 0, "gain", to=[1.0]), "inputs[0].gain", "not one gain for each member"),
+        (changed("inputs", 0, "gain", to=[1.0, 2.0]), "inputs[0].gain", "not one gain for each name"),
     ],
 )
 def test_gains_that_are_refused(document, key, problem):
