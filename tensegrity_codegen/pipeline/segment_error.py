@@ -7,9 +7,11 @@ from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
 from tensegrity_codegen.pipeline.settle import with_statics
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium, SegmentError
-from tensegrity_codegen.structure.segments import find_chains, halve_segments, measure_chains
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.describe import describe_structure
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.structure.segments import find_chains, measure_chain
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.tables.formulations import choose_formulation
 from tensegrity_codegen.tables.request import ModelRequest
 
 
@@ -61,28 +63,25 @@ def add_segment_error(
     structure = found.structure
     if not isinstance(structure, Structure) or not found.is_found or not find_chains(structure):
         return found
-    if request is None:
-        formulation = choose_formulation(rigid_bars=bool(structure.is_rigid.any())).name
-        request = ModelRequest((), formulation=formulation)
-    # The same loads and inputs, from the positions that were found.
     load = structure.node_load if found.node_load is None else found.node_load
-    fine = halve_segments(structure.with_changes(node_position=found.node_position, node_load=load))
-    statics = with_statics(fine, request)
-    wanted = find_needs("equilibrium", fine, statics).alone(replace(statics, parameters={}, integrators=()))
+    fine, own = _halve(structure.with_changes(node_position=found.node_position, node_load=load))
+    statics = with_statics(fine, request or own)
+    wanted = find_needs("equilibrium", fine, statics).alone(replace(statics, parameters={}))
     model = build_library(fine, wanted, compiler=compiler, calls=FEW_CALLS).load()
-    arguments = {} if found.input is None else {"input": found.input}
-    finer = find_equilibrium(model, arguments=arguments)
-    one = measure_chains(structure, found.node_position, found.member_tension)
-    two = measure_chains(fine, finer.node_position, finer.member_tension)
-    rows = [
-        SegmentError(
-            name,
-            one[name].n_segments,
-            one[name].end_tension,
-            (4 * two[name].end_tension - one[name].end_tension) / 3,
-            one[name].sag,
-            (4 * two[name].sag - one[name].sag) / 3,
-        )
-        for name in one
-    ]
-    return replace(found, segments=tuple(rows))
+    finer = find_equilibrium(model, arguments={} if found.input is None else {"input": found.input})
+    errors = []
+    for name, rows in find_chains(structure).items():
+        one = measure_chain(structure, rows, found.node_position, found.member_tension)
+        two = measure_chain(fine, find_chains(fine)[name], finer.node_position, finer.member_tension)
+        tension, sag = ((4 * more - less) / 3 for less, more in zip(one, two, strict=True))
+        errors.append(SegmentError(name, len(rows), one[0], tension, one[1], sag))
+    return replace(found, segments=tuple(errors))
+
+
+def _halve(structure: Structure) -> tuple[Structure, ModelRequest]:
+    """Return the structure with each segment of its cables cut in two, and a request that suits it."""
+    document = describe_structure(structure.with_changes(actuators=()))
+    for e in {e for rows in find_chains(structure).values() for e in rows}:
+        document["members"][structure.member_name[e]]["segments"] = 2
+    kept = {key: value for key, value in document.items() if key not in ("sensors", "limits")}
+    return assemble(parse_scene(kept, structure.name), structure.name)

@@ -53,6 +53,10 @@ class Catenary:
     vertical_force: float
 
     @property
+    def _force(self) -> FloatArray:
+        return np.array([self.horizontal_force, self.vertical_force])
+
+    @property
     def end_tension(self) -> FloatArray:
         """(2,): tensions at the first and at the second end [N]."""
         return self.tension(np.array([0.0, self.length]))
@@ -71,7 +75,7 @@ class Catenary:
     @property
     def tangent(self) -> FloatArray:
         """(2, 2): derivative of the pull on the first end, (H, -V), to (span, rise) [N/m]."""
-        flexibility = _flexibility(self, self.horizontal_force, self.vertical_force)
+        flexibility = _flexibility(self, self._force)
         if not np.isfinite(flexibility[0, 0]):  # a loop that hangs straight down resists no sideways motion
             return np.diag([0.0, 1.0 / flexibility[1, 1]])
         turn = np.diag([1.0, -1.0])
@@ -88,9 +92,8 @@ class Catenary:
 
     def position(self, s: FloatArray) -> FloatArray:
         """Return the places (n, 2) of unstrained arc lengths (n,), (x, z) from the first end [m]."""
-        h, v = self.horizontal_force, self.vertical_force
-        ends = [_displace(self, h, v, float(part)) for part in np.asarray(s)]
-        return np.array([(x, -down) for x, down in ends]).reshape(-1, 2)
+        ends = [_displace(self, self._force, float(part)) for part in np.asarray(s)]
+        return np.array(ends).reshape(-1, 2) * [1.0, -1.0]
 
     def points(self, n: int) -> FloatArray:
         """Return n + 1 places (x, z) at equal unstrained distances, from end to end, (n + 1, 2) [m]."""
@@ -138,10 +141,9 @@ def find_catenary(
     >>> round(found.horizontal_force, 10), round(found.sag, 11), round(float(found.end_tension[0]), 10)
     (9.1963963004, 1.39304206592, 10.5894383663)
     """
-    given = {"span": span, "rise": rise, "length": length, "weight": weight}
-    given["axial_stiffness"] = axial_stiffness
+    given = (span, rise, length, weight, axial_stiffness)
     least = {"span": "0 or more [m]", "rise": "a number [m]"}
-    for name, value in given.items():
+    for name, value in zip(("span", "rise", "length", "weight", "axial_stiffness"), given, strict=True):
         is_sound = is_number(value) or (name == "axial_stiffness" and value == math.inf)
         if not is_sound or value < (-math.inf if name == "rise" else 0) or (name not in least and value == 0):
             allowed = least.get(name, "more than 0")
@@ -152,9 +154,8 @@ def find_catenary(
             "a cable that does not stretch is not longer than the distance of its ends",
             where="length", given=length, allowed=f"more than {chord:.6g} m, or an axial_stiffness",
         )  # fmt: skip
-    start = Catenary(span, rise, length, weight, axial_stiffness, 0.0, 0.0)
-    h, v = (0.0, _hang(start)) if span <= VERTICAL * length else _iterate(start)
-    return Catenary(span, rise, length, weight, axial_stiffness, h, v)
+    start = Catenary(*given, 0.0, 0.0)
+    return Catenary(*given, *((0.0, _hang(start)) if span <= VERTICAL * length else _iterate(start)))
 
 
 def _hang(cable: Catenary) -> float:
@@ -173,19 +174,19 @@ def _iterate(cable: Catenary) -> tuple[float, float]:
     goal = np.array([cable.span, -cable.rise])
     stretch = cable.weight * cable.length / cable.axial_stiffness
     size = max(float(np.linalg.norm(goal)), cable.length * (1.0 + stretch))
-    force, best, least = np.array(_guess(cable)), np.zeros(2), math.inf
+    force, best, least = _guess(cable), np.zeros(2), math.inf
     for _ in range(MAX_ITERATIONS):
-        residual = _find_ends(cable, force) - goal
+        residual = _displace(cable, force, cable.length) - goal
         error = float(np.abs(residual).max())
         if error < least:
             best, least = force, error
         elif least <= TOLERANCE * size:  # rounding alone is left
             break
-        step = -np.linalg.solve(_flexibility(cable, float(force[0]), float(force[1])), residual)
+        step = -np.linalg.solve(_flexibility(cable, force), residual)
         part = 1.0 if force[0] + step[0] >= 0.1 * force[0] else -0.9 * force[0] / step[0]
         slope = float(residual @ step)
         while part > 1e-12:
-            ahead = _find_ends(cable, force + part * step) - goal
+            ahead = _displace(cable, force + part * step, cable.length) - goal
             if float(ahead @ step) <= -MAX_OVERSHOOT * slope:
                 break
             part /= 2
@@ -200,7 +201,7 @@ def _iterate(cable: Catenary) -> tuple[float, float]:
     return float(best[0]), float(best[1])
 
 
-def _guess(cable: Catenary) -> tuple[float, float]:
+def _guess(cable: Catenary) -> FloatArray:
     """Return H and V of a parabola of that length, or of a straight cable that is stretched more."""
     chord, length = math.hypot(cable.span, cable.rise), cable.length
     excess = (length**2 - cable.rise**2) / cable.span**2 - 1.0
@@ -209,26 +210,23 @@ def _guess(cable: Catenary) -> tuple[float, float]:
     if math.isfinite(cable.axial_stiffness):
         stretched = cable.axial_stiffness * max(chord / length - 1.0, 0.0) * cable.span / chord
     h = max(cable.weight * cable.span / (2.0 * depth), stretched)
-    return h, cable.weight * length / 2.0 - h * cable.rise / cable.span * depth / math.tanh(depth)
+    return np.array([h, cable.weight * length / 2.0 - h * cable.rise / cable.span * depth / math.tanh(depth)])
 
 
-def _displace(cable: Catenary, h: float, v: float, s: float) -> tuple[float, float]:
-    """Return how far the arc length s is from the first end, horizontally and downwards [m]."""
+def _displace(cable: Catenary, force: FloatArray, s: float) -> FloatArray:
+    """Return how far the arc length s is from the first end, horizontally and downwards, (2,) [m]."""
+    h, v = force.tolist()
     w, below = cable.weight, v - cable.weight * s
     first, second = math.hypot(h, v), math.hypot(h, below)
     give, tensions = s / cable.axial_stiffness, first + second
     # Differences of nearly equal numbers as products: T(0)^2 - T(s)^2 = w s (2 V - w s).
     drop = s * (v + below) / tensions if tensions else 0.0
-    return h * give + (h / w * _turn(h, v, w * s) if h else 0.0), (v - w * s / 2) * give + drop
+    return np.array([h * give + (h / w * _turn(h, v, w * s) if h else 0.0), (v - w * s / 2) * give + drop])
 
 
-def _find_ends(cable: Catenary, force: FloatArray) -> FloatArray:
-    """Return both distances of the ends under the pull (H, V), (2,) [m]."""
-    return np.array(_displace(cable, float(force[0]), float(force[1]), cable.length))
-
-
-def _flexibility(cable: Catenary, h: float, v: float) -> FloatArray:
+def _flexibility(cable: Catenary, force: FloatArray) -> FloatArray:
     """Return the derivative of both distances of the ends to (H, V), (2, 2) [m/N]."""
+    h, v = force.tolist()
     w, below = cable.weight, v - cable.weight * cable.length
     first, second = math.hypot(h, v), math.hypot(h, below)
     give = cable.length / cable.axial_stiffness

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tensegrity_codegen as tc
-from tensegrity_codegen.structure.segments import find_chains, measure_chains
+from tensegrity_codegen.structure.segments import find_chains, measure_chain
 from tests.reference import ReferenceModel
 
 
@@ -107,6 +107,6 @@ def test_chains_are_groups_of_cables_with_mass_in_a_row() -> None:
 def test_a_straight_chain_has_no_sag() -> None:
     structure, _ = tc.load_scene(string(4))
     assert isinstance(structure, tc.Structure)
-    shape = measure_chains(structure, structure.node_position, structure.static_tension())["line"]
-    assert (shape.n_segments, shape.sag) == (4, 0.0)
-    assert shape.end_tension == pytest.approx(200.0)
+    rows = find_chains(structure)["line"]
+    tension, sag = measure_chain(structure, rows, structure.node_position, structure.static_tension())
+    assert (tension, sag) == (pytest.approx(200.0), 0.0)

@@ -27,7 +27,6 @@ from tensegrity_codegen.system.summaries import (
 # Residual over largest force up to which a start counts as an equilibrium that is left.
 START_RESIDUAL_TOLERANCE = 1e-3
 MAX_SEGMENT_ERROR = 0.01  # discretisation error of a cable, as a part, that is warned of
-MOST_COARSE = 3  # cables that are warned of
 LARGE_MOTION_RATIO = 0.1  # motion, as part of the structure's size, that is warned of
 
 
@@ -59,6 +58,10 @@ class SegmentError:
         """The larger of both errors, as a part of the extrapolated value."""
         pairs = ((self.end_tension, self.extrapolated_end_tension), (self.sag, self.extrapolated_sag))
         return max(abs(value - exact) / abs(exact) if exact else 0.0 for value, exact in pairs)
+
+    def describe(self) -> str:
+        """Return a sentence without its full stop."""
+        return f"{self.n_segments} segments of cable {self.cable} err by {100 * self.relative:.2g} %"
 
 
 @dataclass(frozen=True, repr=False)
@@ -166,15 +169,9 @@ class Equilibrium(ByName, Summarised):
         residual, largest = describe_number(self.residual, "N"), describe_number(self.largest_force, "N")
         node = f" at {self.displaced_node}" if self.displaced_node else ""
         members = describe_count(len(self.member_tension), "member")
-        worst = max(self.segments, key=lambda item: item.relative, default=None)
-        found = (
-            []
-            if worst is None
-            else [("segments", f"{worst.n_segments} of {worst.cable} err by {100 * worst.relative:.2g} %")]
-        )
         return [
             ("tension", f"{describe_range(self.member_tension, 'N')} in {members}"),
-            *found,
+            *[("segments", item.describe()) for item in self.worst_segments],
             ("residual", f"{residual}, largest member force {largest}"),
             ("smallest eigenvalue", describe_number(self.smallest_eigenvalue, "N/m")),
             ("displacement", describe_number(self.displacement, "m") + node),
@@ -186,6 +183,11 @@ class Equilibrium(ByName, Summarised):
     def is_found(self) -> bool:
         """Whether this is a minimum of the energy, as exact as asked or as rounding permits."""
         return self.status in ("converged", "rounding_limited")
+
+    @property
+    def worst_segments(self) -> list[SegmentError]:
+        """The cable in segments that errs most, if there are any."""
+        return sorted(self.segments, key=lambda item: -item.relative)[:1]
 
     @property
     def members(self) -> MemberChecks | None:
@@ -221,11 +223,10 @@ class Equilibrium(ByName, Summarised):
                 f"structure's size ({self.extent:.6g} m): "
                 "the shape differs from that of the scene"
             )
-        coarse = [item for item in self.segments if item.relative > MAX_SEGMENT_ERROR]
         sentences += [
-            f"{item.n_segments} segments of cable {item.cable} err by {100 * item.relative:.2g} %: with "
-            f"segments = {4 * item.n_segments} it is a sixteenth of that"
-            for item in coarse[:MOST_COARSE]
+            f"{item.describe()}: with segments = {4 * item.n_segments} it is a sixteenth of that"
+            for item in self.worst_segments
+            if item.relative > MAX_SEGMENT_ERROR
         ]
         return (*sentences, *([] if self.members is None else self.members.describe()))
 

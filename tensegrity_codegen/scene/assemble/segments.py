@@ -1,24 +1,30 @@
-"""Cables in segments: each becomes a chain of pieces, whose nodes start on its catenary."""
+"""Cables in segments: each becomes a chain of equal pieces, whose nodes start on its catenary.
 
-import math
+n pieces have n times the spring constant and damping, and 1/n of rest length and mass. A chain errs by
+O(1/n^2) against the catenary.
+"""
+
+import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.structure.catenary import find_catenary
-from tensegrity_codegen.structure.segments import cut_members
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, TensegrityError
+from tensegrity_codegen.tables.laws import LAWS
 
-LEAST_SPAN = 1e-2  # of the length: a cable that hangs in a loop starts with its ends so far apart
+# Exponent of n in the values of a piece; others are those of the member.
+_POWER = {"rest_length": -1.0, "spring_constant": 1.0, "damping": 1.0, "member_mass": -1.0} | {
+    item.name: -1.0 for law in LAWS for item in law.parameters if item.unit == "m"
+}
+LEAST_SPAN = 1e-2  # of the length: so far apart a cable that hangs in a loop starts with its ends
 
 
-@dataclass(frozen=True)
-class SegmentedParts:
+class SegmentedParts(NamedTuple):
     """Nodes, members and groups of a scene whose cables are cut.
 
     node, member: fields of Structure; groups: by name, with one more for each cable; share: (n_members,) the
@@ -29,7 +35,7 @@ class SegmentedParts:
     member: dict[str, Any]
     groups: Mapping[str, Sequence[str]]
     share: FloatArray
-    cables: tuple[str, ...] = field(default=())
+    cables: tuple[str, ...] = ()
 
 
 def cut_cables(
@@ -42,92 +48,107 @@ def cut_cables(
 ) -> SegmentedParts:
     """Return the nodes, members and groups of a scene with its cables in segments.
 
-    node, member: what `build_node_arrays` and `build_member_arrays` return; the latter has `segments` too.
+    Pieces are NAME_1 to NAME_n, at the place of the cable; the nodes between them, NAME_node_1 to
+    NAME_node_(n - 1), come after all others. node, member: what `build_node_arrays` and `build_member_arrays`
+    return; the latter has `segments` too.
 
-    Raises InvalidValueError for segments of a bar or of a cable without mass, DuplicateNameError where pieces
-    have the names of other nodes or members.
+    Raises InvalidValueError for segments of a cable without mass, DuplicateNameError where pieces have the
+    names of other nodes, members or groups.
     """
-    member = dict(member)
-    counts = member.pop("segments")
-    _check_segments(member, counts, where)
+    counts, names = member.pop("segments"), member["member_name"]
     if (counts == 1).all():
         return SegmentedParts(node, member, groups, np.ones(len(counts)))
-
-    def place(e: int, n: int) -> FloatArray:
-        first, second = node["node_position"][member["connectivity"][e]]
-        return _place_inner(first, second, {key: member[key][e] for key in _OF_SHAPE}, gravity, axes, n)
-
-    cut = cut_members(node, member, counts, place)
-    known = {"nodes": node["node_name"], "members": member["member_name"], "groups": tuple(groups)}
-    made = {
-        "nodes": cut.node["node_name"][len(known["nodes"]) :],
-        "members": [cut.member["member_name"][e] for rows in cut.pieces.values() for e in rows],
-        "groups": list(cut.pieces),
-    }
-    for section, names in made.items():
-        for name in sorted(set(names) & set(known[section])):
-            raise DuplicateNameError(
-                f"segments of a cable make {section} of this name",
-                where=key_path(where, section, name),
-                given=name,
-                allowed="names that no cable in segments makes: CABLE, CABLE_1, CABLE_node_1",
-                hint="rename it",
-            )
-    pieces = {name: [cut.member["member_name"][e] for e in rows] for name, rows in cut.pieces.items()}
+    refuse(
+        (counts > 1) & (member["member_mass"] == 0), InvalidValueError, "a cable in segments without a mass",
+        section="members", names=names, where=where, key="segments", given=counts,
+        allowed="segments of a cable with mass_per_length or mass", hint="add mass_per_length [kg/m]",
+    )  # fmt: skip
+    cut = np.flatnonzero(counts > 1).tolist()
+    pieces = {names[e]: [f"{names[e]}_{k + 1}" for k in range(counts[e])] for e in cut}
+    inner = [f"{names[e]}_node_{k}" for e in cut for k in range(1, counts[e])]
+    _check_names(pieces, inner, node["node_name"], names, groups, where)
+    # The ends of all pieces, and their values.
+    ends: list[tuple[int, int]] = []
+    owner, first = np.repeat(np.arange(len(counts)), counts), len(node["node_name"])
+    for (i, j), count in zip(member["connectivity"].tolist(), counts.tolist(), strict=True):
+        ends += itertools.pairwise([i, *range(first, first + count - 1), j])
+        first += count - 1
+    values = {key: _cut(key, value, owner, counts) for key, value in member.items()}
+    values["connectivity"] = np.array(ends, dtype=np.int64)
+    values["member_name"] = tuple(piece for name in names for piece in pieces.get(name, [name]))
+    # Inner nodes move with the ends of their cable; their masses are those of members, and they are free.
+    fresh: dict[str, list[FloatArray]] = {"node_position": [], "node_velocity": []}
+    for e in cut:
+        part, pair = np.arange(1, counts[e])[:, None] / counts[e], member["connectivity"][e]
+        cable = {key: float(member[key][e]) for key in _OF_SHAPE}
+        fresh["node_position"].append(_place(node["node_position"][pair], cable, gravity, axes, part))
+        speed = node["node_velocity"][pair]
+        fresh["node_velocity"].append(speed[0] + part * (speed[1] - speed[0]))
+    nodes: dict[str, Any] = {"node_name": (*node["node_name"], *inner)}
+    for key in node.keys() - nodes.keys():
+        value = node[key]
+        added = fresh.get(key, [np.zeros((len(inner), *value.shape[1:]), value.dtype)])
+        nodes[key] = np.concatenate([value, *added])
     spread = {
-        name: [piece for one in names for piece in pieces.get(one, [one])] for name, names in groups.items()
+        name: [piece for one in group for piece in pieces.get(one, [one])] for name, group in groups.items()
     }
-    return SegmentedParts(cut.node, cut.member, spread | pieces, 1.0 / counts[cut.owner], tuple(pieces))
+    return SegmentedParts(nodes, values, spread | pieces, 1.0 / counts[owner], tuple(pieces))
 
 
 _OF_SHAPE = ("rest_length", "spring_constant", "axial_stiffness", "member_mass")
 
 
-def _check_segments(member: Mapping[str, Any], counts: IntArray, where: str) -> None:
-    rules = (
-        (member["is_bar"], "a bar has no segments", "only for cables", "take it out"),
-        (
-            ~member["is_bar"] & (member["member_mass"] == 0),
-            "a cable in segments without a mass",
-            "segments of a cable with mass_per_length or mass",
-            "add mass_per_length [kg/m]",
-        ),
+def _check_names(
+    pieces: Mapping[str, Sequence[str]],
+    inner: Sequence[str],
+    node_name: Sequence[str],
+    member_name: Sequence[str],
+    groups: Mapping[str, Any],
+    where: str,
+) -> None:
+    taken = (
+        ("nodes", inner, node_name),
+        ("members", [name for names in pieces.values() for name in names], member_name),
+        ("groups", pieces, groups),
     )
-    for bad, problem, allowed, hint in rules:
-        refuse(
-            (counts > 1) & bad, InvalidValueError, problem, section="members", names=member["member_name"],
-            where=where, key="segments", given=counts, allowed=allowed, hint=hint,
-        )  # fmt: skip
+    for section, made, known in taken:
+        for name in sorted(set(made) & set(known)):
+            raise DuplicateNameError(
+                f"a cable in segments makes {section} of this name", where=key_path(where, section, name),
+                given=name, allowed="names other than CABLE, CABLE_1, CABLE_node_1", hint="rename it",
+            )  # fmt: skip
 
 
-def _place_inner(
-    first: FloatArray,
-    second: FloatArray,
-    cable: Mapping[str, float],
-    gravity: FloatArray,
-    axes: tuple[int, ...],
-    n: int,
+def _cut(key: str, value: Any, owner: IntArray, counts: IntArray) -> Any:
+    """Return the values of pieces from those of members."""
+    if isinstance(value, Mapping):
+        return {name: _cut(name, values, owner, counts) for name, values in value.items()}
+    if isinstance(value, tuple):
+        return tuple(value[e] for e in owner.tolist())
+    if value is None or key not in _POWER:
+        return value if value is None else value[owner]
+    return value[owner] * counts[owner] ** _POWER[key]
+
+
+def _place(
+    ends: FloatArray, cable: Mapping[str, float], gravity: FloatArray, axes: tuple[int, ...], part: FloatArray
 ) -> FloatArray:
-    """Return n - 1 places on the catenary of a cable between two points, on the chord where there is none."""
-    part = np.arange(1, n)[:, None] / n
-    chord, pull = second - first, float(np.linalg.norm(gravity))
-    straight = first + part * chord
-    if pull == 0.0:
-        return np.asarray(straight)
-    up, length = -gravity / pull, float(cable["rest_length"])
+    """Return places at parts (n, 1) of a cable on its catenary, on the chord where there is none, (n, 3)."""
+    chord, pull, length = ends[1] - ends[0], float(np.linalg.norm(gravity)), cable["rest_length"]
+    straight: FloatArray = ends[0] + part * chord
+    up = -gravity / (pull or 1.0)
     across = chord - (chord @ up) * up
-    span = float(np.linalg.norm(across))
-    if span < LEAST_SPAN * length:  # nearly vertical: towards the axis that is most across
+    span = least = float(np.linalg.norm(across))
+    if span < LEAST_SPAN * length and length > np.linalg.norm(chord):  # to the axis that is most across
         unit = np.eye(3)[min(axes, key=lambda axis: abs(up[axis]))]
         across = unit - (unit @ up) * up
-    least = LEAST_SPAN * length if length > np.linalg.norm(chord) and across.any() else 0.0
-    stiffness = float(cable["axial_stiffness"] + cable["spring_constant"] * length)
+        least = LEAST_SPAN * length if across.any() else span
     try:
-        weight = float(cable["member_mass"]) * pull / length
-        found = find_catenary(max(span, least), float(chord @ up), length, weight, stiffness)
+        weight = cable["member_mass"] * pull / length
+        stiffness = cable["axial_stiffness"] + cable["spring_constant"] * length
+        found = find_catenary(least, float(chord @ up), length, weight, stiffness)
     except TensegrityError:
-        return np.asarray(straight)
-    x, z = found.points(n)[1:-1].T[:, :, None]
-    size = float(np.linalg.norm(across))
-    unit = across / size if size and math.isfinite(size) else across
-    return np.asarray(first + (x - (found.span - span) * part) * unit + z * up)
+        return straight
+    x, z = found.position(part[:, 0] * length).T[:, :, None]
+    unit = across / (float(np.linalg.norm(across)) or 1.0)
+    return np.asarray(ends[0] + (x - (least - span) * part) * unit + z * up)

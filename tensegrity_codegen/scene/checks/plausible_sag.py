@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.segments import find_chains
 from tensegrity_codegen.structure.structure import Structure
 
 MAX_SAG_LOSS = 1e-2  # w^2 L^2 EA / (12 T^3), by which a sagging cable is softer than a straight one
-MOST_SHOWN = 3
 
 
 def warn_of_sag(structure: Structure) -> list[str]:
@@ -20,26 +20,19 @@ def warn_of_sag(structure: Structure) -> list[str]:
     alone[[e for rows in find_chains(structure).values() for e in rows]] = False
     if not alone.any() or not size:
         return []
-    up = structure.gravity / size
-    ends = structure.node_position[structure.connectivity]
-    chord = ends[:, 1] - ends[:, 0]
-    level = np.linalg.norm(chord - (chord @ up)[:, None] * up, axis=1)
+    chord = np.diff(structure.node_position[structure.connectivity], axis=1)[:, 0]
+    level = np.linalg.norm(np.cross(chord, structure.gravity / size), axis=1)
     weight = structure.member_mass * size / structure.rest_length
-    tension = structure.static_tension()
     with np.errstate(divide="ignore", invalid="ignore"):
-        loss = (weight * level) ** 2 * structure.mu * structure.rest_length / (12 * tension**3)
+        cube = 12 * structure.static_tension() ** 3
+        loss = (weight * level) ** 2 * structure.mu * structure.rest_length / cube
     rows = np.flatnonzero(alone & (level > 0) & ~(loss <= MAX_SAG_LOSS))
-    if not rows.size:
-        return []
-    worst = rows[np.argsort(-loss[rows], kind="stable")]
     told = [
-        f"{structure.member_name[e]} {loss[e]:.3g}, so {1 / (1 + loss[e]):.4g} of its stiffness"
-        if tension[e] > 0
-        else f"{structure.member_name[e]}, which is slack as a straight line"
-        for e in worst[:MOST_SHOWN].tolist()
+        f"{structure.member_name[e]} ({loss[e]:.3g}, so {1 / (1 + loss[e]):.4g} of its stiffness)"
+        if np.isfinite(loss[e])
+        else f"{structure.member_name[e]} (slack as a straight line)"
+        for e in rows[np.argsort(-loss[rows], kind="stable")].tolist()
     ]
-    more = f" and {rows.size - MOST_SHOWN} more" if rows.size > MOST_SHOWN else ""
-    return [
-        f"the sag of cables with mass matters, w^2 L^2 EA / (12 T^3) is above {MAX_SAG_LOSS:g} (Ernst): "
-        f"{'; '.join(told)}{more}: add segments = 8 to the cable or its class, or tighten it"
-    ]
+    text = f"the sag of cables with mass matters, w^2 L^2 EA / (12 T^3) is above {MAX_SAG_LOSS:g} (Ernst)"
+    todo = "add segments = 8 to them or their class, or tighten them"
+    return [f"{text}: {name_list(told)}: {todo}"] if told else []
