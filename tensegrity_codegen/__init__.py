@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.pipeline.forming.formed import Form
     from tensegrity_codegen.pipeline.motion_function import motion_function
     from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions, symbolic_functions
+    from tensegrity_codegen.pipeline.segment_error import add_segment_error
     from tensegrity_codegen.pipeline.sizing.size_members import size_members
     from tensegrity_codegen.pipeline.sizing.sizing import Sizing
     from tensegrity_codegen.runtime.analysis.analyse import analyse
@@ -67,11 +68,12 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
     from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
-    from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+    from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium, SegmentError
     from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
     from tensegrity_codegen.scene.read import read_scene
     from tensegrity_codegen.scene.schema.schema import Scene
+    from tensegrity_codegen.structure.catenary import Catenary, find_catenary
     from tensegrity_codegen.structure.structure import Structure
     from tensegrity_codegen.sweeps.cases.sampled import Sampling
     from tensegrity_codegen.sweeps.engines.cluster import Cluster
@@ -86,6 +88,7 @@ __all__ = [
     "ActuatorLimits",
     "Analysis",
     "BatchTrajectory",
+    "Catenary",
     "Cluster",
     "CompiledModel",
     "ControlRun",
@@ -115,6 +118,7 @@ __all__ = [
     "RandomGust",
     "Sampling",
     "Scene",
+    "SegmentError",
     "Sensitivity",
     "Sizing",
     "Stand",
@@ -128,6 +132,7 @@ __all__ = [
     "Tuning",
     "Until",
     "__version__",
+    "add_segment_error",
     "analyse",
     "build_controller",
     "build_library",
@@ -139,6 +144,7 @@ __all__ = [
     "draw",
     "equilibrium_sensitivity",
     "export_fmu",
+    "find_catenary",
     "find_equilibria",
     "find_equilibrium",
     "form",
@@ -174,6 +180,7 @@ _HOME = {
     "Until": "runtime.simulate.until",
     "Analysis": "runtime.analysis.analysis",
     "BatchTrajectory": "runtime.trajectory.batch_trajectory",
+    "Catenary": "structure.catenary",
     "Cluster": "sweeps.engines.cluster",
     "CompiledModel": "runtime.model.model",
     "ControlRun": "control.feedback.loop.control_run",
@@ -205,6 +212,7 @@ _HOME = {
     "Sampling": "sweeps.cases.sampled",
     "Scene": "scene.schema.schema",
     "RandomGust": "control.feedback.study.stated_errors",
+    "SegmentError": "runtime.statics.equilibrium_record",
     "Sensitivity": "runtime.sensitivity.record",
     "Sizing": "pipeline.sizing.sizing",
     "size_members": "pipeline.sizing.size_members",
@@ -216,6 +224,7 @@ _HOME = {
     "TensegrityError": "system.errors",
     "Trajectory": "runtime.trajectory.trajectory",
     "Tuning": "control.feedback.study.tuning",
+    "add_segment_error": "pipeline.segment_error",
     "analyse": "runtime.analysis.analyse",
     "build_library": "pipeline.build_library",
     "compile_scene": "pipeline.compile_scene",
@@ -229,6 +238,7 @@ _HOME = {
     "draw": "live.draw",
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
     "export_fmu": "export.export_fmu",
+    "find_catenary": "structure.catenary",
     "find_equilibria": "runtime.statics.batch.find_equilibria",
     "find_equilibrium": "runtime.statics.equilibrium",
     "linearize": "runtime.linear.linearize",

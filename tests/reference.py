@@ -117,8 +117,8 @@ class ReferenceModel:
         inputs = np.array(given.get("input") if given.get("input") is not None else np.zeros(len(s.inputs)))
         rest_length = self._parameter("rest_length", given)
         for value, item in zip(inputs, s.inputs, strict=True):
-            if item.kind == "rest_length":
-                rest_length[list(item.targets)] += value
+            for e, gain in item.rest_length_gain.items():
+                rest_length[e] += gain * value
         shape = (s.n_nodes, len(self.axes))
         others = ("spring_constant", "axial_stiffness", "damping", "node_mass", "node_load", "gravity")
         return Values(
@@ -230,7 +230,7 @@ class ReferenceModel:
     # --- forces ------------------------------------------------------------------------------------
 
     def _carried_mass(self, v: Values) -> Array:
-        """Mass whose weight acts on each node: its own and half of its bars'."""
+        """Mass whose weight acts on each node: its own and half of its members'."""
         return np.asarray(v.node_mass + abs(self.incidence).T @ self.structure.member_mass / 2)
 
     def _applied(self, v: Values) -> Array:
@@ -289,12 +289,12 @@ class ReferenceModel:
     # --- dynamics ----------------------------------------------------------------------------------
 
     def _mass_matrix(self, v: Values, m: Members) -> Any:
-        """Point masses and, per bar, (m/6) [2 1; 1 2]: with |B|^T (m/6) |B| as its all-ones part."""
-        bar = sparse.diags_array(self.structure.member_mass / 6)
+        """Point masses; (m/6) [2 1; 1 2] of bars, |B|^T (m/6) |B| as its all-ones part; m/2 of cables."""
+        bar = self.structure.member_mass * self.structure.is_bar
         ends = abs(self.incidence)
-        ones = ends.T @ bar @ ends
-        twice = sparse.diags_array(ends.T @ (self.structure.member_mass / 6))
-        whole = sparse.diags_array(v.node_mass) + ones + twice
+        ones = ends.T @ sparse.diags_array(bar / 6) @ ends
+        more = sparse.diags_array(ends.T @ (bar / 6 + (self.structure.member_mass - bar) / 2))
+        whole = sparse.diags_array(v.node_mass) + ones + more
         return self._free_block(sparse.kron(whole, sparse.eye_array(len(self.axes))))
 
     def _solve_mass(self, v: Values, m: Members, right: Any) -> Any:

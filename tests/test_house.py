@@ -342,7 +342,7 @@ SECTIONS: dict[str, tuple[type[BaseModel], ...]] = {
     "## [interference]": (schema.Interference,),
     "## [ground]": (ground_schema.GroundTable,),
     "## [[loads]]": (schema.Load,),
-    "## [[inputs]]": (schema.RestLengthInput, schema.ForceInput),
+    "## [[inputs]]": (schema.RestLengthInput, schema.TemperatureInput, schema.ForceInput),
     "## [[actuators]]": (control_schema.ActuatorTable,),
     "## [[sensors]]": (control_schema.MemberSensor, control_schema.NodeSensor),
     "## [limits]": (control_schema.LimitsTable,),

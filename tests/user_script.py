@@ -37,6 +37,19 @@ FRAME = {
     },
     "ground": {"stiffness": 1e5, "friction": 0.5},
 }
+SPAN = {
+    "name": "span",
+    "axes": "xz",
+    "gravity": [0, -9.81],
+    "nodes": {
+        "left": {"position": [0, 0], "anchored": True},
+        "right": {"position": [10, 0], "anchored": True},
+    },
+    "members": {
+        "line": {"kind": "cable", "nodes": ["left", "right"], "axial_stiffness": 1e4, "rest_length": 10.5,
+                 "mass_per_length": 1.0, "segments": 8},
+    },
+}  # fmt: skip
 WORK = (
     *("simulate", "simulate_batch", "equilibrium", "equilibria", "sensitivity"),
     *("linearize", "analyse", "plan", "time_motion", "control"),
@@ -57,6 +70,10 @@ def main(folder: Path) -> dict[str, object]:
     frame = tc.compile_scene(FRAME, for_="equilibrium")
     standing: tc.Stand = tc.stand(frame, tc.find_equilibrium(frame))
     assert standing.verdict == "stands"
+    span = tc.find_equilibrium(tc.compile_scene(SPAN, for_="equilibrium"))
+    errors: tuple[tc.SegmentError, ...] = tc.add_segment_error(span).segments
+    line: tc.Catenary = tc.find_catenary(10.0, 0.0, 10.5, 9.81, 1e4)
+    assert abs(errors[0].extrapolated_sag - line.sag) < 1e-3
     analysis: tc.Analysis = tc.analyse(model)
     slopes: tc.Sensitivity = tc.equilibrium_sensitivity(model, found)
     linear: tc.LinearModel = tc.linearize(model, coordinate=found.coordinate)

@@ -28,7 +28,7 @@ InputOption = Annotated[
     list[str] | None,
     typer.Option(
         OPTION,
-        help="Value NAME=VALUE of an input or actuator, in m, N or N m; may be repeated.",
+        help="Value NAME=VALUE of an input or actuator, in m, K, N or N m; may be repeated.",
         show_default=False,
     ),
 ]
@@ -83,7 +83,7 @@ def _read_input(text: str, subject: "Subject") -> tuple[str, float]:
             "the value of the input is not a number",
             where=f"{OPTION} {name}",
             given=number,
-            allowed="one number, in m, N or N m",
+            allowed="one number, in m, K, N or N m",
         ) from None
     if not math.isfinite(value):
         raise NonFiniteError("not finite", where=f"{OPTION} {name}", given=number, allowed="a finite number")
@@ -100,7 +100,7 @@ def _find_outside(values: Mapping[str, float], subject: "Subject") -> list[str]:
     rest_length = add_inputs_to_rest_length(subject, values)
     if (rest_length <= 0).any():
         e = int((rest_length <= 0).argmax())
-        acting = [item.name for item in subject.inputs if item.kind == "rest_length" and e in item.targets]
+        acting = [item.name for item in subject.inputs if e in item.rest_length_gain]
         raise InvalidValueError(
             f"the rest length of {subject.member_name[e]} would be {rest_length[e]:.6g} m",
             where=OPTION,

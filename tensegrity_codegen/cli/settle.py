@@ -13,6 +13,8 @@ from tensegrity_codegen.cli.options import parse_loads
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length, find_input_force
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.segments import find_chains
+from tensegrity_codegen.system.errors import ConvergenceError
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -66,6 +68,7 @@ def _settle(
     """Return the equilibrium under these loads and inputs, and what the JSON says of it."""
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
+    from tensegrity_codegen.pipeline.segment_error import add_segment_error
     from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
@@ -77,6 +80,10 @@ def _settle(
     found = find_equilibrium(model, arguments=loads.arguments, raise_on_failure=False, **options)
     with output.progress("checking for snap-through"):
         snap = loads.find_snap(model, found)
+    try:
+        found = add_segment_error(found, request, compiler=compiler)
+    except ConvergenceError as error:
+        output.warn(f"the discretisation error of cables in segments is unknown: {error.problem}")
     output.warn(*found.warnings, *(_describe_snap(snap) if found.is_found else ()))
     found = _move_back(found, structure, loads, offset)
     return found, equilibrium_data(model, found) | snap.as_evidence()
@@ -86,7 +93,7 @@ def _report(
     output: Output, structure: "Structure | BodySystem", found: "Equilibrium", data: dict[str, Any]
 ) -> None:
     """Print the equilibrium: nodes, members, residual, motion."""
-    from tensegrity_codegen.report.tables import feet_table, members_table, nodes_table
+    from tensegrity_codegen.report.tables import feet_table, members_table, nodes_table, segments_table
     from tensegrity_codegen.structure.member_limits import describe_tensions, summarise_tensions
     from tensegrity_codegen.structure.outline import outline_tendons
 
@@ -99,6 +106,8 @@ def _report(
     if found.feet is not None:
         feet = found.feet
         tables.insert(0, feet_table(structure.name, feet.node_name, feet.force, feet.state, feet.penetration))
+    if found.segments:
+        tables.append(segments_table(structure.name, found.segments))
     tensions = describe_tensions(summarise_tensions(structure, found.member_tension))
     said = [*([found.message] if found.message else []), *([tensions] if found.is_found else [])]
     flaws = [] if found.members is None else found.members.describe()
@@ -127,6 +136,7 @@ class _Loads:
         self.switches = ("switch_margin",) if structure.has_switch.any() else ()
         self.cables = [name for name, bar in zip(structure.member_name, bars, strict=True) if not bar]
         self.n_nodes = structure.n_nodes
+        self.has_chains = not isinstance(structure, BodySystem) and bool(find_chains(structure))
 
     @property
     def parameters(self) -> dict[str, tuple[int, ...]]:
@@ -153,7 +163,8 @@ class _Loads:
 
         if not found.is_found:
             return Snap(None, reason="no equilibrium was found")
-        if found.feet is not None:  # the loads have grown already
+        # On the ground the loads have grown already; without its weight a chain has no stiffness.
+        if found.feet is not None or self.has_chains:
             return Snap(None)
         given: dict[str, Any] = {"cables": self.cables, "arguments": self.inputs}
         whole = find_load_snap(model, found, self.full, **given)

@@ -80,16 +80,16 @@ def _build_actuators(parts: ModelParts) -> Element:
         pull = {"site": name, "refsite": WORLD_SITE, "gear": f"{numbers(parts.force[node])} 0 0 0"}
         add(actuator, "general", name=f"load.{name}", **pull, **constant)
     for item in structure.inputs:
-        for target in item.targets:
-            if item.kind == "force":
-                site = structure.node_name[target]
-                gear = f"{numbers(np.array(item.direction))} 0 0 0"
-                pull = {"site": site, "refsite": WORLD_SITE, "gear": gear, "gainprm": "1"}
-                add(actuator, "general", name=f"{item.name}.{site}", **pull)
-            elif not structure.is_rigid[target]:
-                member = structure.member_name[target]
-                gain = {"tendon": member, "gainprm": number(structure.mu[target])}
-                add(actuator, "general", name=f"{item.name}.{member}", **gain)
+        for target in item.targets if item.kind == "force" else ():
+            site = structure.node_name[target]
+            gear = f"{numbers(np.array(item.direction))} 0 0 0"
+            pull = {"site": site, "refsite": WORLD_SITE, "gear": gear, "gainprm": "1"}
+            add(actuator, "general", name=f"{item.name}.{site}", **pull)
+        for e, gain in item.rest_length_gain.items():
+            if not structure.is_rigid[e]:
+                member = structure.member_name[e]
+                tendon = {"tendon": member, "gainprm": number(gain * structure.mu[e])}
+                add(actuator, "general", name=f"{item.name}.{member}", **tendon)
     return actuator
 
 
@@ -115,7 +115,7 @@ def _list_losses(structure: Structure) -> list[str]:
         ((loose & (structure.damping > 0)).any(), "cables keep their damping while slack"),
         (not structure.is_linear.all(), "bilinear members have the slope before their switch only"),
         (
-            any(item.kind == "rest_length" for item in structure.inputs),
+            any(item.rest_length_gain for item in structure.inputs),
             "inputs of rest lengths are forces mu u on tendons, which is exact while the cable is taut",
         ),
         (

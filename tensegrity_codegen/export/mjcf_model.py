@@ -66,7 +66,7 @@ def build_node_tree(structure: Structure, carried: NDArray[np.bool_]) -> NodeTre
     """
     fixed = structure.node_anchored.copy()
     fixed[:, [axis for axis in range(3) if axis not in structure.axes]] = True
-    heavy = (structure.member_mass > 0) & ~structure.is_rigid
+    heavy = (structure.member_mass > 0) & structure.is_bar & ~structure.is_rigid
     neighbours: list[list[int]] = [[] for _ in range(structure.n_nodes)]
     for i, j in structure.connectivity[heavy]:
         neighbours[i].append(int(j))
@@ -164,19 +164,21 @@ def _check_rigid(structure: Structure) -> None:
 
 
 def _spread_masses(parts: ModelParts) -> list[int]:
-    """Add the own masses of elastic bars to point masses, weights to forces; return the bars to couple."""
+    """Add the own masses of elastic members to point masses, weights to forces; return the bars to couple."""
     structure = parts.structure
     coupled: list[int] = []
     lumped: list[int] = []
     for member in np.flatnonzero((structure.member_mass > 0) & ~structure.is_rigid):
         i, j = (int(node) for node in structure.connectivity[member])
         mass = float(structure.member_mass[member])
-        exact = parts.tree.couples(i, j) and not (parts.carried[i] or parts.carried[j])
+        bar = bool(structure.is_bar[member])  # half of the mass of a cable stands at each of its ends
+        exact = bar and parts.tree.couples(i, j) and not (parts.carried[i] or parts.carried[j])
         share = mass / 6 if exact else mass / 2
         for node in (i, j):
             parts.point_mass[node] += share
             parts.force[node] += (mass / 2 - share) * structure.gravity
-        (coupled if exact else lumped).append(int(member))
+        if bar:
+            (coupled if exact else lumped).append(int(member))
     if lumped:
         names = ", ".join(structure.member_name[member] for member in lumped[:5])
         more = f" and {len(lumped) - 5} more" if len(lumped) > 5 else ""

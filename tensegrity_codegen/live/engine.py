@@ -16,6 +16,7 @@ from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR, find_row
 from tensegrity_codegen.tables.manifest import STATUS, STATUS_TEXT, ArgumentSpec, Manifest
+from tensegrity_codegen.tables.quantities.arguments import INPUT_UNITS
 
 # Factors of the values of the scene, by parameter; the others have no slider.
 FACTORS = {
@@ -26,6 +27,7 @@ FACTORS = {
 }
 GRAVITY = 20.0  # [m/s2]
 DAMPED = 0.2  # part of critical damping of one cable with one node, the end of a slider that starts at none
+TEMPERATURE_REACH = 100.0  # of inputs of temperature, up and down [K]
 LENGTH_PART = 0.15  # part of the rest length by which an input without a range changes it
 
 
@@ -79,13 +81,14 @@ class Sliders:
         rows = []
         inputs: Sequence[ActuatedInput | BodyInput] = self.subject.inputs
         for k, item in enumerate(inputs):
-            unit = {"rest_length": "m", "force": "N"}.get(item.kind, "N m")
             low, high = self._input_range(item, ranges.get(item.name))
-            rows.append(_row(item.name, "input", [k], low, high, float(nominal[k]), unit))
+            rows.append(_row(item.name, "input", [k], low, high, float(nominal[k]), INPUT_UNITS[item.kind]))
         return rows
 
     def _input_range(self, item: ActuatedInput | BodyInput, actuator: Actuator | None) -> tuple[float, float]:
         """Return the range of an input: that of its actuator, else one that suits it."""
+        if item.kind == "temperature":
+            return -TEMPERATURE_REACH, TEMPERATURE_REACH
         if item.kind != "rest_length":
             reach = self.scales.force * (self.scales.size if item.kind == "torque" else 1.0)
             return -reach, reach

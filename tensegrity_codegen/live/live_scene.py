@@ -356,7 +356,7 @@ def _list_facts(
     held: NDArray[np.bool_] = np.asarray(structure.node_anchored.any(axis=1))
     if held.any():
         facts.append("Reactions balance members, loads and weight at anchored nodes.")
-        heavy = (structure.member_mass > 0) & held[structure.connectivity].any(axis=1)
+        heavy = structure.is_bar & (structure.member_mass > 0) & held[structure.connectivity].any(axis=1)
         if motion is not None and heavy.any():
             facts.append("The inertia of bars at anchored nodes is not part of the reactions.")
     return tuple(facts)

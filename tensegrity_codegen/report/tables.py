@@ -1,7 +1,7 @@
 """Tables for the terminal: what a library holds and leaves out, nodes, members, how a run went."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.table import Table
@@ -13,6 +13,9 @@ from tensegrity_codegen.structure.member_limits import MemberChecks
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.runtime.statics.equilibrium_record import SegmentError
 
 # What the facts about a run are called, and their units.
 RUN_ROWS = {
@@ -167,6 +170,23 @@ def tips_table(name: str, tips: Sequence[Any]) -> LongTable:
     heads = ("cable", "what happens", "shortened by [m]", "rest length [m]", "about")
     ranking = (("least shortening", range(len(tips))),)
     return LongTable(f"{name}: tipping", heads, "flrrl", len(tips), describe, "cables", ranking)
+
+
+def segments_table(name: str, segments: Sequence["SegmentError"]) -> LongTable:
+    """Return a table of cables in segments: tensions and sags, and by how much these err."""
+
+    def describe(k: int) -> list[str]:
+        item = segments[k]
+        errors = item.end_tension - item.extrapolated_end_tension, item.sag - item.extrapolated_sag
+        tension, sag = f"{item.end_tension:.6g}", f"{item.sag:.6g}"
+        return [item.cable, str(item.n_segments), tension, f"{errors[0]:+.2g}", sag, f"{errors[1]:+.2g}"]
+
+    heads = ("cable", "segments", "end tension\n[N]", "error\n[N]", "sag\n[m]", "error\n[m]")
+    worst = rank_rows(np.array([-item.relative for item in segments]))
+    return LongTable(
+        f"{name}: cables in segments", heads, "frrrrr", len(segments), describe, "cables",
+        (("largest error", worst),),
+    )  # fmt: skip
 
 
 def members_table(

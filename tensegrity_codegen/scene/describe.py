@@ -8,7 +8,7 @@ import numpy as np
 
 from tensegrity_codegen.scene.describe_control import describe_control
 from tensegrity_codegen.scene.describe_ground import describe_ground
-from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.bodies import BodyInput, BodySystem
 from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.request import ModelRequest
@@ -17,7 +17,10 @@ _LETTERS = "xyz"
 # Keys of the section `model` that are always written, and those that are where they are not as usual.
 _MODEL_KEYS = ("formulation", "emitter", "quantities", "integrators")
 _MORE_MODEL_KEYS = ("events", "keep", "precision", "flags", "batch_width", "solvers", "interfaces")
-_MEMBER_COLUMNS = ("spring_constant", "axial_stiffness", "damping", "member_mass", "radius", "inner_radius")
+_MEMBER_COLUMNS = (
+    *("spring_constant", "axial_stiffness", "damping", "member_mass", "radius", "inner_radius"),
+    "thermal_expansion",
+)
 _NODE_PARAMETERS = ("node_mass", "node_load", "anchor_position")
 
 
@@ -93,11 +96,16 @@ def describe_values(subject: Structure | BodySystem, e: int, *, two_sided: bool)
 
 
 def _describe_input(structure: Structure, item: ActuatedInput) -> dict[str, Any]:
-    if item.kind == "rest_length":
-        names = [structure.member_name[e] for e in item.targets]
-        return {"name": item.name, "kind": item.kind, "members": names}
+    if item.kind != "force":
+        return describe_rest_length_input(item, structure.member_name)
     names = [structure.node_name[i] for i in item.targets]
     return {"name": item.name, "kind": item.kind, "nodes": names, "direction": list(item.direction)}
+
+
+def describe_rest_length_input(item: ActuatedInput | BodyInput, member_name: Sequence[str]) -> dict[str, Any]:
+    """Return the table of an input of kind rest_length or temperature."""
+    table = {"name": item.name, "kind": item.kind, "members": [member_name[e] for e in item.targets]}
+    return table | ({"gain": list(item.gain)} if item.gain and item.kind == "rest_length" else {})
 
 
 def describe_request(

@@ -5,10 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.scene.describe import describe_request, describe_structure, describe_values
+from tensegrity_codegen.scene.describe import (
+    describe_request,
+    describe_rest_length_input,
+    describe_structure,
+    describe_values,
+)
 from tensegrity_codegen.scene.describe_control import describe_control
 from tensegrity_codegen.scene.describe_ground import describe_ground
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.actuators import REST_LENGTH_KINDS
 from tensegrity_codegen.structure.bodies import Bar, Body, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -123,9 +129,8 @@ def _loads(system: BodySystem) -> list[dict[str, Any]]:
 
 
 def _input(system: BodySystem, item: BodyInput) -> dict[str, Any]:
-    if item.kind == "rest_length":
-        names = [system.member_name[e] for e in item.targets]
-        return {"name": item.name, "kind": "rest_length", "members": names}
+    if item.kind in REST_LENGTH_KINDS:
+        return describe_rest_length_input(item, system.member_name)
     direction = {"direction": list(item.direction), "frame": item.frame}
     if item.kind == "force":
         points = [_point(system, node) for node in item.targets]

@@ -9,6 +9,24 @@ SensorKind: TypeAlias = Literal["member_length", "member_tension", "node_positio
 MEMBER_SENSORS: tuple[SensorKind, ...] = ("member_length", "member_tension")
 NODE_SENSORS: tuple[SensorKind, ...] = ("node_position", "node_velocity")
 UNLIMITED = (0.0, math.inf)  # the range of an actuator that has none
+REST_LENGTH_KINDS = ("rest_length", "temperature")  # kinds of inputs that change rest lengths
+
+
+class RestLengthGains:
+    """Rest lengths that an input changes; shared by the inputs of structures and of body systems."""
+
+    kind: str
+    targets: tuple[int, ...]
+    gain: tuple[float, ...]
+
+    @property
+    def rest_length_gain(self) -> dict[int, float]:
+        """Change of the rest length for one unit of the input [1, m/K], by member; empty for forces."""
+        found: dict[int, float] = {}
+        gains = self.gain or (1.0,) * len(self.targets)
+        for e, gain in zip(self.targets, gains, strict=True) if self.kind in REST_LENGTH_KINDS else ():
+            found[e] = found.get(e, 0.0) + gain  # a member that is listed twice
+        return found
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from tensegrity_codegen.structure.structure import Structure
 def add_inputs_to_rest_length(
     subject: Structure | BodySystem, values: Mapping[str, float]
 ) -> NDArray[np.float64]:
-    """Return the rest lengths [m] with these values [m] of rest-length inputs, by name, (n_members,)."""
+    """Return the rest lengths [m] with these values [m, K] of inputs, by name, (n_members,)."""
     rest_length = np.array(subject.rest_length)
     for item in subject.inputs:
-        if item.kind == "rest_length" and item.name in values:
-            rest_length[list(item.targets)] += values[item.name]
+        for e, gain in item.rest_length_gain.items() if item.name in values else ():
+            rest_length[e] += gain * values[item.name]
     return rest_length
 
 

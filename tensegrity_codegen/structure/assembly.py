@@ -253,8 +253,7 @@ def _features(structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -
     anchored = np.any(structure.node_anchored[:, list(structure.axes)], axis=1)
     n_inputs = np.zeros(structure.n_members, dtype=np.int64)
     for item in structure.inputs:
-        if item.kind == "rest_length":
-            np.add.at(n_inputs, list(item.targets), 1)
+        n_inputs[list(item.rest_length_gain)] += 1
     sources = [_source(structure.member_value(name), parameters.get(name, ())) for name in MEMBER_VALUES]
     interior = ~np.any(anchored[structure.connectivity.reshape(-1, 2)], axis=1)
     columns = [structure.tension_only, *sources, n_inputs, interior]

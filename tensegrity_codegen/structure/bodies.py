@@ -18,7 +18,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.structure.actuators import Actuator, Sensor
+from tensegrity_codegen.structure.actuators import Actuator, RestLengthGains, Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.limits import Limits
@@ -109,17 +109,19 @@ class JointFriction:
 
 
 @dataclass(frozen=True)
-class BodyInput:
+class BodyInput(RestLengthGains):
     """One scalar input: added to rest lengths [m], or a force [N] or torque [N m] along a unit direction.
 
-    targets: members of a rest_length, nodes of a force, bodies of a torque.
+    targets: members of a rest_length or temperature, nodes of a force, bodies of a torque; gain: as of
+    ActuatedInput.
     """
 
     name: str
-    kind: Literal["rest_length", "force", "torque"]
+    kind: Literal["rest_length", "temperature", "force", "torque"]
     targets: tuple[int, ...]
     direction: Vector3 = (0.0, 0.0, 0.0)
     frame: Frame = "inertial"
+    gain: tuple[float, ...] = ()
 
 
 def coordinate_labels(body: Body) -> tuple[str, ...]:
@@ -156,6 +158,7 @@ class BodySystem(WithMemberLaws, Summarised):
     axial_stiffness: FloatArray  # (n_members,) [N]
     damping: FloatArray  # (n_members,) [N s/m]
     radius: FloatArray  # (n_members,) [m]
+    thermal_expansion: FloatArray | None = None  # (n_members,) [1/K], 0 where not given; None: nowhere
     law_parameter: Mapping[str, FloatArray] = field(default_factory=dict)  # (n_members,) each, by name
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     loads: tuple[BodyLoad, ...] = ()

@@ -1,6 +1,7 @@
 """The masses of nodes and uniform bars as numbers: what bars add to nodes, and which nodes they couple.
 
-H = diag(m_i) + sum over bars (m_e / 6) [2 1; 1 2], the same for every axis.
+H = diag(m_i) + sum over bars (m_e / 6) [2 1; 1 2] + sum over cables (m_e / 2) [1 0; 0 1], the same for every
+axis: half of the mass of a cable stands at each of its ends.
 """
 
 from collections.abc import Sequence
@@ -17,19 +18,22 @@ from tensegrity_codegen.system.errors import FormulationError
 
 
 class InertiaPlan:
-    """Shares of the bars' own masses, in the order in which everybody adds them.
+    """Shares of the own masses of bars and cables, in the order in which everybody adds them.
 
     pair: (n_pairs, 2) nodes i < j that bars with own mass join, in the order of the members; pair_mass:
-    (n_pairs,) their entries m_e / 6 in H [kg]; diagonal_share: (n_nodes,) what bars add to its diagonal.
+    (n_pairs,) their entries m_e / 6 in H [kg]; diagonal_share: (n_nodes,) what members add to its diagonal.
     """
 
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
-        heavy = np.flatnonzero(structure.member_mass)
+        heavy = np.flatnonzero(structure.member_mass * structure.is_bar)
         ends = structure.connectivity.reshape(-1, 2)[heavy]
         sixth = structure.member_mass[heavy] / 6.0
         self.diagonal_share = np.zeros(structure.n_nodes)
         np.add.at(self.diagonal_share, ends.reshape(-1), np.repeat(2.0 * sixth, 2))
+        cables = np.flatnonzero(structure.member_mass * ~structure.is_bar)
+        halves = np.repeat(structure.member_mass[cables] / 2.0, 2)
+        np.add.at(self.diagonal_share, structure.connectivity[cables].reshape(-1), halves)
         found, first, pair_of = np.unique(
             np.sort(ends, axis=1), axis=0, return_index=True, return_inverse=True
         )
@@ -41,7 +45,7 @@ class InertiaPlan:
 
     @cached_property
     def weight_share(self) -> FloatArray:
-        """(n_nodes,): the mass of bars whose weight each node carries, half of each bar's [kg]."""
+        """(n_nodes,): the mass of members whose weight each node carries, half of each one's [kg]."""
         share = self.diagonal_share.copy()
         np.add.at(share, self.pair.reshape(-1), np.repeat(self.pair_mass, 2))
         return share
@@ -95,7 +99,7 @@ class InertiaPlan:
 
 
 def find_massless(structure: Structure) -> NDArray[np.bool_]:
-    """Return which nodes are free to move and have no mass, neither their own nor of a bar, (n_nodes,)."""
+    """Return which nodes are free to move and have no mass, neither their own nor of a member, (n_nodes,)."""
     mass = structure.node_mass.copy()
     for end in (0, 1):
         np.add.at(mass, structure.connectivity[:, end], structure.member_mass)

@@ -76,6 +76,7 @@ def outline_bodies(subject: Structure | BodySystem) -> Structure:
         member_mass=extend(structure.member_mass, 0.0),
         radius=extend(structure.radius, radii),
         inner_radius=None if structure.inner_radius is None else extend(structure.inner_radius, 0.0),
+        thermal_expansion=None,
         limits=Limits(),
         law_parameter={name: extend(values, 0.0) for name, values in structure.law_parameter.items()},
     )
@@ -85,7 +86,7 @@ def split_at_rings(structure: Structure) -> Structure:
     """Return a structure whose members are the strands of all members, for pages that draw straight lines.
 
     Strands of one cable share its rest length in proportion to their lengths, and are called by its name and
-    a number. Groups, inputs and limits are left out.
+    a number. Groups, inputs, limits and thermal expansion are left out.
     """
     strands = structure.strands
     if strands.is_plain:
@@ -111,6 +112,7 @@ def split_at_rings(structure: Structure) -> Structure:
         **stiffness,
         **{name: getattr(structure, name)[e] for name in columns},
         inner_radius=None if structure.inner_radius is None else structure.inner_radius[e],
+        thermal_expansion=None,
         law_parameter={name: values[e] for name, values in structure.law_parameter.items()},
         groups={},
         inputs=(),

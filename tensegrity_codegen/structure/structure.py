@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.structure.actuators import Actuator, Sensor
+from tensegrity_codegen.structure.actuators import Actuator, RestLengthGains, Sensor
 from tensegrity_codegen.structure.collision import Collision
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.structure.ground import Ground
@@ -28,7 +28,7 @@ from tensegrity_codegen.tables.strands import Strands, list_strands
 
 
 @dataclass(frozen=True)
-class ActuatedInput:
+class ActuatedInput(RestLengthGains):
     """One scalar input u of the structure.
 
     Attributes
@@ -36,18 +36,22 @@ class ActuatedInput:
     name : str
         Name of the input.
     kind : str
-        ``"rest_length"``: u [m] is added to the rest length of each member of `targets`. ``"force"``: u [N]
-        times `direction` acts on each node of `targets`.
+        ``"rest_length"``: u [m] times its gain is added to the rest length of each member of `targets`.
+        ``"temperature"``: the same with u [K], a change of temperature, and gains rho alpha. ``"force"``:
+        u [N] times `direction` acts on each node of `targets`.
     targets : tuple of int
         Indices of members or nodes.
     direction : tuple of float, shape (3,)
         Unit vector of a force.
+    gain : tuple of float
+        Change of the rest length of each target for one unit of u [1, m/K]; empty: 1 for all.
     """
 
     name: str
-    kind: Literal["rest_length", "force"]
+    kind: Literal["rest_length", "temperature", "force"]
     targets: tuple[int, ...]
     direction: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gain: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,6 +86,8 @@ class Structure(WithMemberLaws, Summarised):
         Damping constants.
     member_mass, radius, inner_radius : ndarray, shape (n_members,) [kg, m, m]
         Own mass of bars, outer and inner radius (0 if not given).
+    thermal_expansion : ndarray or None, shape (n_members,) [1/K]
+        Coefficients of thermal expansion, which gains of inputs of temperature follow from.
     law_parameter : mapping of str to ndarray, shape (n_members,)
         Parameters of member laws other than a linear spring, see `laws`.
     groups : mapping of str to tuple of int
@@ -137,6 +143,7 @@ class Structure(WithMemberLaws, Summarised):
     member_mass: FloatArray  # (n_members,) [kg], a bar's own, spread evenly along it
     radius: FloatArray  # (n_members,) [m], 0 where not given
     inner_radius: FloatArray | None = None  # (n_members,) [m], of tubes; None: no member is one
+    thermal_expansion: FloatArray | None = None  # (n_members,) [1/K], 0 where not given; None: nowhere
     law_parameter: Mapping[str, FloatArray] = field(default_factory=dict)  # (n_members,) each, by name
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)  # member indices
     inputs: tuple[ActuatedInput, ...] = ()

@@ -79,19 +79,19 @@ class SymbolicArguments:
         return ca.vertcat(*[ca.vec(symbol) for symbol in chosen]) if chosen else ca.SX(0, 1)
 
     def add_inputs(self) -> None:
-        """Let each actuated input change rest lengths or loads: rho_e + u, F_i + u direction."""
+        """Let each actuated input change rest lengths or loads: rho_e + gain u, F_i + u direction."""
         for index, item in enumerate(self.structure.inputs):
             u = self.symbols["input"][index]
-            for target in item.targets:
-                if item.kind == "rest_length":
-                    self.rest_length[target] = self.rest_length[target] + u
-                else:
-                    load = self.node_load[target]
-                    for column, axis in enumerate(self.structure.axes):
-                        load[column] = load[column] + u * item.direction[axis]
+            for e, gain in item.rest_length_gain.items():
+                self.rest_length[e] = self.rest_length[e] + gain * u
+            for node in item.targets if item.kind == "force" else ():
+                load = self.node_load[node]
+                for column, axis in enumerate(self.structure.axes):
+                    load[column] = load[column] + u * item.direction[axis]
 
     def _argument(self, name: str) -> ModelArgument:
-        return ModelArgument(self.symbols[name], *nominal_value(self.structure, self.parameters, name))
+        value = nominal_value(self.structure, self.parameters, name)
+        return ModelArgument(self.symbols[name], *value, *describe_argument(self.structure, name))
 
     def _symbol(self, name: str, rows: int, columns: int = 1) -> ca.SX:
         self.symbols[name] = ca.SX.sym(name, rows, columns)
@@ -153,6 +153,13 @@ def check_parameters(parameters: Mapping[str, tuple[int, ...]]) -> None:
                 given=name,
                 hint=suggest(name, PARAMETERS),
             )
+
+
+def describe_argument(structure: Structure, name: str) -> tuple[str, str]:
+    """Return sentence and unit of an argument where they differ from the table of arguments, else ""."""
+    if name != "input" or all(item.kind != "temperature" for item in structure.inputs):
+        return "", ""
+    return "Rest-length changes, changes of temperature and forces of the inputs.", "m, K or N"
 
 
 def nominal_value(

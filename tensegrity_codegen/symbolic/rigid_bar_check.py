@@ -17,7 +17,9 @@ DEPENDENT = 1e-9  # part of a bar's unit vector that others leave free
 def check_formulation(structure: Structure, request: ModelRequest) -> None:
     """Raise FormulationError where the requested formulation cannot have the structure's rigid bars."""
     if find_formulation(request.formulation).has_rigid_bars:
-        check_rigid_bars(structure, find_rigid_bars(structure, request), request.parameters)
+        rigid = find_rigid_bars(structure, request)
+        check_rigid_bars(structure, rigid, request.parameters)
+        _check_no_heated_bar(structure, rigid)
     else:
         check_no_rigid_bar(structure, request.formulation)
 
@@ -84,6 +86,20 @@ def check_rigid_bars(
             allowed="bars of which none follows from the others and the anchors",
             hint="give these bars a stiffness, or leave out those that hold nothing",
         )
+
+
+def _check_no_heated_bar(structure: Structure, rigid: NDArray[np.bool_]) -> None:
+    """Raise FormulationError for an input of temperature on a bar that keeps its length."""
+    for item in structure.inputs:
+        heated = [e for e in item.targets if rigid[e]] if item.kind == "temperature" else []
+        if heated:
+            raise FormulationError(
+                "a rigid bar keeps its length at every temperature",
+                where=f"{structure.name}: inputs.{item.name}",
+                given=structure.member_name[heated[0]],
+                allowed="members that are no rigid bars",
+                hint='formulation = "node_position", in which bars with a stiffness change their lengths',
+            )
 
 
 def find_redundant(structure: Structure, members: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -22,6 +22,26 @@ end = { position = [0, 0, -2] }
 s1 = { kind = "cable", spring_constant = 100, rest_length = 1, nodes = ["top", "middle"] }
 rod = { kind = "bar", spring_constant = 1000, rest_length = 1, mass = 2, nodes = ["middle", "end"] }
 """
+# 1 N/m and EA 1000 N over 10 m.
+SPAN = """\
+name = "span"
+axes = "xz"
+gravity = [0, -10]
+[nodes]
+a = { position = [0, 0], anchored = true }
+b = { position = [10, 0], anchored = true }
+[members.line]
+kind = "cable"
+nodes = ["a", "b"]
+axial_stiffness = 1000
+rest_length = 10.5
+mass_per_length = 0.1
+segments = 8
+[[inputs]]
+name = "winch"
+kind = "rest_length"
+members = ["line"]
+"""
 FREE = """\
 name = "free"
 [classes.cable]
@@ -281,3 +301,20 @@ def test_pieces_are_said_once_and_no_snap_without_equilibrium(run: Run, folder: 
     result = run("equilibrium", write(folder / "loose.toml", loose))
     assert result.code == 3
     assert "snapped" not in result.err
+
+
+def test_the_error_of_cables_in_segments_is_stated(run: Run, folder: Path) -> None:
+    path = write(folder / "span.toml", SPAN)
+    data = run("equilibrium", path, "--json").data
+    (item,) = data["segments"]
+    assert (item["cable"], item["n_segments"]) == ("line", 8)
+    assert item["extrapolated_sag"] == pytest.approx(1.52249673979, rel=4e-4)
+    assert item["sag"] - item["extrapolated_sag"] == pytest.approx(1.1e-2, rel=0.05)
+    assert data["snapped"] is None
+    text = run("equilibrium", path, "--load", "line_node_4=0,-1").out
+    assert "cables in segments" in text
+    settled = folder / "settled.toml"
+    run("equilibrium", path, "--input", "winch=0.2", "--out", settled)
+    again = run("equilibrium", settled, "--json").data
+    assert again["displacement"] < 1e-6
+    assert again["segments"][0]["sag"] > item["sag"] + 0.2

@@ -43,7 +43,7 @@ def test_values_that_change_at_run_time_make_a_class_of_their_own() -> None:
 
 def test_mu_is_a_constant_where_nothing_in_it_changes() -> None:
     members = [cable(0, 1, 0.9), cable(1, 2, 0.9, 0.0, axial=50.0), cable(2, 3, 0.9, 0.0, axial=50.0)]
-    inputs = (ActuatedInput("pull", "rest_length", (0, 2, 2)),)
+    inputs = (ActuatedInput("pull", "rest_length", (0, 2)), ActuatedInput("more", "rest_length", (2,)))
     groups = plan_assembly(make_structure(SQUARE, members, inputs=inputs), {}).groups
     assert [group.member_class.n_inputs for group in groups] == [1, 0, 2]
     assert [group.member_class.is_stiffness_constant for group in groups] == [True, True, False]

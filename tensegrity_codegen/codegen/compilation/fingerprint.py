@@ -16,9 +16,12 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest
 
 # Fields of a structure and a request that count only where they hold something.
-ONLY_IF_ANY = ("law_parameter", "inner_radius", "driven", "ground", "collision", "columns", "directions")
-# Fields of a structure that no library depends on; actuators are among its inputs.
-NOT_IN_CODE = ("actuators", "sensors", "limits")
+ONLY_IF_ANY = (
+    *("law_parameter", "inner_radius", "driven", "ground", "collision", "columns", "directions"),
+    "gain",
+)
+# Fields of a structure that no library depends on; actuators and expansion are in its inputs.
+NOT_IN_CODE = ("actuators", "sensors", "limits", "thermal_expansion")
 PLAIN_TYPES = frozenset({bool, int, str})
 
 

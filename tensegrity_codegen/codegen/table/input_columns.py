@@ -76,7 +76,7 @@ class InputColumns:
     @cached_property
     def own_flat_index(self) -> IntArray:
         """(n,): the same of the components that inputs act on themselves."""
-        member, number = self.model.rest_input_table.T
+        member, number, _ = self.model.rest_inputs
         coordinate = self.model.coordinate[self.model.ends[member]].reshape(-1, 2 * self.model.n_axes)
         keys = (number[:, None] * self.model.n_coordinates + coordinate)[coordinate >= 0]
         return np.unique(np.concatenate([self.pushed[0], keys]))
@@ -135,11 +135,12 @@ class AddPulls:
         """Return the additions: input by input, to node i and then to node j."""
         coordinate, size = self.columns.model.coordinate[access.model.ends[access.member]], len(results)
         lines = []
-        for number in access.inputs:
+        for number, gain in access.inputs:
             entry = self.columns.entry(coordinate, number)
             table = writer.integers(f"{access.name}_{self.target}_entry", entry)
             for end, sign in ((0, "+"), (1, "-")):
                 for k in range(size):
                     at = f"{table}[{2 * size} * e + {end * size + k}]"
-                    lines.append(f"if ({at} >= 0) {{ {self.target}[{at}] {sign}= {results[k]}; }}")
+                    pull = writer.scaled(f"{access.name}_{self.target}_gain", gain, "e", results[k])
+                    lines.append(f"if ({at} >= 0) {{ {self.target}[{at}] {sign}= {pull}; }}")
         return lines

@@ -42,13 +42,12 @@ class FillLaws:
         return 3 + self.model.n_axes
 
     @cached_property
-    def stretched(self) -> list[tuple[int, int]]:
-        """Entry of a rest length and the input that is added to it."""
+    def stretched(self) -> list[tuple[int, int, float]]:
+        """Entry of a rest length, the input that is added to it, and its gain."""
         return [
-            (self.width * target, number)
+            (self.width * target, number, gain)
             for number, item in enumerate(self.model.structure.inputs)
-            if item.kind == "rest_length"
-            for target in item.targets
+            for target, gain in item.rest_length_gain.items()
         ]
 
     @cached_property
@@ -106,10 +105,12 @@ class FillLaws:
             chosen = self.model.parameters.get(name, ())
             entry = width * np.array(chosen, dtype=np.int64) + column
             lines += self._assign(writer, f"law_{name}", entry, f"{name}[n]", "=")
-        to = np.array([entry for entry, _ in self.stretched], dtype=np.int64)
-        which = np.array([number for _, number in self.stretched], dtype=np.int64)
+        to = np.array([entry for entry, _, _ in self.stretched], dtype=np.int64)
+        which = np.array([number for _, number, _ in self.stretched], dtype=np.int64)
         if len(to):
+            gain = np.array([gain for _, _, gain in self.stretched])
             source = f"input[{writer.index_at('law_input', which, 'n')}]"
+            source = writer.scaled("law_gain", gain, "n", source)
             lines += self._assign(writer, "law_stretched", to, source, "+=")
         for sign, mark in ((1, "+="), (-1, "-=")):
             part = [(entry, source) for entry, s, source in self.anchors if s == sign]

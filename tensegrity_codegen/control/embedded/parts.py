@@ -1,6 +1,6 @@
 """The parts of a controller: scene or model, motion, gains, estimator, distribution and actuators."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.structure.actuators import Sensor
+from tensegrity_codegen.structure.actuators import RestLengthGains, Sensor
 from tensegrity_codegen.system.checks import check_instance, check_switch, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError
 from tensegrity_codegen.tables.manifest import Manifest
@@ -189,6 +189,7 @@ def collect_parts(
     check_parts(manifest, motion, gains, estimator, distribution)
     check_same_motion(distribution, motion)
     assert described.structure is not None  # find_model_and_request refuses models without
+    _check_gains(described.structure)
     parts = ControllerParts(
         name=manifest.name if code.name is None else code.name,
         subject=described.structure,
@@ -204,6 +205,20 @@ def collect_parts(
     )
     check_start(parts)
     return parts
+
+
+def _check_gains(structure: Subject) -> None:
+    """Raise InvalidValueError for an input that changes rest lengths by other gains than 1."""
+    inputs: Sequence[RestLengthGains] = structure.inputs
+    for number, item in enumerate(inputs):
+        if any(gain != 1.0 for gain in item.rest_length_gain.values()):
+            raise InvalidValueError(
+                "a controller in C does not know inputs of temperature, nor of cables in segments",
+                where=f"{structure.name}: inputs.{number}",
+                given=structure.inputs[number].name,
+                allowed="inputs whose value is added to rest lengths as it is",
+                hint="remove the input from the scene of the controller",
+            )
 
 
 def find_quantities(parts: ControllerParts) -> tuple[str, ...]:

@@ -148,7 +148,7 @@ def _tabulate_actuators(parts: ControllerParts, printer: TablePrinter) -> list[T
     bounds, delays = parts.bounds, parts.delays()
     first = [members[0] for members in bounds.members]
     inputs: Sequence[ActuatedInput | BodyInput] = parts.subject.inputs
-    kept = [(k, item.targets) for k, item in enumerate(inputs) if item.kind == "rest_length"]
+    kept = [(k, item.rest_length_gain) for k, item in enumerate(inputs)]
     pulls = [[k for k, targets in kept if member in targets] for member in first]
     starts = np.concatenate([[0], np.cumsum([len(row) for row in pulls])])
     return [

@@ -215,8 +215,9 @@ def _rest_lengths(plan_model: PlanModel, limits: PlanLimits, index: int) -> tupl
     moving = np.flatnonzero(plan_model.incidence[index])
     rest = float(structure.rest_length[index])
     for item in structure.inputs:  # those that the plan holds
-        if item.kind == "rest_length" and index in item.targets and item.name not in plan_model.columns:
-            rest += float(plan_model.base[plan_model.model.manifest.input_name.index(item.name)])
+        if item.name not in plan_model.columns:
+            value = plan_model.base[plan_model.model.manifest.input_name.index(item.name)]
+            rest += item.rest_length_gain.get(index, 0.0) * float(value)
     low, high = limits.ranges.of_member(index)
     return (
         max(rest + float(limits.least_change[moving].sum()), low),

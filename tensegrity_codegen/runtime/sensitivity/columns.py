@@ -28,7 +28,7 @@ def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ..
     name : tuple of str
         Name of each column.
     matrix : sparse array, shape (n_members, n_columns)
-        One where the column changes the rest length of the member.
+        Change of the rest length of the member for one unit of the column: one, or the gain of an input.
 
     Raises
     ------
@@ -50,19 +50,20 @@ def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ..
         )  # fmt: skip
     _check_distinct(names, "columns")
     if isinstance(columns, Mapping):
-        members = [_find_group(name, columns[name], member_name) for name in names]
+        gains = [dict.fromkeys(_find_group(name, columns[name], member_name), 1.0) for name in names]
     else:
         structure = getattr(model, "structure", None)
         inputs = () if structure is None else structure.inputs
-        known = {item.name: tuple(item.targets) for item in inputs if item.kind == "rest_length"}
-        known |= {name: (e,) for e, name in enumerate(member_name)}
+        known = {item.name: gain for item in inputs if (gain := item.rest_length_gain)}
+        known |= {name: {e: 1.0} for e, name in enumerate(member_name)}
         for name in names:
             check_choice(name, known, "member or input", "columns")
-        members = [known[name] for name in names]
-    rows = np.concatenate([np.array(item, dtype=np.int64) for item in members])
-    places = np.repeat(np.arange(len(names)), [len(item) for item in members])
+        gains = [known[name] for name in names]
+    rows = np.concatenate([np.array(list(item), dtype=np.int64) for item in gains])
+    values = np.concatenate([np.array(list(item.values())) for item in gains])
+    places = np.repeat(np.arange(len(names)), [len(item) for item in gains])
     shape = (len(member_name), len(names))
-    return names, scipy.sparse.csc_array((np.ones(len(rows)), (rows, places)), shape=shape)
+    return names, scipy.sparse.csc_array((values, (rows, places)), shape=shape)
 
 
 def _find_group(name: str, given: Sequence[str], member_name: Sequence[str]) -> tuple[int, ...]:

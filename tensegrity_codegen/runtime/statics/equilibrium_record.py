@@ -1,6 +1,6 @@
 """The record of a search for an equilibrium: what was found, and how far the structure moved to reach it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,42 @@ from tensegrity_codegen.system.summaries import (
 
 # Residual over largest force up to which a start counts as an equilibrium that is left.
 START_RESIDUAL_TOLERANCE = 1e-3
+MAX_SEGMENT_ERROR = 0.01  # discretisation error of a cable, as a part, that is warned of
 LARGE_MOTION_RATIO = 0.1  # motion, as part of the structure's size, that is warned of
+
+
+@dataclass(frozen=True)
+class SegmentError:
+    """The discretisation error of a cable in segments.
+
+    Attributes
+    ----------
+    cable : str
+        Its name.
+    n_segments : int
+        Number of its segments.
+    end_tension, extrapolated_end_tension : float [N]
+        Larger tension at its ends, with its segments, and extrapolated to infinitely many.
+    sag, extrapolated_sag : float [m]
+        Largest distance from the chord of its ends, likewise.
+    """
+
+    cable: str
+    n_segments: int
+    end_tension: float
+    extrapolated_end_tension: float
+    sag: float
+    extrapolated_sag: float
+
+    @property
+    def relative(self) -> float:
+        """The larger of both errors, as a part of the extrapolated value."""
+        pairs = ((self.end_tension, self.extrapolated_end_tension), (self.sag, self.extrapolated_sag))
+        return max(abs(value - exact) / abs(exact) if exact else 0.0 for value, exact in pairs)
+
+    def describe(self) -> str:
+        """Return a sentence without its full stop."""
+        return f"{self.n_segments} segments of cable {self.cable} err by {100 * self.relative:.2g} %"
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,6 +120,8 @@ class Equilibrium(ByName, Summarised):
         Loads on nodes, without inputs, where they can change at run time; None: those of the scene.
     input : ndarray or None, shape (n_inputs,) [m, N or N m]
         Values of the inputs; None: those of the scene.
+    segments : tuple of SegmentError
+        Discretisation errors of cables in segments, after `add_segment_error`.
     feet : Feet or None
         Contacts with the ground: force, penetration, whether each is open, sticks or slips; None without one.
     """
@@ -121,6 +158,7 @@ class Equilibrium(ByName, Summarised):
     node_load: FloatArray | None = None
     input: FloatArray | None = None
     feet: Feet | None = None
+    segments: tuple[SegmentError, ...] = ()
 
     def headline(self) -> str:
         """Return status and message."""
@@ -133,6 +171,7 @@ class Equilibrium(ByName, Summarised):
         members = describe_count(len(self.member_tension), "member")
         return [
             ("tension", f"{describe_range(self.member_tension, 'N')} in {members}"),
+            *[("segments", item.describe()) for item in self.worst_segments],
             ("residual", f"{residual}, largest member force {largest}"),
             ("smallest eigenvalue", describe_number(self.smallest_eigenvalue, "N/m")),
             ("displacement", describe_number(self.displacement, "m") + node),
@@ -144,6 +183,11 @@ class Equilibrium(ByName, Summarised):
     def is_found(self) -> bool:
         """Whether this is a minimum of the energy, as exact as asked or as rounding permits."""
         return self.status in ("converged", "rounding_limited")
+
+    @property
+    def worst_segments(self) -> list[SegmentError]:
+        """The cable in segments that errs most, if there are any."""
+        return sorted(self.segments, key=lambda item: -item.relative)[:1]
 
     @property
     def members(self) -> MemberChecks | None:
@@ -179,6 +223,11 @@ class Equilibrium(ByName, Summarised):
                 f"structure's size ({self.extent:.6g} m): "
                 "the shape differs from that of the scene"
             )
+        sentences += [
+            f"{item.describe()}: with segments = {4 * item.n_segments} it is a sixteenth of that"
+            for item in self.worst_segments
+            if item.relative > MAX_SEGMENT_ERROR
+        ]
         return (*sentences, *([] if self.members is None else self.members.describe()))
 
     @property
@@ -193,8 +242,10 @@ class Equilibrium(ByName, Summarised):
             "neutral_motions", "neutral_motion_names", "energy", "displacement", "displaced_node", "change",
             "changed_node", "extent", "is_start_unstable", "saddles_left", "warnings", "message",
         )  # fmt: skip
-        on_ground = {} if self.feet is None else {"contacts": self.feet.as_evidence()}
-        limits = on_ground | {"limits": None if self.members is None else self.members.as_evidence()}
+        more: dict[str, Any] = {} if self.feet is None else {"contacts": self.feet.as_evidence()}
+        if self.segments:
+            more["segments"] = [asdict(item) for item in self.segments]
+        limits = more | {"limits": None if self.members is None else self.members.as_evidence()}
         return {name: getattr(self, name) for name in names} | limits
 
 

@@ -38,6 +38,10 @@ def build_actuators(
         members = _find_members(item.members, targets, *place, "members")
         problem = "a rigid bar has no rest length to change"
         refuse_members(members, rigid, problem, targets, (*place, "members"))
+        named = (item.members,) if isinstance(item.members, str) else item.members
+        own = np.isin(targets.member_name, named)
+        problem = "the rest length of a cable in segments has no actuator, but an input or a single segment"
+        refuse_members(members, ~own & (targets.share != 1.0), problem, targets, (*place, "members"))
         limits = _find_range(item, key_path(targets.where, *place, "range"))
         rate = Actuator.rate if item.rate is None else item.rate
         built.append(Actuator(item.name, members, rate, limits, item.delay))

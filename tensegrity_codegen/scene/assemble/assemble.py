@@ -11,7 +11,8 @@ from tensegrity_codegen.scene.assemble.ground import build_ground
 from tensegrity_codegen.scene.assemble.interference import build_collision, find_bar_pairs
 from tensegrity_codegen.scene.assemble.limits import build_limits
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
-from tensegrity_codegen.scene.assemble.nodes import build_node_arrays, spread_vectors
+from tensegrity_codegen.scene.assemble.nodes import build_node_arrays, build_node_load, spread_vectors
+from tensegrity_codegen.scene.assemble.segments import cut_cables
 from tensegrity_codegen.scene.assemble.targets import (
     Targets,
     build_inputs,
@@ -21,7 +22,12 @@ from tensegrity_codegen.scene.assemble.targets import (
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.geometry import check_freedom
 from tensegrity_codegen.scene.names import key_path
-from tensegrity_codegen.scene.schema.part_schema import ForceInput, Load, RestLengthInput
+from tensegrity_codegen.scene.schema.part_schema import (
+    ForceInput,
+    Load,
+    RestLengthInput,
+    TemperatureInput,
+)
 from tensegrity_codegen.scene.schema.schema import Scene, SceneParts
 from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.translate import translate
@@ -33,6 +39,7 @@ from tensegrity_codegen.tables.formulations import choose_formulation, find_form
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 from tensegrity_codegen.tables.strands import list_strands
 
+INPUTS = RestLengthInput | TemperatureInput | ForceInput
 SCENE = "a Scene, as read_scene(...) returns it"
 # What a scene gets that asks for no quantities; the second where a free node has no mass.
 DEFAULT_QUANTITIES = ("member_tension", "acceleration", "total_energy")
@@ -48,27 +55,32 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     loads, inputs = _of_nodes(scene, where)
     parts = list_parts(scene, where)
     axes = tuple("xyz".index(letter) for letter in scene.axes)
-    node = build_node_arrays(parts.nodes, loads, axes, where)
+    node = build_node_arrays(parts.nodes, axes, where)
     member = build_member_arrays(
         scene.classes, parts.members, node["node_name"], node["node_position"], where
     )
+    gravity = spread_vectors([scene.gravity], axes, [("gravity",)], where)[0]
+    cut = cut_cables(node, member, parts.groups, gravity, axes, where)
+    node, member = cut.node, cut.member
+    node["node_load"] = build_node_load(node["node_name"], loads, axes, where)
     targets = Targets(
         node["node_name"],
         member["member_name"],
         member["member_class"],
         scene.classes,
-        parts.groups,
+        cut.groups,
         where,
+        share=cut.share,
     )
     rigid = (member["spring_constant"] == 0) & (member["axial_stiffness"] == 0)
     ends = list_strands(member["connectivity"], member["ring_nodes"]).ends
     check_freedom(ends, node["node_anchored"], axes, node["node_name"], where)
-    acting = build_inputs(inputs, targets, rigid, axes)
+    acting = build_inputs(inputs, targets, member, axes)
     actuators = build_actuators(scene.actuators, [item.name for item in acting], targets, rigid)
     structure = Structure(
         name=scene.name,
         axes=axes,
-        gravity=spread_vectors([scene.gravity], axes, [("gravity",)], where)[0],
+        gravity=gravity,
         groups=targets.groups,
         inputs=(*acting, *(ActuatedInput(item.name, "rest_length", item.members) for item in actuators)),
         actuators=actuators,
@@ -78,7 +90,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     )
     structure = structure.with_changes(
         interference=_watch_bars(scene, structure, where),
-        limits=build_limits(scene.limits, structure, scene.classes, where),
+        limits=build_limits(scene.limits, structure, scene.classes, where, cut.cables),
         ground=build_ground(scene.ground, structure, None, where),
         collision=build_collision(scene.interference, where),
     )
@@ -88,10 +100,12 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     return structure, request
 
 
-def _of_nodes(scene: Scene, where: str) -> tuple[list[Load], list[RestLengthInput | ForceInput]]:
+def _of_nodes(
+    scene: Scene, where: str
+) -> tuple[list[Load], list[RestLengthInput | TemperatureInput | ForceInput]]:
     """Return loads and inputs of a scene without bodies; InvalidValueError for what only bodies have."""
     loads = [item for item in scene.loads if isinstance(item, Load)]
-    inputs = [item for item in scene.inputs if isinstance(item, RestLengthInput | ForceInput)]
+    inputs = [item for item in scene.inputs if isinstance(item, INPUTS)]
     foreign = [
         ("bodies", bool(scene.bodies)),
         ("tendons", bool(scene.tendons)),
@@ -105,7 +119,7 @@ def _of_nodes(scene: Scene, where: str) -> tuple[list[Load], list[RestLengthInpu
                 "this belongs to a scene of bodies",
                 where=key_path(where, section),
                 given=section,
-                allowed="nodes and members, with loads on nodes and inputs of kind rest_length and force",
+                allowed="nodes and members, loads on nodes, and inputs of rest_length, temperature and force",
                 hint="describe everything as bodies and tendons, or everything as nodes and members",
             )
     if find_formulation(scene.model.formulation).of_bodies:

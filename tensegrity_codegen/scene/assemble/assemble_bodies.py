@@ -22,6 +22,7 @@ from tensegrity_codegen.scene.assemble.members import build_member_arrays
 from tensegrity_codegen.scene.assemble.targets import Targets, build_parameters
 from tensegrity_codegen.scene.checks.check_laws import check_laws
 from tensegrity_codegen.scene.names import check_known, key_path
+from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.body_schema import (
     Tendon,
 )
@@ -106,7 +107,7 @@ def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, Mod
     )
     find = BodyFinder(scene, built, where)
     load, turning = build_body_loads(scene, find)
-    inputs = build_body_inputs(scene, targets, find)
+    inputs = build_body_inputs(scene, targets, find, system)
     rigid = np.zeros(system.n_members, dtype=np.bool_)
     actuators = build_actuators(scene.actuators, [item.name for item in inputs], targets, rigid)
     system = system.with_changes(
@@ -194,7 +195,14 @@ def _with_tendons(
     position = compute_node_position(system)
     with _in_words_of_tendons():
         arrays = build_member_arrays(classes, members, system.node_name, position, where)
-        del arrays["is_bar"], arrays["member_mass"], arrays["inner_radius"], arrays["ring_nodes"]
+        for key in ("member_mass", "segments"):
+            refuse(
+                arrays[key] > (key == "segments"), InvalidValueError, "a tendon has no mass and no segments",
+                section="members", names=arrays["member_name"], where=where, given=arrays[key],
+                allowed="cables with mass in scenes of nodes and members",
+            )  # fmt: skip
+        for key in ("is_bar", "member_mass", "inner_radius", "ring_nodes", "segments"):
+            del arrays[key]
         system = system.with_changes(**arrays)
         check_laws(system, where)
     return system

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tensegrity_codegen.scene.assemble.bodies import BuiltBodies
-from tensegrity_codegen.scene.assemble.targets import Targets, normalise
+from tensegrity_codegen.scene.assemble.targets import Targets, find_gain, normalise
 from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.schema.body_schema import (
     BodyTorque,
@@ -14,11 +14,12 @@ from tensegrity_codegen.scene.schema.body_schema import (
     PointLoad,
     TorqueInput,
 )
-from tensegrity_codegen.scene.schema.part_schema import RestLengthInput
+from tensegrity_codegen.scene.schema.part_schema import RestLengthInput, TemperatureInput
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.bodies import (
     BodyInput,
     BodyLoad,
+    BodySystem,
     FixedBody,
     Frame,
     JointFriction,
@@ -118,7 +119,9 @@ def build_friction(item: JointFrictionTable, number: int, find: BodyFinder) -> J
     return JointFriction((a, b), item.coefficient)
 
 
-def build_body_inputs(scene: Scene, targets: Targets, find: BodyFinder) -> tuple[BodyInput, ...]:
+def build_body_inputs(
+    scene: Scene, targets: Targets, find: BodyFinder, system: BodySystem
+) -> tuple[BodyInput, ...]:
     """Return the actuated inputs.
 
     Raises DuplicateNameError, UnknownNameError or InvalidValueError, with file and key.
@@ -134,9 +137,11 @@ def build_body_inputs(scene: Scene, targets: Targets, find: BodyFinder) -> tuple
                 allowed="each name once",
                 hint="rename one of the two",
             )
-        if isinstance(item, RestLengthInput):
+        if isinstance(item, RestLengthInput | TemperatureInput):
             members = targets.find_members(item.members, *place, "members")
-            built.append(BodyInput(item.name, "rest_length", members))
+            expanded = system.rest_length, system.thermal_expansion
+            gain = find_gain(item, members, targets, place, *expanded)
+            built.append(BodyInput(item.name, item.kind, members, gain=gain))
         elif isinstance(item, PointForceInput):
             nodes = [find.point(name, *place, "points") for name in item.points]
             frames = [find.frame(item.frame, int(find.built.node_body[n]), *place, "frame") for n in nodes]
@@ -152,7 +157,7 @@ def build_body_inputs(scene: Scene, targets: Targets, find: BodyFinder) -> tuple
                 "a scene of bodies has no nodes",
                 where=key_path(find.where, *place, "kind"),
                 given=item.kind,
-                allowed="rest_length, point_force, torque",
+                allowed="rest_length, temperature, point_force, torque",
                 hint='kind = "point_force" with points = ["body.point"]',
             )
     return tuple(built)

@@ -1,7 +1,7 @@
 """The limits of a scene, member by member: those of all members, then of classes, then of single members."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,8 +35,14 @@ def find_limited(subject: Subject) -> dict[str, BoolArray]:
     }
 
 
-def build_limits(stated: LimitsTable, subject: Subject, classes: Mapping[str, Any], where: str) -> Limits:
-    """Return the limits of a structure or body system.
+def build_limits(
+    stated: LimitsTable,
+    subject: Subject,
+    classes: Mapping[str, Any],
+    where: str,
+    cables: Sequence[str] = (),
+) -> Limits:
+    """Return the limits of a structure or body system; cables: groups that are cables in segments.
 
     Raises UnknownNameError for a class or member that does not exist, InvalidValueError for a limit that
     members cannot have and for a least tension above the largest, with file and key.
@@ -53,10 +59,11 @@ def build_limits(stated: LimitsTable, subject: Subject, classes: Mapping[str, An
     for name, table in stated.classes.items():
         _check_name(name, classes, "class", where, {"member": subject.member_name, "group": subject.groups})
         built.set_named(table, np.array(of_class.get(name, []), dtype=np.int64), "classes", name)
-    row_of = {name: row for row, name in enumerate(subject.member_name)}
+    rows_of: dict[str, tuple[int, ...]] = {name: (row,) for row, name in enumerate(subject.member_name)}
+    rows_of |= {name: subject.groups[name] for name in cables}
     for name, table in stated.members.items():
-        _check_name(name, row_of, "member", where, {"class": classes, "group": subject.groups})
-        built.set_named(table, np.array([row_of[name]]), "members", name)
+        _check_name(name, rows_of, "member", where, {"class": classes, "group": subject.groups})
+        built.set_named(table, np.array(rows_of[name]), "members", name)
     built.check_order()
     none = -math.inf
     clearance = none if stated.clearance is None else stated.clearance

@@ -1,8 +1,8 @@
 """The values of every member: its own, or else those of its class.
 
 Values that say the same thing in other words replace each other as one: {spring_constant, axial_stiffness,
-youngs_modulus}, {rest_length, prestress, strain}, {mass, density}, and those of laws (`Law.keys`). So a
-member with a prestress of its own drops the rest length of its class.
+youngs_modulus}, {rest_length, prestress, strain}, {mass, density, mass_per_length}, and those of laws
+(`Law.keys`). So a member with a prestress of its own drops the rest length of its class.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,9 +23,15 @@ Columns = dict[str, FloatArray]  # one value a row, NaN where the scene gives no
 STIFFNESS = ("spring_constant", "axial_stiffness")
 LAW_KEYS = tuple(group for law in LAWS for group in law.keys)
 MODULUS = "youngs_modulus"
-ALTERNATIVES = ((*STIFFNESS, MODULUS), ("rest_length", "prestress", "strain"), ("mass", "density"), *LAW_KEYS)
-SINGLE = ("damping", "radius", "inner_radius")
-BAR_ONLY = ("mass", "density", "inner_radius")
+ALTERNATIVES = (
+    (*STIFFNESS, MODULUS),
+    ("rest_length", "prestress", "strain"),
+    ("mass", "density", "mass_per_length"),
+    *LAW_KEYS,
+)
+SINGLE = ("damping", "radius", "inner_radius", "thermal_expansion", "segments")
+BAR_ONLY = ("density", "inner_radius")
+CABLE_ONLY = ("mass_per_length", "segments")
 
 
 def resolve_values(
@@ -125,18 +131,19 @@ def _check_values(
     where: str,
 ) -> None:
     """Raise for values that the kind of member does not have, or that say one thing twice."""
-    for key in BAR_ONLY:
+    for key in (*BAR_ONLY, *CABLE_ONLY):
+        kind, other = ("cable", "bar") if key in BAR_ONLY else ("bar", "cable")
         refuse(
-            ~is_bar & ~np.isnan(values[key]),
+            (~is_bar if key in BAR_ONLY else is_bar) & ~np.isnan(values[key]),
             InvalidValueError,
-            f"a cable has no {key}",
+            f"a {kind} has no {key}",
             section=section,
             names=names,
             where=where,
             key=key,
             given=values[key],
-            allowed="only for bars",
-            hint="give the mass to the nodes",
+            allowed=f"only for {other}s",
+            hint="mass_per_length" if key == "density" else "",
         )
     refuse(
         is_bar & (tension_only == 1),

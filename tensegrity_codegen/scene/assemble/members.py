@@ -26,7 +26,7 @@ def build_member_arrays(
     node_position: FloatArray,
     where: str,
 ) -> dict[str, Any]:
-    """Return the fields of Structure that are about members, by name.
+    """Return the fields of Structure that are about members, by name, and `segments`, (n_members,) of int.
 
     Raises UnknownNameError (class or node), InvalidValueError, DuplicateNameError or StructureError with
     the member and key named.
@@ -35,13 +35,13 @@ def build_member_arrays(
     given, is_bar, tension_only = resolve_values(classes, members, where)
     _check_needed(given, names, is_bar, where)
     connectivity, ring_nodes = _find_nodes(names, rows, node_name, where)
-    _check_rings(ring_nodes, names, tension_only, where)
     strands = list_strands(connectivity, ring_nodes)
     check_connectivity(strands, names, node_name, node_position, where)
     length = strands.lengths(node_position)
     stiffness = {key: _or_zero(given[key]) for key in STIFFNESS}
     laws = _find_laws(given, names, is_bar, where)
     rest_length = _rest_length({**given, **stiffness}, laws, length, tension_only, names, where)
+    expansion = _or_zero(given["thermal_expansion"])
     return {
         "member_name": names,
         "member_class": tuple(row.class_name or "" for row in rows),
@@ -52,10 +52,12 @@ def build_member_arrays(
         "rest_length": rest_length,
         **stiffness,
         "damping": _or_zero(given["damping"]),
-        "member_mass": _member_mass(given, length),
+        "member_mass": _member_mass(given, length, rest_length),
+        "segments": np.where(np.isnan(given["segments"]), 1, given["segments"]).astype(np.int64),
         "radius": _or_zero(given["radius"]),
         # None where no member is a tube
         "inner_radius": _or_zero(given["inner_radius"]) if (given["inner_radius"] > 0).any() else None,
+        "thermal_expansion": expansion if expansion.any() else None,
         "law_parameter": _law_parameter(
             {**given, **stiffness},
             laws,
@@ -93,25 +95,6 @@ def _find_nodes(
                 check_known(node, index, problem, "names of nodes", where, "members", name, "nodes")
         raise
     return np.array(pairs, dtype=np.int64).reshape(-1, 2), tuple(rings) if any(rings) else ()
-
-
-def _check_rings(
-    ring_nodes: tuple[tuple[int, ...], ...], names: tuple[str, ...], tension_only: BoolArray, where: str
-) -> None:
-    """Raise for rings on members that push: a bar is straight, and so is a two-sided spring."""
-    refuse(
-        np.array([bool(rings) for rings in ring_nodes], dtype=np.bool_) & ~tension_only
-        if ring_nodes
-        else np.zeros(len(names), dtype=np.bool_),
-        InvalidValueError,
-        "only a cable that cannot push passes rings",
-        section="members",
-        names=names,
-        where=where,
-        key="nodes",
-        allowed="two nodes, or a cable with tension_only = true",
-        hint="split the member at the nodes between its ends",
-    )
 
 
 def _check_needed(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where: str) -> None:
@@ -249,9 +232,13 @@ def _or_zero(values: FloatArray) -> FloatArray:
     return np.where(np.isnan(values), 0.0, values)
 
 
-def _member_mass(given: Columns, length: FloatArray) -> FloatArray:
-    """Return the bars' own masses, (n_members,) [kg]: given, or density * pi (R^2 - r^2) * length."""
+def _member_mass(given: Columns, length: FloatArray, rest_length: FloatArray) -> FloatArray:
+    """Return own masses, (n_members,) [kg].
+
+    As given, or density * pi (R^2 - r^2) * length of bars, or mass_per_length * rest_length of cables.
+    """
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused with the structure
         section = np.pi * (given["radius"] ** 2 - _or_zero(given["inner_radius"]) ** 2)
         by_density = _or_zero(given["density"] * section * length)
+        by_density += _or_zero(given["mass_per_length"] * rest_length)
     return np.where(np.isnan(given["mass"]), by_density, given["mass"])

@@ -12,13 +12,10 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 
-def build_node_arrays(
-    nodes: Mapping[str, Node], loads: Sequence[Load], axes: tuple[int, ...], where: str
-) -> dict[str, Any]:
-    """Return the fields of Structure that are about nodes, by name.
+def build_node_arrays(nodes: Mapping[str, Node], axes: tuple[int, ...], where: str) -> dict[str, Any]:
+    """Return the fields of Structure that are about nodes, by name, without loads.
 
-    Loads on one node add up. Raises InvalidValueError (a vector of the wrong size, an axis that is not
-    modelled) or UnknownNameError (a load on an unknown node).
+    Raises InvalidValueError (a vector of the wrong size, an axis that is not modelled).
     """
     names = tuple(nodes)
     rows = list(nodes.values())
@@ -31,7 +28,6 @@ def build_node_arrays(
         "node_velocity": velocity,
         "node_mass": np.array([row.mass or 0.0 for row in rows], dtype=np.float64),
         "node_anchored": _anchored(names, rows, axes, where),
-        "node_load": _node_load(names, loads, axes, where),
     }
 
 
@@ -77,9 +73,13 @@ def _anchored(
     return np.array([flags[word] for word in letters], dtype=np.bool_).reshape(-1, 3)
 
 
-def _node_load(
+def build_node_load(
     names: tuple[str, ...], loads: Sequence[Load], axes: tuple[int, ...], where: str
 ) -> FloatArray:
+    """Return the load on each node, (n_nodes, 3) [N]; loads on one node add up.
+
+    Raises InvalidValueError (a vector of the wrong size) or UnknownNameError (a load on an unknown node).
+    """
     index = {name: row for row, name in enumerate(names)}
     for number, load in enumerate(loads):
         problem, allowed = "a load on a node that is not defined", "the name of a node"

@@ -11,11 +11,11 @@ from tensegrity_codegen.scene.assemble.nodes import spread_vectors
 from tensegrity_codegen.scene.checks.geometry import find_fully_anchored
 from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.scene.schema.model_schema import Parameters
-from tensegrity_codegen.scene.schema.part_schema import ForceInput, RestLengthInput
+from tensegrity_codegen.scene.schema.part_schema import ForceInput, RestLengthInput, TemperatureInput
 from tensegrity_codegen.scene.schema.schema_types import Selection
 from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
 from tensegrity_codegen.structure.structure import ActuatedInput
-from tensegrity_codegen.system.arrays import BoolArray
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
@@ -28,6 +28,7 @@ from tensegrity_codegen.system.errors import (
 class Targets:
     """Finds the indices that names stand for; a name has one meaning among members, groups and classes.
 
+    share: (n_members,) the part of its cable that a member is, 1 unless it is one segment of several.
     Raises DuplicateNameError when it has two, UnknownNameError for a group of unknown members.
     """
 
@@ -39,7 +40,9 @@ class Targets:
         class_name: Iterable[str],
         groups: Mapping[str, Sequence[str]],
         where: str,
+        share: FloatArray | None = None,
     ) -> None:
+        self.share = np.ones(len(member_name)) if share is None else share
         self.where = where
         self.node_name, self.member_name = node_name, member_name
         self._node = {name: row for row, name in enumerate(node_name)}
@@ -109,9 +112,12 @@ class Targets:
 
 
 def build_inputs(
-    inputs: Sequence[RestLengthInput | ForceInput], targets: Targets, rigid: BoolArray, axes: tuple[int, ...]
+    inputs: Sequence[RestLengthInput | TemperatureInput | ForceInput],
+    targets: Targets,
+    member: Mapping[str, Any],
+    axes: tuple[int, ...],
 ) -> tuple[ActuatedInput, ...]:
-    """Return the actuated inputs; `rigid` (n_members,) marks members that have no rest length to change.
+    """Return the actuated inputs; member: arrays of `build_member_arrays`.
 
     Raises DuplicateNameError, UnknownNameError or InvalidValueError.
     """
@@ -135,15 +141,46 @@ def build_inputs(
             members = targets.find_members(item.members, "inputs", number, "members")
             if not members:
                 _refuse_empty(targets.where, ("inputs", number, "members"), item.members)
-            refuse_members(
-                members,
-                rigid,
-                "a rigid bar has no rest length to change",
-                targets,
-                ("inputs", number, "members"),
-            )
-            built.append(ActuatedInput(item.name, "rest_length", members))
+            rigid = (member["spring_constant"] == 0) & (member["axial_stiffness"] == 0)
+            problem = "a rigid bar has no rest length to change"
+            refuse_members(members, rigid, problem, targets, ("inputs", number, "members"))
+            expanded = member["rest_length"], member["thermal_expansion"]
+            gain = find_gain(item, members, targets, ("inputs", number), *expanded)
+            built.append(ActuatedInput(item.name, item.kind, members, gain=gain))
     return tuple(built)
+
+
+def find_gain(
+    item: RestLengthInput | TemperatureInput,
+    members: tuple[int, ...],
+    targets: Targets,
+    place: tuple[str | int, ...],
+    rest_length: FloatArray,
+    expansion: FloatArray | None,
+) -> tuple[float, ...]:
+    """Return the gain of an input on each of its members, rho alpha of temperature; () where all are 1.
+
+    A gain is shared by the segments of a cable, and not by those that are named themselves. Raises
+    InvalidValueError for a member without thermal expansion, or another number of gains than names.
+    """
+    if isinstance(item, TemperatureInput):
+        slope = rest_length * (np.zeros(len(rest_length)) if expansion is None else expansion)
+        problem = "a member without thermal_expansion does not change with temperature"
+        refuse_members(members, slope == 0, problem, targets, (*place, "members"))
+        return tuple(slope[list(members)].tolist())
+    stated = (1.0,) * len(item.members) if item.gain is None else item.gain
+    if len(stated) != len(item.members):
+        raise InvalidValueError(
+            "not one gain for each name",
+            where=key_path(targets.where, *place, "gain"),
+            given=list(stated),
+            allowed=f"{len(item.members)} numbers, one for each of `members`",
+        )
+    gain: dict[int, float] = {}
+    for name, value in zip(item.members, stated, strict=True):
+        for e in targets.find_members([name], *place, "members"):
+            gain.setdefault(e, value * (1.0 if targets.member_name[e] == name else float(targets.share[e])))
+    return () if set(gain.values()) == {1.0} else tuple(gain[e] for e in members)
 
 
 def build_parameters(

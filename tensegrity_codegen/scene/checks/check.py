@@ -15,7 +15,7 @@ from tensegrity_codegen.scene.checks.check_laws import check_laws
 from tensegrity_codegen.scene.checks.geometry import check_connectivity, check_freedom
 from tensegrity_codegen.scene.names import check_name, check_names, check_scene_name, key_path
 from tensegrity_codegen.scene.refuse import refuse
-from tensegrity_codegen.structure.actuators import Actuator, Sensor
+from tensegrity_codegen.structure.actuators import REST_LENGTH_KINDS, Actuator, Sensor
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, StructureError
@@ -110,15 +110,23 @@ def _check_rings(structure: Structure, where: str) -> None:
         )
     for number, nodes in ((number, nodes) for number, nodes in enumerate(rings) if nodes):
         check_indices(nodes, structure.n_nodes, f"{place}[{number}]")
-    refuse(
-        structure.passes_rings & ~structure.tension_only,
+    passes = structure.passes_rings
+    report = partial(refuse, section="members", names=structure.member_name, where=where)
+    report(
+        passes & ~structure.tension_only,
         InvalidValueError,
         "only a cable that cannot push passes rings",
-        section="members",
-        names=structure.member_name,
-        where=where,
         key="nodes",
-        allowed="no rings, or tension_only",
+        allowed="two nodes, or a cable with tension_only = true",
+        hint="split the member at the nodes between its ends",
+    )
+    report(
+        passes & (structure.member_mass > 0),
+        InvalidValueError,
+        "a cable through rings has no mass of its own",
+        key="mass",
+        given=structure.member_mass,
+        allowed="masses of nodes, or a cable with mass between two nodes",
     )
 
 
@@ -148,6 +156,7 @@ def _check_arrays(structure: Structure, where: str) -> None:
                 allowed=f"{words} array of shape {shape}",
             )
     _check_tubes(structure, where)
+    _check_expansion(structure, where)
     if len(structure.member_class) != structure.n_members:
         raise InvalidValueError(
             "one class name for each member is needed",
@@ -168,6 +177,17 @@ def _check_tubes(structure: Structure, where: str) -> None:
             where=key_path(where, "inner_radius"),
             given=inner.shape if of_numbers else type(inner).__name__,
             allowed=f"None, or an array of shape ({structure.n_members},) with values up to radius",
+        )
+
+
+def _check_expansion(structure: Structure, where: str) -> None:
+    values = structure.thermal_expansion
+    if values is not None and (values.shape != (structure.n_members,) or not np.isfinite(values).all()):
+        raise InvalidValueError(
+            "coefficients of thermal expansion that members cannot have",
+            where=key_path(where, "thermal_expansion"),
+            given=values.shape,
+            allowed=f"None, or an array of shape ({structure.n_members},) of finite numbers",
         )
 
 
@@ -226,14 +246,6 @@ def _check_laws(structure: Structure, where: str) -> None:
     report(~spring & ~axial & ~bar, InvalidValueError, "a cable without stiffness", allowed=one)
     report(
         bar & structure.tension_only, InvalidValueError, "a bar cannot be tension_only", key="tension_only"
-    )
-    report(
-        ~bar & (structure.member_mass > 0),
-        InvalidValueError,
-        "a cable has no mass",
-        key="mass",
-        given=structure.member_mass,
-        hint="give the mass to the nodes",
     )
     check_laws(structure, where)
 
@@ -302,17 +314,26 @@ def _check_plane(structure: Structure, where: str) -> None:
             )
 
 
+def _check_gain(item: ActuatedInput, place: str) -> None:
+    allowed = "one number for each member" + ("" if item.kind == "temperature" else ", or none")
+    if len(item.gain) != len(item.targets) and (item.gain or item.kind == "temperature"):
+        raise InvalidValueError("wrong number of gains", where=place, given=item.gain, allowed=allowed)
+    if not np.isfinite(np.array(item.gain, dtype=float)).all():
+        raise NonFiniteError("not a finite gain", where=place, given=item.gain, allowed=allowed)
+
+
 def _check_input(structure: Structure, number: int, item: ActuatedInput, where: str) -> None:
     place = key_path(where, "inputs", number)
-    if item.kind not in ("rest_length", "force"):
+    if item.kind not in (*REST_LENGTH_KINDS, "force"):
         raise InvalidValueError(
-            "unknown kind of input", where=place, given=item.kind, allowed="rest_length, force"
+            "unknown kind of input", where=place, given=item.kind, allowed="rest_length, temperature, force"
         )
     force = item.kind == "force"
     check_indices(item.targets, structure.n_nodes if force else structure.n_members, place)
     if not force:
         if structure.is_rigid[list(item.targets)].any():
             raise InvalidValueError("a rigid bar has no rest length to change", where=place, given=item.name)
+        _check_gain(item, place)
         return
     direction = np.array(item.direction)
     if not np.isfinite(direction).all():

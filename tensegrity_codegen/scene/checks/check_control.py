@@ -18,8 +18,8 @@ def check_control(structure: Structure, where: str) -> None:
     Raises InvalidValueError, NonFiniteError or DuplicateNameError, with `where` and the key.
     """
     last = structure.inputs[len(structure.inputs) - len(structure.actuators) :]
-    wanted = [(item.name, "rest_length", tuple(item.members)) for item in structure.actuators]
-    if wanted != [(item.name, item.kind, tuple(item.targets)) for item in last]:
+    wanted = [(item.name, "rest_length", tuple(item.members), ()) for item in structure.actuators]
+    if wanted != [(item.name, item.kind, tuple(item.targets), tuple(item.gain)) for item in last]:
         raise InvalidValueError(
             "the actuators are not the last inputs",
             where=key_path(where, "actuators"),

@@ -14,6 +14,7 @@ from tensegrity_codegen.scene.checks.plausible_forces import (
     warn_of_upward_gravity,
 )
 from tensegrity_codegen.scene.checks.plausible_ground import warn_of_ground
+from tensegrity_codegen.scene.checks.plausible_sag import warn_of_sag
 from tensegrity_codegen.scene.checks.plausible_sizes import warn_of_sizes
 from tensegrity_codegen.scene.checks.plausible_start import (
     LARGE_STRAIN,
@@ -172,6 +173,7 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
         *warn_of_side(structure),
         *warn_of_slack(structure),
         *warn_of_outliers(structure),
+        *warn_of_sag(structure),
         *warn_of_crossing(structure),
         *warn_of_ranges(structure),
         *warn_of_limits(structure),

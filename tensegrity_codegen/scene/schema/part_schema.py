@@ -15,6 +15,7 @@ from tensegrity_codegen.scene.schema.schema_types import (
     MemberValues,
     Name,
     NotNegative,
+    Number,
     Positive,
     Reference,
     References,
@@ -67,6 +68,18 @@ class RestLengthInput(Table):
     """An actuator: its value u [m] is added to the rest length of every listed member."""
 
     kind: Literal["rest_length"] = Field(description="Kind of input.")
+    name: Name = Field(description="Name of the input.")
+    members: References = Field(description="Names of members, groups or classes.")
+    gain: Annotated[tuple[Number, ...], Strict(False)] | None = Field(
+        None,
+        description="Change of rest lengths for one unit of u, one number for each of `members`; default 1.",
+    )
+
+
+class TemperatureInput(Table):
+    """A change of temperature u [K]: rest lengths become rho (1 + thermal_expansion u)."""
+
+    kind: Literal["temperature"] = Field(description="Kind of input.")
     name: Name = Field(description="Name of the input.")
     members: References = Field(description="Names of members, groups or classes.")
 

@@ -40,6 +40,7 @@ from tensegrity_codegen.scene.schema.part_schema import (
     MemberClass,
     Node,
     RestLengthInput,
+    TemperatureInput,
 )
 from tensegrity_codegen.scene.schema.schema_types import (
     Axes,
@@ -125,7 +126,10 @@ class Scene(Summarised, SceneParts):
     ] = Field((), description="Constant forces on nodes; forces and torques on bodies.")
     inputs: Annotated[
         tuple[
-            Annotated[RestLengthInput | ForceInput | PointForceInput | TorqueInput, Discriminator("kind")],
+            Annotated[
+                RestLengthInput | TemperatureInput | ForceInput | PointForceInput | TorqueInput,
+                Discriminator("kind"),
+            ],
             ...,
         ],
         Strict(False),

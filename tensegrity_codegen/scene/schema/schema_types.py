@@ -18,6 +18,8 @@ from pydantic_core import PydanticCustomError
 
 from tensegrity_codegen.scene.names import FILE_NAME_PROBLEM, FILE_NAMES, KEYWORDS, NAME_PATTERN, NAME_RULE
 
+MOST_SEGMENTS = 10_000  # of one cable
+
 
 def _refuse_keyword(name: str) -> str:
     if name in KEYWORDS:
@@ -124,7 +126,16 @@ class MemberValues(Table):
     damping: NotNegative | None = Field(
         None, description="Damping constant c [N s/m]: adds c times the rate of length to the tension."
     )
-    mass: Positive | None = Field(None, description="Bars only: own mass [kg], spread evenly along the bar.")
+    thermal_expansion: Number | None = Field(
+        None, description="Coefficient of thermal expansion alpha [1/K], for inputs of temperature."
+    )
+    mass: Positive | None = Field(None, description="Own mass [kg], spread evenly along the member.")
+    mass_per_length: Positive | None = Field(
+        None, description="Cables only: mass for each metre of rest length [kg/m]."
+    )
+    segments: Annotated[int, Field(ge=1, le=MOST_SEGMENTS)] | None = Field(
+        None, description="Cables with mass only: number of equal pieces of a chain that sags; default 1."
+    )
     density: Positive | None = Field(
         None, description="Bars only: density [kg/m3]; needs radius; mass = density * section * length."
     )

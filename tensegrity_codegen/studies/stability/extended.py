@@ -143,7 +143,10 @@ def _mass(structure: Structure) -> LongArray:
     """Return H over the coordinates (n, n)."""
     long, places = np.longdouble, structure.coordinate_node_axis
     whole = np.diag(structure.node_mass.astype(long))
-    for (i, j), mass in zip(structure.connectivity, structure.member_mass.astype(long), strict=True):
+    bars = structure.member_mass.astype(long) * structure.is_bar
+    halves = np.repeat((structure.member_mass.astype(long) - bars) / 2, 2)
+    np.add.at(whole, (structure.connectivity.ravel(), structure.connectivity.ravel()), halves)
+    for (i, j), mass in zip(structure.connectivity, bars, strict=True):
         whole[i, i] += mass / 3
         whole[j, j] += mass / 3
         whole[i, j] += mass / 6

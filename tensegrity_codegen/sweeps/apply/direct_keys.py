@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.scene.assemble.assemble import list_parts
 from tensegrity_codegen.scene.assemble.member_values import ALTERNATIVES, STIFFNESS
 from tensegrity_codegen.scene.schema.body_schema import Tendon
-from tensegrity_codegen.scene.schema.part_schema import Load, Member
+from tensegrity_codegen.scene.schema.part_schema import Load, Member, TemperatureInput
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.structure.bodies import BodySystem
@@ -153,6 +153,11 @@ class _KeyReader:
         self.members: Mapping[str, Member | Tendon] = self.scene.tendons
         if not self.scene.bodies:
             self.members = list_parts(self.scene, "scene").members
+        # Gains of temperature follow from rest lengths, pieces and masses of cables from those of the whole.
+        stated = [*self.scene.classes.values(), *self.members.values()]
+        self.has_derived = any(isinstance(item, TemperatureInput) for item in self.scene.inputs) or any(
+            item.segments is not None or item.mass_per_length is not None for item in stated
+        )
         names = self.subject.member_name
         # Of members of other laws the constants depend on stiffness and rest length.
         others = [np.asarray(item) != 0 for item in self.subject.law_parameter.values()]
@@ -174,6 +179,8 @@ class _KeyReader:
         """Return the entries that take the value of a number of the scene, none if there are none."""
         if self.scene.ground is not None and (steps[0] == "gravity" or steps[-1] in ("mass", "node_mass")):
             return []  # the stiffness and damping of the ground can follow from weights
+        if self.has_derived and steps[0] != "loads":
+            return []
         match steps:
             case ("gravity", int(place)):
                 axis = self._axis(place, len(self.scene.gravity or ()))
@@ -213,6 +220,8 @@ class _KeyReader:
     def find_stated(self, steps: Sequence[str | int], value: float) -> list[tuple[str, int, float]]:
         """Return which number of STATED of which members is which multiple of a number of the scene."""
         names = self.subject.member_name
+        if self.has_derived:
+            return []
         if tuple(steps) == ("shape", "prestress") and self.scene.shape is not None:
             made = {
                 name: item.prestress

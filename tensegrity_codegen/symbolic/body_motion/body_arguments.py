@@ -100,13 +100,12 @@ class BodyArguments:
     def _add_inputs(self) -> None:
         """Let inputs change rest lengths, and the forces on nodes that keep their direction."""
         for index, item in enumerate(self.system.inputs):
-            for target in item.targets:
-                if item.kind == "rest_length":
-                    self.rest_length[target] = self.rest_length[target] + self.input[index]
-                elif item.kind == "force" and item.frame == "inertial":
-                    load = self.node_load[target]
-                    for axis, part in enumerate(item.direction):
-                        load[axis] = load[axis] + self.input[index] * part
+            for e, gain in item.rest_length_gain.items():
+                self.rest_length[e] = self.rest_length[e] + gain * self.input[index]
+            for node in item.targets if item.kind == "force" and item.frame == "inertial" else ():
+                load = self.node_load[node]
+                for axis, part in enumerate(item.direction):
+                    load[axis] = load[axis] + self.input[index] * part
 
     def _argument(self, name: str) -> ModelArgument:
         system, symbol = self.system, self.symbols[name]
@@ -118,7 +117,8 @@ class BodyArguments:
         if name == "input":
             names = tuple(item.name for item in system.inputs)
             sentence = "Rest-length changes, forces and torques of the actuated inputs."
-            return ModelArgument(symbol, np.zeros(len(names)), names, sentence, "m, N or N m")
+            unit = "m, K, N or N m" if any(i.kind == "temperature" for i in system.inputs) else "m, N or N m"
+            return ModelArgument(symbol, np.zeros(len(names)), names, sentence, unit)
         chosen = list(self.parameters[name])
         names = system.node_name if name == "node_load" else system.member_name
         return ModelArgument(symbol, getattr(system, name)[chosen], tuple(names[k] for k in chosen))

@@ -50,8 +50,8 @@ class DistanceBlocks:
         """Return df/du of rest-length inputs, sparse (n_coordinates, n_inputs) [N/m]."""
         columns, slope = [], self.by_rest_length()
         for item in self.layout.structure.inputs:
-            targets = list(item.targets) if item.kind == "rest_length" else []
-            columns.append(sum((slope[:, e] for e in targets), ca.SX(self.layout.n_coordinates, 1)))
+            parts = (gain * slope[:, e] for e, gain in item.rest_length_gain.items())
+            columns.append(sum(parts, ca.SX(self.layout.n_coordinates, 1)))
         return ca.horzcat(*columns) if columns else ca.SX(self.layout.n_coordinates, 0)
 
     def _diagonal(self, blocks: dict[int, MemberBlocks]) -> ca.SX:

@@ -33,7 +33,7 @@ class Pairs:
 
 def list_pairs(structure: Structure, which: str) -> Pairs:
     """Return the pairs that are members ("connected"), or these and then all others, i < j ("full")."""
-    actuated = [e for item in structure.inputs if item.kind == "rest_length" for e in item.targets]
+    actuated = [e for item in structure.inputs for e in item.rest_length_gain]
     members = list(dict.fromkeys([*actuated, *range(structure.n_members)]))
     ends = [(int(i), int(j)) for i, j in structure.connectivity[members]]
     if which == "full":

@@ -127,15 +127,16 @@ class _NodePosition(NodeCoordinates):
 
     def _pulls_of_inputs(self) -> Iterable[tuple[int, int, Vector, int]]:
         """Yield input, node, force that one unit of it adds there, and its sign: members in their order."""
-        inputs = list(enumerate(self.structure.inputs))
+        gains = [item.rest_length_gain for item in self.structure.inputs]
         for e in self.members.plan.member.tolist():
-            for number in (n for n, item in inputs if item.kind == "rest_length" and e in item.targets):
+            for number, gain in ((n, gain[e]) for n, gain in enumerate(gains) if e in gain):
                 for strand, ends in zip(
                     self.members.members[e].strands, self.members.strand_ends[e], strict=True
                 ):
+                    pull = [gain * component for component in strand.rest_pull()]
                     for node, sign in zip(ends, (1, -1), strict=True):
-                        yield number, node, strand.rest_pull(), sign
-        for number, item in inputs:
+                        yield number, node, pull, sign
+        for number, item in enumerate(self.structure.inputs):
             for node in item.targets if item.kind == "force" else ():
                 yield number, node, [ca.SX(item.direction[axis]) for axis in self.structure.axes], 1
 

@@ -7,7 +7,7 @@ ABOVE_ZERO = ("rest_length", "spring_constant", "axial_stiffness", "ground")
 FROM_ZERO = ("damping", "node_mass")
 
 # Units of inputs by their kind.
-INPUT_UNITS = {"rest_length": "m", "force": "N", "torque": "N m"}
+INPUT_UNITS = {"rest_length": "m", "temperature": "K", "force": "N", "torque": "N m"}
 
 ARGUMENT_ROWS = (
     Quantity("coordinate", "q", "m", ("n_coordinates",), "Free node coordinates, node by node."),

@@ -47,8 +47,8 @@ def test_no_members():
 
 def test_classes_are_checked_even_where_no_member_uses_them():
     with pytest.raises(InvalidValueError) as caught:
-        resolve_values({"spare": MemberClass(kind="cable", spring_constant=1, mass=1)}, {}, "f")
-    assert caught.value.where == "f: classes.spare.mass"
+        resolve_values({"spare": MemberClass(kind="cable", spring_constant=1, density=1)}, {}, "f")
+    assert caught.value.where == "f: classes.spare.density"
 
 
 def test_unknown_class():

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.scene.assemble.targets import normalise
+from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError
-from tests.scene.samples import REMOVE, WHERE, build, changed
+from tests.scene.samples import ARCH, REMOVE, WHERE, build, changed
 
 
 def parameters(**choice):
@@ -163,3 +164,56 @@ def test_a_direction_of_any_size_is_normalised(size):
 def test_a_direction_of_length_zero_is_refused():
     with pytest.raises(InvalidValueError, match="length zero"):
         normalise(np.zeros(3), (0, 0, 0), WHERE)
+
+
+PAIR = {"name": "u1", "kind": "rest_length", "members": ["bc", "ab"], "gain": [0.5, 2.0]}
+
+
+def heated(**changes):
+    """Return the arch with an input of temperature on its strut and strings."""
+    document = changed(
+        "inputs", to=[{"kind": "temperature", "name": "sun", "members": ["ac", "ab"], **changes}]
+    )
+    for name, alpha in (("strut", 1.2e-5), ("string", -1e-4)):
+        document["classes"][name]["thermal_expansion"] = alpha
+    return document
+
+
+def test_gains_of_temperature_are_rest_lengths_times_expansion():
+    structure, _ = build(heated())
+    rest = structure.rest_length
+    assert structure.thermal_expansion.tolist() == [1.2e-5, -1e-4, -1e-4]
+    assert structure.inputs[0].rest_length_gain == {0: rest[0] * 1.2e-5, 2: 1.5 * -1e-4}
+    assert structure.inputs[0].kind == "temperature"
+
+
+@pytest.mark.parametrize("inputs", [heated(), changed("inputs", 0, to=PAIR)])
+def test_gains_are_the_same_after_writing_and_reading(inputs):
+    structure, request = build(inputs)
+    again, _ = build(describe_structure(structure, request))
+    assert again.inputs[0] == structure.inputs[0]
+    assert again.inputs[0].gain
+    np.testing.assert_array_equal(again.member_value("rest_length"), structure.member_value("rest_length"))
+
+
+def test_gains_of_one_are_none():
+    assert build(changed("inputs", 0, "gain", to=[1]))[0].inputs == build(ARCH)[0].inputs
+
+
+@pytest.mark.parametrize(
+    ("document", "key", "problem"),
+    [
+        (heated(members=["bc", "string"]), "inputs[0].members", "without thermal_expansion"),
+        (heated(), "inputs[0].members", "a rigid bar has no rest length"),
+        (changed("inputs", 0, "gain", to=[1.0, 2.0]), "inputs[0].gain", "not one gain for each name"),
+    ],
+)
+def test_gains_that_are_refused(document, key, problem):
+    if "thermal" in problem:
+        del document["classes"]["string"]["thermal_expansion"]
+    if "rigid" in problem:
+        del document["classes"]["strut"]["axial_stiffness"]
+    with pytest.raises(InvalidValueError) as caught:
+        build(document)
+    assert caught.value.where == f"{WHERE}: {key}"
+    assert problem in caught.value.problem

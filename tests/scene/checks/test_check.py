@@ -102,7 +102,6 @@ def test_connectivity_is_checked():
         ("spring_constant", 1.0, 0, "given twice"),
         ("spring_constant", 0.0, 1, "without stiffness"),
         ("tension_only", True, 0, "tension_only"),
-        ("member_mass", 1.0, 1, "no mass"),
     ],
 )
 def test_laws(key, value, row, problem):

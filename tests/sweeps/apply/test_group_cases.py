@@ -315,3 +315,31 @@ def test_wrong_keys_are_named_errors(
 def test_a_wrong_column_is_an_error_that_names_the_table() -> None:
     with pytest.raises(UnknownKeyError, match=r"^cases.csv: line 1: column shape.hieght"):
         build_assembler(scene("prism"), ["shape.hieght"], source="cases.csv: line 1")
+
+
+def test_cables_in_segments_are_assembled_for_each_case() -> None:
+    ends = {"position": [0, 0], "anchored": True}
+    document = {
+        "name": "span", "axes": "xz", "gravity": [0, -10],
+        "nodes": {"a": ends, "b": {**ends, "position": [10, 0]}, "c": {"position": [5, -2], "mass": 3.0}},
+        "classes": {"rope": {"kind": "cable", "mass": 0.4, "spring_constant": 50.0, "segments": 3}},
+        "members": {"ac": {"class": "rope", "nodes": ["a", "c"], "prestress": 3.0},
+                    "bc": {"class": "rope", "nodes": ["b", "c"], "segments": 1}},
+    }  # fmt: skip
+    keys = ["classes.rope.spring_constant=40,60", "members.ac.prestress=2,4", "nodes.c.position[0]=5,5.1"]
+    (group,) = group_and_compare(document, build_cases([*keys, "nodes.c.mass=2,3", "gravity[1]=-10,-8"]))
+    assert group.request.parameters.keys() >= {"spring_constant", "rest_length", "gravity", "node_mass"}
+    assert len(group_and_compare(document, build_cases(["classes.rope.segments=2,3"]))) == 2
+    document["classes"]["rope"] |= {"mass_per_length": 0.1}
+    del document["classes"]["rope"]["mass"]
+    assert len(group_and_compare(document, build_cases(["members.ac.prestress=2,4"]))) == 2  # masses differ
+
+
+def test_gains_of_temperature_follow_rest_lengths() -> None:
+    document = scene("prism")
+    document["classes"]["cable"]["thermal_expansion"] = 1e-4
+    document["inputs"] = [{"kind": "temperature", "name": "sun", "members": ["cable"]}]
+    groups = group_and_compare(document, build_cases(["shape.prestress=5:20:3", "input.sun=0,40"]))
+    assert [len(group.rows) for group in groups] == [2, 2, 2]  # one library for each set of rest lengths
+    groups = group_and_compare(document, build_cases(["loads[0].force[2]=-5:-1:3", "input.sun=0,40"]))
+    assert len(groups) == 1

@@ -167,6 +167,7 @@ def test_winch_at_one_end_moves_the_ring_by_half_of_what_it_takes_in() -> None:
         (["a", "ring", "ring", "b"], {}, "passes a node twice in a row"),
         (["a", "ring", "b"], {"tension_only": False}, "only a cable that cannot push passes rings"),
         (["a", "ring", "b"], {"kind": "bar"}, "only a cable that cannot push passes rings"),
+        (["a", "ring", "b"], {"mass": 1.0}, "no mass of its own"),
         (["a", "rng", "b"], {}, "a node that is not defined"),
         (["a"], {}, "2"),
     ],

@@ -91,15 +91,18 @@ class MemberAccess:
 
     def _changes(self, writer: Writer, counter: str) -> str:
         """Return what inputs add to a rest length, in the order of the inputs."""
-        texts = [writer.index_at(f"{self.name}_input", column, counter) for column in self.inputs]
-        return "".join(f" + input[{text}]" for text in texts)
+        texts = []
+        for column, gain in self.inputs:
+            text = f"input[{writer.index_at(f'{self.name}_input', column, counter)}]"
+            texts.append(" + " + writer.scaled(f"{self.name}_gain", gain, counter, text))
+        return "".join(texts)
 
     @property
-    def inputs(self) -> list[IntArray]:
-        """The inputs that change the rest length of each member, first, second and so on."""
-        table = self.model.rest_input_table
-        first = np.searchsorted(table[:, 0], self.member)
-        return [table[first + k, 1] for k in range(self.group.member_class.n_inputs)]
+    def inputs(self) -> list[tuple[IntArray, FloatArray]]:
+        """The inputs that change the rest length of each member, and their gains: first, second and so on."""
+        member, number, gain = self.model.rest_inputs
+        first = np.searchsorted(member, self.member)
+        return [(number[first + k], gain[first + k]) for k in range(self.group.member_class.n_inputs)]
 
 
 def held_arguments(model: TableModel, place: IntArray) -> set[str]:

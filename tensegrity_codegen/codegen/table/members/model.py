@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.assembly import plan_assembly
 from tensegrity_codegen.structure.inertia_plan import InertiaPlan
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.symbolic.arguments import check_parameters, nominal_value
+from tensegrity_codegen.symbolic.arguments import check_parameters, describe_argument, nominal_value
 from tensegrity_codegen.symbolic.formulations.rigid_bar import WORDS
 from tensegrity_codegen.symbolic.model import Frame, ModelArgument, frame_structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
@@ -67,7 +67,11 @@ class TableModel:
         always = {"coordinate", "velocity", "input", *(("internal",) if self.structure.internal_name else ())}
         names = [n for n in ARGUMENTS if n in self.parameters or n in always]
         return {
-            name: ModelArgument(ca.SX(), *nominal_value(self.structure, self.parameters, name))
+            name: ModelArgument(
+                ca.SX(),
+                *nominal_value(self.structure, self.parameters, name),
+                *describe_argument(self.structure, name),
+            )
             for name in names
         }
 
@@ -150,16 +154,16 @@ class TableModel:
         return start, which, direction
 
     @cached_property
-    def rest_input_table(self) -> IntArray:
-        """(k, 2): member and input of each rest length that an input changes, member by member."""
+    def rest_inputs(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """(k,): member, input and gain of each rest length that an input changes, member by member."""
         targets = [
-            (target, number)
+            (target, number, gain)
             for number, item in enumerate(self.structure.inputs)
-            if item.kind == "rest_length"
-            for target in item.targets
+            for target, gain in item.rest_length_gain.items()
         ]
-        table = np.array(targets, dtype=np.int64).reshape(-1, 2)
-        return table[np.argsort(table[:, 0], kind="stable")]
+        table = np.array(targets).reshape(-1, 3)
+        table = table[np.argsort(table[:, 0], kind="stable")]
+        return table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2]
 
     @property
     def n_held_arguments(self) -> int:

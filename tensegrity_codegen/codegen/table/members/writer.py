@@ -70,6 +70,10 @@ class Writer:
             return self.number(values[0])
         return f"{self.reals(name, values)}[{counter}]"
 
+    def scaled(self, name: str, gains: Array, counter: str, text: str) -> str:
+        """Return the C expression of `text` times entry `counter` of some gains, `text` where all are 1."""
+        return text if (gains == 1.0).all() else f"{self.real_at(name, gains, counter)} * {text}"
+
     def kernel(self, name: str, member_class: MemberClass) -> tuple[str, MemberKernel]:
         """Return the C name of a member kernel, and the kernel."""
         kernel = build_member_kernel(name, member_class, self.model.n_axes)

@@ -28,7 +28,7 @@ class CableTensions:
     spring_constant, axial_stiffness (n_members,) [N/m, N]: k and EA.
     base (n_members,) [m]: rest lengths without inputs.
     incidence (n_members, n_actuators): which actuators change which rest lengths.
-    other_incidence (n_members, n_inputs): the same of the inputs that are not these actuators.
+    other_incidence (n_members, n_inputs): gains of the inputs that are not these actuators.
     limited (n_limited,): members that actuators pull and that have a least tension.
     """
 
@@ -107,8 +107,8 @@ def find_cables(
     others = np.zeros((count, len(structure.inputs)))
     inputs: Sequence[ActuatedInput | BodyInput] = structure.inputs
     for column, item in enumerate(inputs):
-        if item.kind == "rest_length" and column not in bounds.place.tolist():
-            others[list(item.targets), column] = 1.0
+        for e, gain in item.rest_length_gain.items() if column not in bounds.place.tolist() else ():
+            others[e, column] = gain
     # Stiffnesses and rest lengths: of the scene, or as given.
     values = {
         name: np.array(getattr(structure, name), dtype=float)
