@@ -25,7 +25,7 @@ TRIANGLES, FLOAT, UINT16 = 4, 5126, 5123
 VERTICES, INDICES = 34962, 34963  # targets of buffer views
 SIDES = 12  # of cylinders
 ROUND = "bar with radius"
-COLORS = {"bar": [0.55, 0.35, 0.15, 1.0], "cable": [0.1, 0.2, 0.6, 1.0]}  # red, green, blue, alpha
+BROWN, BLUE = (0.55, 0.35, 0.15, 1.0), (0.1, 0.2, 0.6, 1.0)  # red, green, blue, alpha
 
 
 class _Writer:
@@ -43,21 +43,14 @@ class _Writer:
         array = np.asarray(values, dtype="<f4" if component == FLOAT else "<u2")
         view = {"buffer": 0, "byteOffset": len(self.buffer), "byteLength": array.nbytes}
         self.buffer += array.tobytes() + bytes(-array.nbytes % 4)
-        kind = "SCALAR" if array.ndim == 1 else f"VEC{array.shape[1]}"
-        accessor: dict[str, Any] = {
-            "bufferView": len(self.content["bufferViews"]),
-            "componentType": component,
-        }
-        rows = array.reshape(len(array), -1)
-        accessor |= {
-            "count": len(array),
-            "type": kind,
-            "min": rows.min(0).tolist(),
-            "max": rows.max(0).tolist(),
-        }
         self.content["bufferViews"].append(view if target is None else {**view, "target": target})
-        self.content["accessors"].append(accessor)
-        return len(self.content["accessors"]) - 1
+        number, rows = len(self.content["accessors"]), array.reshape(len(array), -1)
+        accessor: dict[str, Any] = {"bufferView": number, "componentType": component, "count": len(array)}
+        accessor |= {"type": "SCALAR" if array.ndim == 1 else f"VEC{array.shape[1]}"}
+        self.content["accessors"].append(
+            accessor | {"min": rows.min(0).tolist(), "max": rows.max(0).tolist()}
+        )
+        return number
 
     def add_node(self, name: str, **keys: Any) -> int:
         """Return the number of a new node below the first one."""
@@ -119,8 +112,8 @@ def _add_members(writer: _Writer, shapes: Shapes) -> Iterator[tuple[int, str, Fl
         scale = np.stack([across, length[:, row], across], axis=1)
         paths = {"translation": ends[:, row, 0], "rotation": rotation[:, row], "scale": scale}
         first = {key: values[0].tolist() for key, values in paths.items()}
-        word = "cable" if kind == "cable" else "bar"
-        node = writer.add_node(name, mesh=names.index(kind), extras={"kind": word}, **first)
+        extras = {"kind": kind.partition(" ")[0]}
+        node = writer.add_node(name, mesh=names.index(kind), extras=extras, **first)
         yield from ((node, key, values) for key, values in paths.items())
 
 
@@ -141,7 +134,7 @@ def _add_meshes(writer: _Writer, kinds: list[str]) -> list[str]:
             around = {"POSITION": writer.add_array(surface, target=VERTICES)}
             part = {"attributes": around, "mode": TRIANGLES, "material": number}
             parts.append({**part, "indices": writer.add_array(faces, UINT16, INDICES)})
-        look = {"baseColorFactor": COLORS["cable" if kind == "cable" else "bar"], "metallicFactor": 0.0}
+        look = {"baseColorFactor": BLUE if kind == "cable" else BROWN, "metallicFactor": 0.0}
         writer.content["materials"].append({"name": kind, "pbrMetallicRoughness": look})
         writer.content["meshes"].append({"name": kind, "primitives": parts})
     return kinds

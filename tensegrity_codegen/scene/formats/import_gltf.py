@@ -87,10 +87,8 @@ class _File:
     def list_lines(self, where: str) -> tuple[list[Line], dict[str, FloatArray]]:
         """Return all lines of the scene, and the places of nodes that are nothing but a place."""
         lines, named, seen = list[Line](), dict[str, FloatArray](), set[int]()
-        waiting = [
-            (number, np.eye(4)) for number in self.entry("scenes", self.content.get("scene", 0))["nodes"]
-        ]
-        waiting.reverse()
+        roots = self.entry("scenes", self.content.get("scene", 0))["nodes"]
+        waiting = [(number, np.eye(4)) for number in reversed(roots)]
         while waiting:
             number, above = waiting.pop()
             node, title = self.entry("nodes", number), str(self.entry("nodes", number).get("name", ""))
@@ -105,11 +103,9 @@ class _File:
                 continue
             if len(lines) > MOST_ENTRIES:
                 break
-            place, found = (
-                f"{where}: meshes[{node['mesh']}]",
-                self.list_ends(self.entry("meshes", node["mesh"])),
-            )
-            kind = node.get("extras", {}).get("kind")
+            found = self.list_ends(self.entry("meshes", node["mesh"]))
+            place, extras = f"{where}: meshes[{node['mesh']}]", node.get("extras")
+            kind = extras.get("kind") if isinstance(extras, dict) else None
             for k, (ends, names) in enumerate(found):
                 bar = kind == "bar" if kind in ("bar", "cable") else is_bar(title, *names)
                 label = f"{title}_{k + 1}" if title and len(found) > 1 else title

@@ -136,6 +136,7 @@ def test_nodes_carry_each_other(tmp_path: Path) -> None:
         ({"material": "Bar steel"}, "bar"),
         ({"material": "cable", "mesh": "crossbar"}, "cable"),
         ({"node": "bar", "extras": {"kind": "cable"}}, "cable"),
+        ({"node": "bar", "extras": "text"}, "bar"),
     ],
 )
 def test_names_of_bars(names: dict[str, Any], kind: str, tmp_path: Path) -> None:
