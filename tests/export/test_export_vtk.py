@@ -120,6 +120,26 @@ def test_a_motion_that_failed_is_noted(tmp_path: Path) -> None:
     assert any("unstable" in note for note in exported.notes)
 
 
+def test_samples_that_exist_are_replaced_on_request_only(tmp_path: Path) -> None:
+    source = load_source(tmp_path, "two_nodes")
+    write_motion(tmp_path / "m.npz", source.structure, 3)
+    options = {"trajectory": tmp_path / "m.npz"}
+    write_export("vtk", source, tmp_path / "a.pvd", **options)
+    (tmp_path / "a.pvd").unlink()
+    (tmp_path / "a" / "sample_00002.vtp").write_text("mine", encoding="utf-8")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(OutputError, match="already"):
+        write_export("vtk", source, tmp_path / "a.pvd", **options)
+    assert sorted(tmp_path.rglob("*")) == before
+    assert (tmp_path / "a" / "sample_00002.vtp").read_text(encoding="utf-8") == "mine"
+    write_export("vtk", source, tmp_path / "a.pvd", overwrite=True, **options)
+    assert read_arrays(tmp_path / "a" / "sample_00002.vtp")["TimeValue"].tolist() == [0.5]
+    (tmp_path / "b").write_text("a file where the folder would be", encoding="utf-8")
+    with pytest.raises(OutputError, match="not a folder"):
+        write_export("vtk", source, tmp_path / "b.pvd", **options)
+    assert not (tmp_path / "b.pvd").exists()
+
+
 def test_wrong_endings_and_motions_leave_nothing(tmp_path: Path) -> None:
     source = load_source(tmp_path, "prism")
     good, other, spoiled = (tmp_path / f"{name}.npz" for name in ("good", "other", "spoiled"))
