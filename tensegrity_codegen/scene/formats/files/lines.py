@@ -56,6 +56,7 @@ def build_lines(
     """
     from scipy.spatial import cKDTree
 
+    # Values in range, places that are numbers
     for key, value in (("tolerance", tolerance), ("axial_stiffness", axial_stiffness)):
         if value is not None and not 0 < value < LARGEST:
             raise InvalidValueError("the value is out of range", where=key, given=value, allowed="above 0")
@@ -66,6 +67,7 @@ def build_lines(
     for number in np.flatnonzero(~(np.abs(ends) < LARGEST).all(axis=(1, 2)))[:1]:  # NaN neither
         given, where = ends[number].tolist(), lines[number].where
         raise NonFiniteError("not a finite place", where=where, given=given, allowed=f"up to {LARGEST:g}")
+    # Ends as nodes, two for each line
     reach = float(np.ptp(ends, axis=(0, 1)).max()) * TOLERANCE if tolerance is None else tolerance
     nodes, places = _merge(ends.reshape(-1, 3), reach, path)
     pairs = nodes.reshape(-1, 2)
