@@ -4,15 +4,16 @@ A format is a module `export_*.py` of this folder that defines its `Exporter` as
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any
 
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.system.errors import InvalidValueError, check_choice
+from tensegrity_codegen.system.errors import InvalidValueError, OutputError, check_choice
 from tensegrity_codegen.system.files import check_ending, check_output, replaced
+from tensegrity_codegen.system.output_folder import check_folder, write_folder
 from tensegrity_codegen.tables.request import ModelRequest
 
 
@@ -28,11 +29,14 @@ class ExportSource:
         The structure that it describes.
     request : ModelRequest
         What it requests.
+    out : Path or None
+        What `write_export` writes; for formats of several files, which name each other.
     """
 
     path: Path
     structure: Subject
     request: ModelRequest
+    out: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -45,10 +49,14 @@ class Exported:
         For programs and tables: {"n_nodes": 6, ...}, in JSON's types.
     notes : tuple of str
         What the format cannot say, or says otherwise than the scene, a sentence each.
+    files : Mapping of str to bytes
+        Contents by file name: those of the folder that a format of a folder writes, else those of a folder
+        beside the file, of its name without ending.
     """
 
     facts: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    files: Mapping[str, bytes] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -71,6 +79,8 @@ class Exporter:
         Names of further keyword arguments of `write`, in Python as on the command line (with `-` for `_`).
     order : int
         Place in lists of formats.
+    is_folder : bool
+        Whether the output is a folder, of files with these endings; `write` then writes nothing itself.
     """
 
     name: str
@@ -79,6 +89,7 @@ class Exporter:
     write: Callable[..., Exported]
     options: tuple[str, ...] = ()
     order: int = 0
+    is_folder: bool = False
 
 
 def find_exporters() -> list[Exporter]:
@@ -108,8 +119,19 @@ def check_export(
                 given=value,
                 allowed=f"with {', '.join(having)} only",
             )
-    check_ending(out, *chosen.endings)
-    check_output(out, overwrite=overwrite, inputs=inputs)
+    if not chosen.is_folder:
+        check_ending(out, *chosen.endings)
+        check_output(out, overwrite=overwrite, inputs=inputs)
+        return chosen
+    if out.suffix:
+        raise OutputError(
+            "the output of this format is a folder with several files",
+            where=str(out),
+            given=out.name,
+            allowed="a name without an ending",
+            hint=out.stem,
+        )
+    check_folder(out)
     return chosen
 
 
@@ -125,9 +147,9 @@ def write_export(
     source : ExportSource
         The scene.
     out : Path
-        File to write.
+        File to write, or folder where the format writes several files.
     overwrite : bool
-        Whether to replace a file that exists.
+        Whether to replace files that exist.
     options : further arguments of the format; None: not given.
 
     Raises
@@ -143,5 +165,13 @@ def write_export(
     """
     chosen = check_export(format_name, out, overwrite=overwrite, inputs=(source.path,), **options)
     given = {key: value for key, value in options.items() if value is not None}
+    source = replace(source, out=out)
+    if chosen.is_folder:
+        exported = chosen.write(source, out, **given)
+        write_folder(out, exported.files, inputs=(source.path,), overwrite=overwrite)
+        return exported
     with replaced(out, overwrite=overwrite) as path:
-        return chosen.write(source, path, **given)
+        exported = chosen.write(source, path, **given)
+        if exported.files:
+            write_folder(out.with_suffix(""), exported.files, inputs=(source.path,), overwrite=overwrite)
+        return exported

@@ -5,7 +5,7 @@ from typing import Any
 
 from tensegrity_codegen.system.errors import MissingExtraError
 
-PLOT, CONTROL, TABLES, SWEEP, CLUSTER = "plot", "control", "tables", "sweep", "cluster"
+PLOT, CONTROL, TABLES, SWEEP, CLUSTER, CAD = "plot", "control", "tables", "sweep", "cluster", "cad"
 PACKAGES = {  # the packages of each extra, as in pyproject.toml
     PLOT: ("matplotlib", "pillow"),
     "cc": ("ziglang",),
@@ -13,6 +13,7 @@ PACKAGES = {  # the packages of each extra, as in pyproject.toml
     TABLES: ("pandas", "pyarrow", "xarray"),
     SWEEP: ("SALib", "google-crc32c", "xarray", "zarr"),
     CLUSTER: ("dask", "distributed"),
+    CAD: ("ezdxf",),
 }
 WORK = {
     PLOT: "pictures need",
@@ -20,6 +21,7 @@ WORK = {
     TABLES: "this kind of table needs",
     SWEEP: "sweeps need",
     CLUSTER: "sweeps on a cluster need",
+    CAD: "DXF files need",
 }
 
 

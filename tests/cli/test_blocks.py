@@ -32,6 +32,8 @@ NEEDS = {
     "docs/guides/plan.md": ("daqp",),
     "docs/planning.md": ("daqp",),
     "docs/control.md": ("daqp",),
+    "docs/export.md": ("ezdxf",),
+    "docs/import.md": ("ezdxf",),
     "docs/gallery/prism12.md": ("daqp",),
     "docs/gallery/pinned_prism.md": ("daqp",),
 }

@@ -1,6 +1,19 @@
-"""A scene that is exported in tests."""
+"""Scenes and motions that are exported in tests."""
 
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tensegrity_codegen import load_scene
+from tensegrity_codegen.cli.scene_files import read_example
+from tensegrity_codegen.export.exporter import ExportSource
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.outline import outline_tendons
+
+Array = NDArray[np.float64]
 
 # A prism that swings on its feet: cables go slack and taut; two inputs, parameters of four kinds, damping.
 LOOSE = """
@@ -60,3 +73,55 @@ def write_loose(folder: Path) -> Path:
     path = folder / "loose.toml"
     path.write_text(LOOSE, encoding="utf-8")
     return path
+
+
+def write_motion(path: Path, subject: Subject, n_samples: int = 5, **changes: Any) -> Array:
+    """Write a result file of a motion that turns all nodes about x and y; return positions (n_t, n_nodes, 3).
+
+    The last turn is a half one. changes: arrays of the file in place of these.
+    """
+    structure = outline_tendons(subject)
+    time = np.linspace(0.0, 0.5, n_samples)
+    position = np.empty((n_samples, structure.n_nodes, 3))
+    for sample, part in enumerate(np.linspace(0.0, 1.0, n_samples)):
+        turn = Rotation.from_rotvec([np.pi * part, 0.3 * part, 0.0])
+        position[sample] = turn.apply(structure.node_position.copy()) * (1.0 + 0.1 * part) + [0.0, 0.0, part]
+    tension = np.outer(1.0 + time, np.arange(1.0, structure.n_members + 1.0))
+    arrays = {
+        "time": time,
+        "node_position": position,
+        "node_velocity": np.zeros_like(position),
+        "member_tension": tension,
+        "kinetic_energy": time,
+        "total_energy": time,
+        "node_name": np.array(structure.node_name),
+        "member_name": np.array(structure.member_name),
+        "status": np.array("ok"),
+        "message": np.array(""),
+        "method": np.array("rk54"),
+    }
+    np.savez(path, **(arrays | changes))
+    return position
+
+
+def load_source(folder: Path, name: str) -> ExportSource:
+    """Write an example to a folder; return it as the source of an export."""
+    path = folder / f"{name}.toml"
+    path.write_text(read_example(name), encoding="utf-8")
+    return ExportSource(path, *load_scene(path))
+
+
+# A cable through a ring, which a second cable holds.
+HOIST: dict[str, Any] = {
+    "name": "hoist",
+    "nodes": {
+        "a": {"position": [0, 0, 1], "anchored": True},
+        "ring": {"position": [0.5, 0, 0], "mass": 0.2},
+        "b": {"position": [1, 0, 1], "anchored": True},
+        "foot": {"position": [0.5, 0, -1], "anchored": True},
+    },
+    "members": {
+        "rope": {"kind": "cable", "nodes": ["a", "ring", "b"], "prestress": 3.0, "axial_stiffness": 1e3},
+        "stay": {"kind": "cable", "nodes": ["ring", "foot"], "prestress": 5.0, "axial_stiffness": 1e3},
+    },
+}

@@ -43,7 +43,16 @@ TargetsOption = Annotated[
         help="fmu: machine that a binary is compiled for, by zig, instead of this one; repeat for several.",
     ),
 ]
-OutOption = Annotated[Path, typer.Option("--out", "-o", help="File to write.", show_default=False)]
+TrajectoryOption = Annotated[
+    Path | None,
+    typer.Option("--trajectory", help="csv, dxf, gltf, vtk: result file of the verb simulate (.npz)."),
+]
+SampleOption = Annotated[
+    int | None, typer.Option("--sample", help="dxf: sample of --trajectory, from 0 (the last).")
+]
+OutOption = Annotated[
+    Path, typer.Option("--out", "-o", help="File to write; for csv a folder.", show_default=False)
+]
 
 
 class ExportCommand(VerbCommand):
@@ -78,12 +87,14 @@ def export_scene(
     scene: SceneArgument,
     out: OutOption,
     *,
+    trajectory: TrajectoryOption = None,
+    sample: SampleOption = None,
     fmu: FmuOptions,
     compiler: CompilerOption = None,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Write a scene in the format of another program.
+    """Write a scene in the format of another program, its shape or a motion of it for viewers.
 
     Example: tensegrity-codegen export fmu prism.toml --out prism.fmu
     """
@@ -91,12 +102,13 @@ def export_scene(
     options: dict[str, Any] = {
         name: None if value is False or value == [] else value for name, value in vars(fmu).items()
     }
-    options["compiler"] = compiler
+    options |= {"compiler": compiler, "trajectory": trajectory, "sample": sample}
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.export.exporter import ExportSource, check_export, write_export
 
-        check_export(format_name, out, overwrite=overwrite, inputs=(scene,), **options)
+        inputs = (scene,) if trajectory is None else (scene, trajectory)
+        check_export(format_name, out, overwrite=overwrite, inputs=inputs, **options)
         structure, request = output.load(scene)
         source = ExportSource(scene, structure, request)
         exported = write_export(format_name, source, out, overwrite=overwrite, **options)

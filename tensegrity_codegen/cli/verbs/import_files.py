@@ -1,5 +1,6 @@
 """The verb `import`: a scene is made from files in other formats."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any
@@ -21,6 +22,13 @@ RigidOption = Annotated[
 PretensionOption = Annotated[
     float | None, typer.Option(help="NTRT only: factor on the pretension of all cables (1).")
 ]
+ToleranceOption = Annotated[
+    float | None,
+    typer.Option(help="DXF, glTF: distance of ends that are one node, as in the file (1e-6 of the size)."),
+]
+StiffnessOption = Annotated[
+    float | None, typer.Option("--axial-stiffness", help="DXF, glTF: EA of cables [N] (1000).")
+]
 GravityOption = Annotated[
     str | None, typer.Option("--gravity", help="gx,gy,gz [m/s2], in the axes of the scene.")
 ]
@@ -30,6 +38,17 @@ UpOption = Annotated[
 ScaleOption = Annotated[
     float, typer.Option("--scale", help="Metres per unit of length of the file; kg and s stay.")
 ]
+
+
+@dataclass(frozen=True)
+class FormatOptions:
+    """Options that only some formats have; None where they are not given."""
+
+    bar_stiffness_ratio: RatioOption = None
+    rigid: RigidOption = False
+    pretension_scale: PretensionOption = None
+    tolerance: ToleranceOption = None
+    axial_stiffness: StiffnessOption = None
 
 
 class ImportCommand(VerbCommand):
@@ -54,9 +73,8 @@ def import_foreign(
     name: Annotated[
         str | None, typer.Option("--name", help="Name of the scene; from the file if not given.")
     ] = None,
-    bar_stiffness_ratio: RatioOption = None,
-    rigid: RigidOption = False,
-    pretension_scale: PretensionOption = None,
+    *,
+    formats: FormatOptions,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -80,9 +98,7 @@ def import_foreign(
             up=up,
             scale=scale,
             gravity=None if gravity is None else parse_vector(gravity, "--gravity"),
-            bar_stiffness_ratio=bar_stiffness_ratio,
-            rigid=rigid or None,
-            pretension_scale=pretension_scale,
+            **{key: None if value is False else value for key, value in vars(formats).items()},
         )
         structure, _ = assemble_scene(parse_scene(imported.document, str(sources[0])), str(sources[0]))
         check_output(out, inputs=sources, overwrite=overwrite)

@@ -81,12 +81,8 @@ def name_all(foreign: Iterable[str], prefix: str, what: str) -> tuple[dict[str, 
     return {name: kept.get(name) or book.add(name) for name in foreign}, book.notes(what)
 
 
-def read_text(path: Path, largest: int, what: str, fallback: str = "") -> str:
-    """Return the text of a foreign file, without byte-order mark and with plain newlines.
-
-    fallback: the encoding of files that are not UTF-8; without it they are refused. Raises SceneError where
-    it cannot be read, SceneSyntaxError where it is empty, too large or not UTF-8.
-    """
+def read_bytes(path: Path, largest: int, what: str) -> bytes:
+    """Return the content of a foreign file; raises SceneError, or SceneSyntaxError where it is too large."""
     where = str(path)
     check_regular(path, where)
     try:
@@ -101,6 +97,16 @@ def read_text(path: Path, largest: int, what: str, fallback: str = "") -> str:
         raise SceneSyntaxError(
             f"the file is too large for {what}", where=where, allowed=f"up to {largest >> 10} KB"
         )
+    return data
+
+
+def read_text(path: Path, largest: int, what: str, fallback: str = "") -> str:
+    """Return the text of a foreign file, without byte-order mark and with plain newlines.
+
+    fallback: the encoding of files that are not UTF-8; without it they are refused. Raises SceneError where
+    it cannot be read, SceneSyntaxError where it is empty, too large or not UTF-8.
+    """
+    where, data = str(path), read_bytes(path, largest, what)
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
         text = data.decode(encoding)

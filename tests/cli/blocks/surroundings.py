@@ -4,9 +4,13 @@ import json
 
 from tests.scene.formats.test_import_ansys import TEXT as ANSYS
 from tests.scene.formats.test_import_compas import EDGES, NODES
+from tests.scene.formats.test_import_gltf import LINES
 from tests.scene.formats.test_import_mjcf import TEXT as MJCF
 from tests.scene.formats.test_import_ntrt import PAIR, STICK
 from tests.scene.formats.test_import_tdf import TEXT as TDF
+
+# The least that a drawing has: one line on a layer.
+DRAWING = "0 SECTION 2 ENTITIES 0 LINE 8 net 10 0.0 20 0.0 30 0.0 11 1.0 21 0.0 31 0.0 0 ENDSEC 0 EOF "
 
 # Pages whose blocks another test runs, and that test.
 ELSEWHERE = {
@@ -86,6 +90,8 @@ FILES = {
         "structure_ansys.txt": ANSYS,
         "structure.tdf.xml": TDF,
         "model.xml": MJCF,
+        "lines.dxf": DRAWING.replace(" ", "\n"),
+        "lines.glb": json.dumps(LINES),
     },
 }
 

@@ -1,1 +1,1 @@
-"""Reading files of tables, JSON and XML without trust."""
+"""Reading files of tables, JSON and XML without trust, and lines of drawings as members."""

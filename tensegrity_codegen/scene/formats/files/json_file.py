@@ -13,7 +13,11 @@ MOST_VALUES = 4_000_000  # of one file
 
 def read_json(path: Path, what: str) -> Any:
     """Return the content of a JSON file, which holds `what`; each key once, no NaN, of limited size."""
-    text = read_text(path, LARGEST_JSON, what)
+    return parse_json(read_text(path, LARGEST_JSON, what), path)
+
+
+def parse_json(text: str, path: Path) -> Any:
+    """Return the content of JSON text from a file, as `read_json` does."""
     count = sum(text.count(sign) for sign in ",[{")
     if count > MOST_VALUES:
         raise SceneSyntaxError(

@@ -1,0 +1,58 @@
+"""Export to DXF, for CAD: a line for each member, on layers of bars and cables (package `ezdxf`)."""
+
+from pathlib import Path
+
+from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
+from tensegrity_codegen.export.shapes import read_shapes
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.extras import CAD, import_extra
+
+METRES = 6  # $INSUNITS
+COLORS = {"bars": 30, "cables": 5}  # of AutoCAD's index: orange, blue
+
+
+def write_dxf(
+    source: ExportSource, path: Path, *, trajectory: Path | None = None, sample: int | None = None
+) -> Exported:
+    """Write the shape of a scene, or one sample of a motion (by default the last), as lines in metres.
+
+    A member of groups is on the layer of its kind and its smallest group, "cables-verticals", but for groups
+    that are called bars or cables. Raises MissingExtraError without ezdxf, InvalidValueError for a sample
+    that is not there, and what `read_shapes` raises.
+    """
+    ezdxf = import_extra("ezdxf", CAD)
+    if sample is not None and trajectory is None:
+        raise InvalidValueError(
+            "only a motion has samples", where="sample", given=sample, allowed="with a trajectory only"
+        )
+    shapes = read_shapes(source, trajectory)
+    structure, n_samples = shapes.structure, len(shapes.time)
+    chosen = -1 if sample is None else sample
+    if not -n_samples <= chosen < n_samples:
+        allowed = f"0 to {n_samples - 1}, or -{n_samples} to -1 from the end"
+        raise InvalidValueError("there is no such sample", where="sample", given=sample, allowed=allowed)
+    largest_first = sorted(structure.groups.items(), key=lambda item: -len(item[1]))
+    group_of = {row: name for name, rows in largest_first if name not in COLORS for row in rows}
+    document = ezdxf.new("R2010", units=METRES)
+    position = shapes.node_position[chosen]
+    for row, (first, second) in enumerate(structure.connectivity):
+        kind = "bars" if structure.is_bar[row] else "cables"
+        layer = f"{kind}-{group_of[row]}" if row in group_of else kind
+        if layer not in document.layers:
+            document.layers.add(layer, color=COLORS[kind])
+        ends = position[first].tolist(), position[second].tolist()
+        document.modelspace().add_line(*ends, dxfattribs={"layer": layer})
+    document.saveas(path)
+    facts = {"n_members": structure.n_members, "time": float(shapes.time[chosen])}
+    lost = "the file has lines alone: no names, stiffnesses, masses, anchors and loads"
+    return Exported(facts, (lost, *shapes.notes))
+
+
+EXPORTER = Exporter(
+    name="dxf",
+    title="lines on layers of bars and cables, for CAD (DXF)",
+    endings=(".dxf",),
+    write=write_dxf,
+    options=("trajectory", "sample"),
+    order=50,
+)

@@ -1,0 +1,93 @@
+"""Import of drawings (DXF): lines and polylines of the model space (package `ezdxf`).
+
+What is on layers whose names begin with "bar" or "strut" becomes bars, all other lines become cables.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from tensegrity_codegen.scene.formats.files.lines import Line, build_lines, is_bar
+from tensegrity_codegen.scene.formats.format import Format
+from tensegrity_codegen.scene.formats.imported import ImportResult, read_bytes
+from tensegrity_codegen.system.errors import SceneSyntaxError
+from tensegrity_codegen.system.extras import CAD, import_extra
+
+LARGEST_DXF = 128 * 2**20  # bytes
+METRES = 6  # $INSUNITS
+WHAT = "a drawing (DXF)"
+
+
+def import_dxf(
+    path: str | Path,
+    *,
+    name: str | None = None,
+    gravity: Sequence[float] | None = None,
+    tolerance: float | None = None,
+    axial_stiffness: float | None = None,
+) -> ImportResult:
+    """Return the scene document of the lines of a drawing, and notes.
+
+    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2]; tolerance: distance up to
+    which ends of lines are one node, else 1e-6 of the size of the drawing; axial_stiffness: EA [N] of cables,
+    else 1000. Raises MissingExtraError without ezdxf, SceneError or a subclass of it that names the entity.
+    """
+    path = Path(path)
+    ezdxf = import_extra("ezdxf", CAD)
+    read_bytes(path, LARGEST_DXF, WHAT)
+    try:
+        lines, notes = _read_lines(ezdxf, path)
+    except Exception as error:  # of any kind, from whatever a damaged tag leads to
+        problem = f"the file cannot be read as a drawing: {str(error)[:200] or type(error).__name__}"
+        raise SceneSyntaxError(problem, where=str(path), allowed=WHAT) from error
+    return build_lines(lines, path, name, gravity, tolerance, axial_stiffness, notes=notes)
+
+
+def _read_lines(ezdxf: Any, path: Path) -> tuple[list[Line], list[str]]:
+    """Return the lines of the model space, and notes on what is not read or not converted."""
+    document = ezdxf.readfile(path)
+    lines, others, arcs, notes = list[Line](), Counter[str](), 0, list[str]()
+    for entity in document.modelspace():
+        kind, places = entity.dxftype(), _list_places(entity)
+        if not places:
+            others[kind] += 1
+            continue
+        where = f"{path}: {kind} {entity.dxf.handle} on layer {entity.dxf.layer[:80]}"
+        lines += [Line(ends, is_bar(entity.dxf.layer), where) for ends in pairwise(places)]
+        arcs += kind != "LINE" and entity.has_arc
+    if document.units not in (0, METRES):
+        factor = ezdxf.units.conversion_factor(document.units, METRES)
+        unit = f"the drawing has the unit {ezdxf.units.unit_name(document.units)}"
+        notes.append(f"{unit}, its numbers are read as metres: `scale` {factor:g} converts them")
+    if others:
+        listed = ", ".join(f"{kind} ({count})" for kind, count in others.items())
+        notes.append(f"entities that are not read: {listed}")
+    if arcs:
+        notes.append(f"polylines with arcs, which are read as straight between their points: {arcs}")
+    return lines, notes
+
+
+def _list_places(entity: Any) -> list[Any]:
+    """Return the points that an entity joins by lines, [] where it is another kind of entity."""
+    kind = entity.dxftype()
+    if kind == "LINE":
+        return [entity.dxf.start.xyz, entity.dxf.end.xyz]
+    if kind == "LWPOLYLINE":
+        places, closed = [place.xyz for place in entity.vertices_in_wcs()], entity.closed
+    elif kind == "POLYLINE" and (entity.is_2d_polyline or entity.is_3d_polyline):
+        places, closed = [place.xyz for place in entity.points_in_wcs()], entity.is_closed
+    else:
+        return []
+    return [*places, places[0]] if closed and places else places
+
+
+FORMAT = Format(
+    title="lines of a drawing (DXF)",
+    sources=("lines.dxf",),
+    endings=(".dxf",),
+    read=import_dxf,
+    options=("tolerance", "axial_stiffness"),
+    order=10,
+)
