@@ -169,8 +169,8 @@ def _prove_infeasible(
                 structure.node_name[k]: [round(x, 6) + 0.0 for x in motion[k].tolist()] for k in moves
             },
         },
-        hint="settle the structure under these loads with `equilibrium` and size the shape that it takes, add "
-        "members or anchors, or let bars pull: `bars_pull=True`",
+        hint="settle the structure under these loads with `equilibrium` and size the shape that it takes, "
+        "add members or anchors, or let bars pull: `bars_pull=True`",
     )
 
 
