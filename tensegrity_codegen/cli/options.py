@@ -150,24 +150,37 @@ def parse_member_values(texts: Sequence[str], option: str, alone: str = "") -> d
 
     Raises InvalidValueError or DuplicateNameError.
     """
-    found: dict[str, float] = {}
+    return {name: values[0] for name, values in parse_member_numbers(texts, option, (1,), alone).items()}
+
+
+def parse_member_numbers(
+    texts: Sequence[str], option: str, counts: tuple[int, ...], alone: str = ""
+) -> dict[str, list[float]]:
+    """Return NAME=A,B texts as numbers by name, as many as one of `counts`.
+
+    Raises InvalidValueError or DuplicateNameError.
+    """
+    found: dict[str, list[float]] = {}
     for text in texts:
-        name, equals, number = text.partition("=")
+        name, equals, numbers = text.partition("=")
         if alone and not equals:
-            name, number = alone, text
+            name, numbers = alone, text
         try:
-            value = float(number)
+            values = [float(number) for number in numbers.split(",")]
         except ValueError:
+            values = []
+        if len(values) not in counts:
+            forms = [f"NAME={','.join(['VALUE'] * count)}" for count in counts]
             raise InvalidValueError(
                 "not a value of members",
                 where=option,
                 given=text,
-                allowed="VALUE or NAME=VALUE" if alone else "NAME=VALUE",
-                hint="cables=100",
-            ) from None
+                allowed=" or ".join((["VALUE"] if alone else []) + forms),
+                hint="cables=" + ",".join(["100"] * counts[0]),
+            )
         if name in found:
             raise DuplicateNameError("a name twice", where=option, given=name, allowed="each name once")
-        found[name] = value
+        found[name] = values
     return found
 
 

@@ -48,6 +48,17 @@ def test_what_leaves_its_shape_ends_with_code_3_and_is_written(run: Run, folder:
     assert (folder / "formed.toml").exists()
 
 
+def test_targets_and_ranges_are_options(run: Run, folder: Path) -> None:
+    """The span is 4 m: bars of 1.05 to 1.2 m, the load path as small as these allow."""
+    run.good("import", write_arch(folder), "-o", folder / "arch.toml")
+    words = ["--density", "bars=-2", "--length-range", "bars=1.05,1.2", "--least-load-path"]
+    ended = run("form", folder / "arch.toml", *words, "--target-length", "m1=1.1,0.5", "--json")
+    assert ended.code == 3  # pinned bars fall over
+    lengths = [member["length"] for member in ended.data["members"].values()]
+    assert 1.05 - 1e-7 <= min(lengths) <= max(lengths) <= 1.2 + 1e-7
+    assert ended.data["message"].endswith(f"load path {ended.data['load_path']:.9g} N m")
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -56,6 +67,9 @@ def test_what_leaves_its_shape_ends_with_code_3_and_is_written(run: Run, folder:
         (["--density", "rope=1"], "unknown member, group, class or kind"),
         (["--force", "cables=-1"], "above 0"),
         ([], "nothing is stated of some cables"),
+        (["--density", "cables=1", "--length-range", "cables=1"], "NAME=VALUE,VALUE"),
+        (["--density", "cables=1", "--length-range", "cables=2,1"], "not a length range"),
+        (["--density", "cables=1", "--least-load-path"], "of every member"),
     ],
 )
 def test_wrong_input_is_code_2_and_leaves_nothing(

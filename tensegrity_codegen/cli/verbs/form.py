@@ -1,7 +1,7 @@
 """`tensegrity-codegen form`: a shape in balance, and the rest lengths that hold it."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -10,6 +10,7 @@ from tensegrity_codegen.cli.options import (
     OverwriteOption,
     PrintOptions,
     SceneArgument,
+    parse_member_numbers,
     parse_member_values,
 )
 from tensegrity_codegen.cli.output import Output
@@ -26,12 +27,35 @@ DensityOption = Annotated[
 ForceOption = Annotated[list[str] | None, typer.Option("--force", help=f"Tension [N]: NAME=VALUE. {OF}")]
 LengthOption = Annotated[list[str] | None, typer.Option("--length", help=f"Length [m]: NAME=VALUE. {OF}")]
 
+TargetLengthOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--target-length", help=f"Length to come near to [m]: NAME=VALUE or NAME=VALUE,WEIGHT. {OF}"
+    ),
+]
+TargetForceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--target-force", help=f"Tension to come near to [N]: NAME=VALUE or NAME=VALUE,WEIGHT. {OF}"
+    ),
+]
+RangeOption = Annotated[
+    list[str] | None, typer.Option("--length-range", help=f"Least and largest length [m]: NAME=A,B. {OF}")
+]
+LoadPathOption = Annotated[
+    bool, typer.Option("--least-load-path", help="Minimise the sum of |tension| times length.")
+]
+
 
 def form(
     scene: SceneArgument,
     density: DensityOption = None,
     force: ForceOption = None,
     length: LengthOption = None,
+    target_length: TargetLengthOption = None,
+    target_force: TargetForceOption = None,
+    length_range: RangeOption = None,
+    least_load_path: LoadPathOption = False,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Write the scene in this shape, with rest lengths (.toml)."),
@@ -45,22 +69,28 @@ def form(
 
     Bars keep their lengths unless something else is stated. Loads, weights, anchors and stiffnesses are
     those of the scene; its rest lengths are not used. Exit code 3 where there is no such shape, where it is
-    not determined, or where the structure would leave it.
+    not determined, or where the structure would leave it. With targets, ranges or --least-load-path the
+    densities are where a search over all of them begins.
 
     Example: tensegrity-codegen form prism.toml --density cables=100 --out formed.toml
     """
     output = Output(printing.json, printing.all)
     with output.guard(scene):
         check_result(out, ".toml", inputs=[scene], overwrite=overwrite)
-        stated = {
+        stated: dict[str, Any] = {
             word: parse_member_values(texts or [], f"--{word}")
             for word, texts in (("density", density), ("force", force), ("length", length))
+        }
+        goals: dict[str, Any] = {
+            "target_length": parse_member_numbers(target_length or [], "--target-length", (1, 2)),
+            "target_force": parse_member_numbers(target_force or [], "--target-force", (1, 2)),
+            "length_range": parse_member_numbers(length_range or [], "--length-range", (2,)),
         }
         from tensegrity_codegen.pipeline.forming.form import form as find
         from tensegrity_codegen.report.tables import members_table
         from tensegrity_codegen.scene.write import write_scene
 
-        found = find(scene, **stated, compiler=compiler)
+        found = find(scene, **stated, **goals, least_load_path=least_load_path, compiler=compiler)
         if out is not None:
             write_scene(found.document, out, overwrite=overwrite)
         data = {**found.as_evidence(), "out": None if out is None else str(out)}

@@ -1,6 +1,6 @@
 """Shapes in balance from force densities, forces and lengths of members, and rest lengths that hold them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.pipeline.forming.force_density import check_lengths, find_density_shape, sum_forces
 from tensegrity_codegen.pipeline.forming.formed import Form
 from tensegrity_codegen.pipeline.forming.statements import read_statements
+from tensegrity_codegen.pipeline.forming.targets import Numbers, find_nearest_shape, read_targets
 from tensegrity_codegen.pipeline.settle import with_statics
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
@@ -22,6 +23,7 @@ from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.ring_support import require_no_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_switch
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     FormulationError,
@@ -41,6 +43,10 @@ def form(
     density: Mapping[str, float] | None = None,
     force: Mapping[str, float] | None = None,
     length: Mapping[str, float] | None = None,
+    target_length: Numbers | None = None,
+    target_force: Numbers | None = None,
+    length_range: Mapping[str, Sequence[float]] | None = None,
+    least_load_path: bool = False,
     compiler: str | None = None,
 ) -> Form:
     """Find a shape in which the forces balance, and the rest lengths that hold it.
@@ -54,6 +60,14 @@ def form(
         Force density [N/m], tension [N] or length [m] by member, group, class, ``"cables"`` or ``"bars"``;
         what is stated of fewer members comes first: of a member before that of its group, class and kind.
         Bars of which nothing is stated keep the lengths that they have in the scene.
+    target_length, target_force : mapping of str to float or (float, float), optional
+        Lengths [m] and tensions [N] to come near to, by the same names: value, or value and weight. With
+        these, ranges or a least load path the stated force densities are where a search over all of them
+        begins, each keeps its sign, and the sum of weight (value - target)^2 is minimised.
+    length_range : mapping of str to (float, float), optional
+        Least and largest length [m].
+    least_load_path : bool
+        Whether the load path sum |t| l [N m] is minimised, in addition to what targets miss.
     compiler : str, optional
         C compiler.
 
@@ -90,8 +104,23 @@ def form(
     subject, request = load_scene(scene)
     structure = require_nodes(subject, "form finding")
     stated = read_statements(structure, density or {}, force or {}, length or {})
-    position, q = _find_shape(structure, request, *stated, compiler)
-    return _settle(structure, request, position, q, compiler)
+    check_switch(least_load_path, "least_load_path")
+    ranges = (target_length or {}, target_force or {}, length_range or {})
+    targets = read_targets(structure, *ranges, least_load_path)
+    if not targets.is_stated:
+        position, q = _find_shape(structure, request, *stated, compiler)
+        return _settle(structure, request, position, q, compiler)
+    if np.isnan(stated[0]).any():
+        names = [structure.member_name[e] for e in np.flatnonzero(np.isnan(stated[0]))]
+        raise InvalidValueError(
+            "targets need a force density of every member, where the search begins",
+            where=structure.name,
+            given=f"none of {count_names(names)}",
+            allowed="a force density of each member, below 0 where it pushes",
+        )
+    shape = find_nearest_shape(structure, stated[0], targets)
+    found = _settle(structure, request, shape.node_position, shape.force_density, compiler)
+    return replace(found, message=f"{found.message}; load path {found.load_path:.9g} N m")
 
 
 def require_nodes(subject: Any, what: str) -> Structure:

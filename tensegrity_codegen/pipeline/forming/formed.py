@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import ByName, Fact, Summarised, describe_range
@@ -56,6 +58,11 @@ class Form(ByName, Summarised):
         """Names of the members."""
         return self.structure.member_name
 
+    @property
+    def load_path(self) -> float:
+        """Sum of |tension| length over all members [N m]."""
+        return float(np.abs(self.member_tension) @ self.member_length)
+
     def as_evidence(self) -> dict[str, Any]:
         """Return all results by name, JSON-ready."""
         rows = zip(
@@ -73,6 +80,7 @@ class Form(ByName, Summarised):
             "proof": self.proof,
             "residual": self.residual,
             "largest_force": self.largest_force,
+            "load_path": self.load_path,
             "node_position": dict(zip(self.node_name, self.node_position.tolist(), strict=True)),
             "members": {name: dict(zip(heads, map(float, values), strict=True)) for name, *values in rows},
         }

@@ -125,17 +125,13 @@ def _state_program(
     limits = structure.limits
     lower = np.maximum(np.where(structure.is_bar, -np.inf, 0.0), limits.least_tension)
     upper = np.minimum(np.where(structure.is_bar & (not bars_pull), 0.0, np.inf), limits.most_tension)
-    forces = np.concatenate(
-        [load[:, node, axis].ravel(), lower[np.isfinite(lower)], upper[np.isfinite(upper)]]
-    )
-    force = float(
-        np.abs(np.concatenate([load[:, node, axis].ravel(), np.maximum(lower, 0.0)])).max(initial=0.0)
-    )
+    loads = load[:, node, axis]
+    force = float(max(np.abs(loads).max(initial=0.0), lower.max(initial=0.0)))
     if not force > 0:
         raise InvalidValueError(
             "no load and no least tension, so that the least mass is nothing",
             where=structure.name,
-            given=f"{len(forces)} forces of 0 N",
+            given="0 N at every free node",
             allowed="a load on a node that is free, or a least tension of cables",
             hint="state loads, or [limits] least_tension = 100",
         )
@@ -143,7 +139,7 @@ def _state_program(
     shape = (len(load), structure.n_members)
     program = ForceProgram(
         matrix,
-        load[:, node, axis] / force,
+        loads / force,
         law.scale(force, mass),
         np.broadcast_to(lower / force, shape),
         np.broadcast_to(upper / force, shape),
@@ -173,8 +169,8 @@ def _prove_infeasible(
                 structure.node_name[k]: [round(x, 6) + 0.0 for x in motion[k].tolist()] for k in moves
             },
         },
-        hint="anchor these nodes, add members, or let bars pull: `bars_pull=True`; in the motion loads do "
-        "more work than the members can take",
+        hint="settle the structure under these loads with `equilibrium` and size the shape that it takes, "
+        "add members or anchors, or let bars pull: `bars_pull=True`",
     )
 
 
