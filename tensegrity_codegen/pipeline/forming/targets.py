@@ -25,6 +25,7 @@ STARTS, SPREAD = 5, 0.1  # the stated densities, and those with random changes o
 MOST_ITERATIONS, TOLERANCE = 1000, 1e-13
 LARGEST_EXCESS = 1e-7  # of a length, beyond its range
 LEAST_DENSITY = 1e-6  # of the stated one: densities keep their sign
+MOST_MEMBERS = 1000  # whose derivatives by all densities are held, members times members
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,19 @@ def find_nearest_shape(structure: Structure, density: FloatArray, targets: Targe
 
     Raises
     ------
+    InvalidValueError
+        More than MOST_MEMBERS members.
     ConvergenceError
         No start reached ranges and a stationary point; densities of both signs cancel.
     """
+    if structure.n_members > MOST_MEMBERS:
+        raise InvalidValueError(
+            "too many members for targets",
+            where=structure.name,
+            given=f"{structure.n_members} members",
+            allowed=f"up to {MOST_MEMBERS}",
+            hint="state force densities, forces and lengths, which have no such limit",
+        )
     problem = _Problem(structure, density, targets)
     random, best, reason = np.random.default_rng(0), None, ""
     for trial in range(STARTS):

@@ -85,3 +85,20 @@ def test_densities_of_both_signs_that_cancel_are_named() -> None:
     with pytest.raises(ConvergenceError, match="both signs cancel") as caught:
         form(arch(), density={**density, **{f"m{k}": 1.0 for k in range(1, 5)}}, least_load_path=True)
     assert "m" in caught.value.evidence["members"]
+
+
+def test_too_many_members_are_refused_before_any_search() -> None:
+    count = 1002
+    nodes = {f"n{k}": {"position": [k, 0, 0], "mass": 1.0} for k in range(count)}
+    nodes["n0"]["anchored"] = nodes[f"n{count - 1}"]["anchored"] = True
+    members = {
+        f"m{k}": {"kind": "cable", "nodes": [f"n{k}", f"n{k + 1}"], "axial_stiffness": 1.0}
+        for k in range(count - 1)
+    }
+    document = {"name": "chain", "nodes": nodes, "members": members}
+    with pytest.raises(InvalidValueError, match="too many members for targets"):
+        form(
+            {"name": "long", "nodes": nodes, "members": members},
+            density={"cables": 1.0},
+            least_load_path=True,
+        )
