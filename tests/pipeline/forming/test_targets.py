@@ -97,8 +97,4 @@ def test_too_many_members_are_refused_before_any_search() -> None:
     }
     document = {"name": "chain", "nodes": nodes, "members": members}
     with pytest.raises(InvalidValueError, match="too many members for targets"):
-        form(
-            {"name": "long", "nodes": nodes, "members": members},
-            density={"cables": 1.0},
-            least_load_path=True,
-        )
+        form(document, density={"cables": 1.0}, least_load_path=True)
