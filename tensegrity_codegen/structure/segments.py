@@ -9,13 +9,18 @@ STRAIGHT = 1e-9  # distance from the chord, as a part of the cable, up to which 
 
 
 def find_chains(structure: Structure) -> dict[str, list[int]]:
-    """Return the groups that are cables in segments: cables with mass, each from the end of the last one."""
+    """Return the groups that are cables in segments.
+
+    Their members are cables with mass, NAME_1 and so on, each from the end of the one before.
+    """
     heavy, (first, second) = ~structure.is_bar & (structure.member_mass > 0), structure.connectivity.T
     groups = {name: list(rows) for name, rows in structure.groups.items() if len(rows) > 1}
     return {
         name: rows
         for name, rows in groups.items()
-        if heavy[rows].all() and np.array_equal(second[rows[:-1]], first[rows[1:]])
+        if heavy[rows].all()
+        and np.array_equal(second[rows[:-1]], first[rows[1:]])
+        and all(structure.member_name[e].startswith(f"{name}_") for e in rows)
     }
 
 

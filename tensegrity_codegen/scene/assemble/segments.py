@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import check_names
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.structure.catenary import find_catenary
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
-from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, TensegrityError
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 from tensegrity_codegen.tables.laws import LAWS
 
 # Exponent of n in the values of a piece; others are those of the member.
@@ -55,7 +55,8 @@ def cut_cables(
     Raises InvalidValueError for segments of a cable without mass, DuplicateNameError where pieces have the
     names of other nodes, members or groups.
     """
-    counts, names = member.pop("segments"), member["member_name"]
+    counts, names = member["segments"], member["member_name"]
+    member = {key: value for key, value in member.items() if key != "segments"}
     if (counts == 1).all():
         return SegmentedParts(node, member, groups, np.ones(len(counts)))
     refuse(
@@ -66,7 +67,11 @@ def cut_cables(
     cut = np.flatnonzero(counts > 1).tolist()
     pieces = {names[e]: [f"{names[e]}_{k + 1}" for k in range(counts[e])] for e in cut}
     inner = [f"{names[e]}_node_{k}" for e in cut for k in range(1, counts[e])]
-    _check_names(pieces, inner, node["node_name"], names, groups, where)
+    nodes: dict[str, Any] = {"node_name": (*node["node_name"], *inner)}
+    own = {"member_name": tuple(piece for name in names for piece in pieces.get(name, [name]))}
+    made = (nodes["node_name"], "nodes"), (own["member_name"], "members"), ((*groups, *pieces), "groups")
+    for new, section in made:
+        check_names(new, section, where)
     # The ends of all pieces, and their values.
     ends: list[tuple[int, int]] = []
     owner, first = np.repeat(np.arange(len(counts)), counts), len(node["node_name"])
@@ -74,8 +79,7 @@ def cut_cables(
         ends += itertools.pairwise([i, *range(first, first + count - 1), j])
         first += count - 1
     values = {key: _cut(key, value, owner, counts) for key, value in member.items()}
-    values["connectivity"] = np.array(ends, dtype=np.int64)
-    values["member_name"] = tuple(piece for name in names for piece in pieces.get(name, [name]))
+    values |= own | {"connectivity": np.array(ends, dtype=np.int64)}
     # Inner nodes move with the ends of their cable; their masses are those of members, and they are free.
     fresh: dict[str, list[FloatArray]] = {"node_position": [], "node_velocity": []}
     for e in cut:
@@ -84,7 +88,6 @@ def cut_cables(
         fresh["node_position"].append(_place(node["node_position"][pair], cable, gravity, axes, part))
         speed = node["node_velocity"][pair]
         fresh["node_velocity"].append(speed[0] + part * (speed[1] - speed[0]))
-    nodes: dict[str, Any] = {"node_name": (*node["node_name"], *inner)}
     for key in node.keys() - nodes.keys():
         value = node[key]
         added = fresh.get(key, [np.zeros((len(inner), *value.shape[1:]), value.dtype)])
@@ -96,27 +99,6 @@ def cut_cables(
 
 
 _OF_SHAPE = ("rest_length", "spring_constant", "axial_stiffness", "member_mass")
-
-
-def _check_names(
-    pieces: Mapping[str, Sequence[str]],
-    inner: Sequence[str],
-    node_name: Sequence[str],
-    member_name: Sequence[str],
-    groups: Mapping[str, Any],
-    where: str,
-) -> None:
-    taken = (
-        ("nodes", inner, node_name),
-        ("members", [name for names in pieces.values() for name in names], member_name),
-        ("groups", pieces, groups),
-    )
-    for section, made, known in taken:
-        for name in sorted(set(made) & set(known)):
-            raise DuplicateNameError(
-                f"a cable in segments makes {section} of this name", where=key_path(where, section, name),
-                given=name, allowed="names other than CABLE, CABLE_1, CABLE_node_1", hint="rename it",
-            )  # fmt: skip
 
 
 def _cut(key: str, value: Any, owner: IntArray, counts: IntArray) -> Any:

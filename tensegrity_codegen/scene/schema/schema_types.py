@@ -129,7 +129,9 @@ class MemberValues(Table):
     thermal_expansion: Number | None = Field(
         None, description="Coefficient of thermal expansion alpha [1/K], for inputs of temperature."
     )
-    mass: Positive | None = Field(None, description="Own mass [kg], spread evenly along the member.")
+    mass: Positive | None = Field(
+        None, description="Own mass [kg]: of a bar spread evenly, of a cable half at each end."
+    )
     mass_per_length: Positive | None = Field(
         None, description="Cables only: mass for each metre of rest length [kg/m]."
     )

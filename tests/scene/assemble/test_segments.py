@@ -131,8 +131,8 @@ def test_one_segment_is_the_cable_itself() -> None:
 @pytest.mark.parametrize(
     ("path", "value", "error", "where"),
     [
-        (("nodes", "line_node_2"), {"position": [1, 1]}, DuplicateNameError, "nodes.line_node_2"),
-        (("groups",), {"line": ["line"]}, DuplicateNameError, "groups.line"),
+        (("nodes", "line_node_2"), {"position": [1, 1]}, DuplicateNameError, "nodes"),
+        (("groups",), {"line": ["line"]}, DuplicateNameError, "groups"),
         (("members", "line", "segments"), 0, InvalidValueError, "members.line.segments"),
         (("members", "line", "segments"), 2.5, InvalidValueError, "members.line.segments"),
         (("actuators",), [{"name": "motor", "members": "line"}], InvalidValueError, "actuators[0].members"),
