@@ -17,8 +17,9 @@ from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
 )
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
-from tensegrity_codegen.structure.ground_support import check_analysis
+from tensegrity_codegen.structure.ground_support import ANALYSES_WITHOUT_GROUND, check_analysis
 from tensegrity_codegen.structure.inertia_plan import find_massless
+from tensegrity_codegen.structure.memory_support import require_no_memory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.request import ModelRequest
@@ -87,7 +88,8 @@ def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: floa
 
 def _simulate_batch(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
     needs = _simulate(structure, request, method or BATCH_METHOD, rtol)
-    return replace(needs, batch_width=BATCH_WIDTH if find_method(method or BATCH_METHOD).in_batches else 0)
+    in_batches = find_method(method or BATCH_METHOD).in_batches and not structure.remembers.any()
+    return replace(needs, batch_width=BATCH_WIDTH if in_batches else 0)
 
 
 def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
@@ -95,7 +97,8 @@ def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: f
 
 
 def _equilibria(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
-    width = 0 if getattr(structure, "ground", None) is not None else BATCH_WIDTH  # which is searched alone
+    is_alone = getattr(structure, "ground", None) is not None or structure.remembers.any()
+    width = 0 if is_alone else BATCH_WIDTH
     return Needs(equilibrium_quantities(structure, request), batch_width=width)
 
 
@@ -214,6 +217,8 @@ def find_needs(
     """
     check_choice(analysis, ANALYSES, "analysis", "for_")
     check_analysis(structure, analysis)
+    if analysis in ANALYSES_WITHOUT_GROUND:
+        require_no_memory(structure, f"the analysis {analysis!r}")
     if method:
         find_method(method)
     return ANALYSES[analysis](structure, request, method, rtol)

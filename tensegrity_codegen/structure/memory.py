@@ -6,9 +6,14 @@ with rates come first, kind by kind; those that events set are the last ones, in
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+import numpy as np
+
 from tensegrity_codegen.structure.ground import ENERGY_STATES
+from tensegrity_codegen.tables.laws import LAWS
+from tensegrity_codegen.tables.laws.law import Law
 from tensegrity_codegen.tables.manifest import SET_STATES
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -51,9 +56,20 @@ def _name_energies(structure: Any) -> Names:
     return ENERGY_STATES if structure.ground is not None and structure.ground.balances_energy else ()
 
 
+def _find_kind(law: Law) -> MemoryKind:
+    """Return the internal states of the members of a law."""
+
+    def name_each(structure: Any, words: Names) -> Names:
+        found = next((mask for other, mask in structure.members_of_law if other is law), ())
+        return tuple(f"{structure.member_name[e]}_{word}" for e in np.flatnonzero(found) for word in words)
+
+    return MemoryKind(partial(name_each, words=law.states), law.set_at, partial(name_each, words=law.flags))
+
+
 # Those that events set stand in the order of their kinds here, as their margins do in EVENT_KINDS.
 MEMORY_KINDS = (
     MemoryKind(_name_bristles, "stick", _find_sliding),
+    *(_find_kind(law) for law in LAWS if law.states),
     MemoryKind(_name_energies),
 )
 

@@ -17,8 +17,10 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS
+from tensegrity_codegen.tables.manifest import SET_STATES
 from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS
 
+WITH_MEMBERS = "Internal states: memory of members, deflections of contacts with friction."
 Scalar = Any  # a 1 x 1 casadi.SX, symbolic or a number
 
 
@@ -60,8 +62,12 @@ class SymbolicArguments:
         self.add_inputs()
 
     def member_values(self, e: int) -> dict[str, Scalar]:
-        """Return what the law of member e takes, by the names of MEMBER_VALUES."""
+        """Return what the law of member e takes: MEMBER_VALUES, and the internal states of its memory."""
+        law, member = self.structure.law_of(e), self.structure.member_name[e]
+        set_state = f"_{SET_STATES.get(law.set_at, '')}"
         return {
+            **{name: self.internal[f"{member}_{name}"] for name in law.states},
+            **{name: self.internal[f"{member}_{name}{set_state}"] for name in law.flags},
             "rest_length": self.rest_length[e],
             "spring_constant": self.spring_constant[e],
             "axial_stiffness": self.axial_stiffness[e],
@@ -91,7 +97,9 @@ class SymbolicArguments:
                         load[column] = load[column] + u * item.direction[axis]
 
     def _argument(self, name: str) -> ModelArgument:
-        return ModelArgument(self.symbols[name], *nominal_value(self.structure, self.parameters, name))
+        nominal = nominal_value(self.structure, self.parameters, name)
+        own = name == "internal" and self.structure.remembers.any()
+        return ModelArgument(self.symbols[name], *nominal, sentence=WITH_MEMBERS if own else "")
 
     def _symbol(self, name: str, rows: int, columns: int = 1) -> ca.SX:
         self.symbols[name] = ca.SX.sym(name, rows, columns)

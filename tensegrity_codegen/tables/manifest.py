@@ -56,14 +56,15 @@ EVENT_KINDS = {
     "collision": 64,
     "ground": 16,
     "stick": 32,
+    "yield": 128,
     "condition": 4,
 }
 
 # Those at which a force or its slope jumps: runs watch them by themselves.
-JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick")
+JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick", "yield")
 
 # Kinds that set internal states, see structure/memory.py, and the word that the names of these end with.
-SET_STATES = {"stick": "slips"}
+SET_STATES = {"stick": "slips", "yield": "yields"}
 
 # Fields of a manifest that stand in its file only where they hold something.
 ONLY_IF_ANY = ("internal_name", "contact_name", "column_name", "ring_nodes", "adjoint_work", "tape_row")

@@ -98,6 +98,8 @@ class _NodePosition(NodeCoordinates):
         )
 
     def state_jacobian(self) -> ca.SX:
+        if self.structure.remembers.any():
+            return ca.jacobian(self.state_derivative(), self.state())
         n = self.map.n_coordinates
         stiffness = self.assembled({e: member.position_block() for e, member in self.each_member()})
         lower = [

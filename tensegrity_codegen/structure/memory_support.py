@@ -1,0 +1,47 @@
+"""Support of members with memory: all that lacks it ends in one error, before any number is computed."""
+
+from typing import Any
+
+from tensegrity_codegen.structure.ground_support import FORMULATIONS_WITH_GROUND
+from tensegrity_codegen.structure.memory import lack_setting_events
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.integrators import INTEGRATORS
+from tensegrity_codegen.tables.request import ModelRequest
+
+MOST_MEMBERS = 200  # whose events integrators watch: each has two margins, and every event ends a step
+ADVICE = f'simulate with formulation "node_position" or "rigid_bar" and {" or ".join(INTEGRATORS)}'
+
+
+def require_no_memory(subject: Any, what: str, hint: str = ADVICE) -> None:
+    """Raise FormulationError for a structure with plastic members; what: names what does not know them."""
+    plastic = getattr(subject, "remembers", None)
+    if plastic is not None and plastic.any():
+        raise FormulationError(
+            f"plastic members are not supported here: {what}",
+            where=f"{subject.name}: members.{subject.member_name[int(plastic.argmax())]}",
+            allowed="motions, equilibria and load paths, in node positions or with rigid bars",
+            hint=hint,
+        )
+
+
+def check_memory(subject: Any, request: ModelRequest) -> None:
+    """Raise FormulationError for a request that a structure with plastic members cannot serve.
+
+    subject: the structure or body system; nothing is refused where it has no such members.
+    """
+    if not subject.remembers.any():
+        return
+    foreign = {
+        f"formulation {request.formulation!r}": request.formulation not in FORMULATIONS_WITH_GROUND,
+        "rigid bars with correction": request.options.get("correction", "none") != "none",
+        "derivatives of motions": request.differentiates_motions,
+        "solvers in C": bool(request.solvers),
+        "energy that is kept": bool(request.keep),
+        "live pages, and a pull that changes with time": bool(request.driven),
+        f"motions of more than {MOST_MEMBERS} of them": bool(request.integrators)
+        and int(subject.remembers.sum()) > MOST_MEMBERS,
+        **lack_setting_events(subject, request),
+    }
+    for what, is_wanted in foreign.items():
+        if is_wanted:
+            require_no_memory(subject, what)
