@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tensegrity_codegen.runtime.integrate.methods import find_method
+from tensegrity_codegen.runtime.model.rest_memory import REST_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD, CONTROL_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
     CONTACT_QUANTITIES,
@@ -74,7 +75,8 @@ def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[s
     from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities as of_formulation
 
     turning = isinstance(structure, BodySystem) and structure.has_unpotential_load
-    return (*of_formulation(request.formulation), *(("unpotential_force",) if turning else ()))
+    more = ("unpotential_force",) if turning else REST_QUANTITIES if structure.remembers.any() else ()
+    return (*of_formulation(request.formulation), *more)
 
 
 def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:

@@ -74,6 +74,15 @@ MEMORY_KINDS = (
 )
 
 
+# Ends of the names of what members remember, which changes in flow alone.
+CONSTANT_ENDS = tuple(
+    end
+    for law in LAWS
+    if law.states
+    for end in (*(f"_{name}" for name in law.states), f"_{SET_STATES[law.set_at]}")
+)
+
+
 def name_internal_states(structure: Any) -> Names:
     """Return the names of all internal states of a structure, in their order."""
     rated = [name for kind in MEMORY_KINDS for name in kind.states(structure)]
@@ -83,6 +92,11 @@ def name_internal_states(structure: Any) -> Names:
 def find_setting_events(structure: Any) -> Names:
     """Return the kinds of events that set internal states of a structure: motions need these events."""
     return tuple(kind.set_at for kind in MEMORY_KINDS if kind.set_states(structure))
+
+
+def is_constant(name: str) -> bool:
+    """Return whether linear models do without an internal state: constant, or nothing depends on it."""
+    return name in ENERGY_STATES or name.endswith(CONSTANT_ENDS)
 
 
 def lack_setting_events(subject: Any, request: ModelRequest) -> dict[str, bool]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.runtime.model.arguments import apply_loads
+from tensegrity_codegen.runtime.model.rest_memory import name_plastic
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions, find_neutral
 from tensegrity_codegen.runtime.statics.newton import Outcome, Stability, find_stability
 from tensegrity_codegen.runtime.statics.on_ground import Feet, describe_feet
@@ -85,6 +86,10 @@ class Equilibrium(ByName, Summarised):
         Loads on nodes, without inputs, where they can change at run time; None: those of the scene.
     input : ndarray or None, shape (n_inputs,) [m, N or N m]
         Values of the inputs; None: those of the scene.
+    internal : ndarray or None, shape (n_internal,) [m]
+        Internal states of members with memory, settled; None without any.
+    internal_name : tuple of str
+        Their names.
     feet : Feet or None
         Contacts with the ground: force, penetration, whether each is open, sticks or slips; None without one.
     """
@@ -121,6 +126,8 @@ class Equilibrium(ByName, Summarised):
     node_load: FloatArray | None = None
     input: FloatArray | None = None
     feet: Feet | None = None
+    internal: FloatArray | None = None  # (n_internal,)
+    internal_name: tuple[str, ...] = ()
 
     def headline(self) -> str:
         """Return status and message."""
@@ -183,8 +190,15 @@ class Equilibrium(ByName, Summarised):
 
     @property
     def internal_argument(self) -> dict[str, FloatArray]:
-        """The bristles of feet on the ground as the argument `internal` [m]; empty where there are none."""
+        """Internal states of members and feet as the argument `internal` [m]; empty where there are none."""
+        if self.internal is not None:
+            return {"internal": self.internal}
         return {} if self.feet is None or not self.feet.internal.size else {"internal": self.feet.internal}
+
+    @property
+    def plastic_elongation(self) -> dict[str, float]:
+        """Plastic elongations of members by name [m]; empty where none is plastic."""
+        return name_plastic(self.internal_name, self.internal)
 
     def as_evidence(self) -> dict[str, Any]:
         """Return the scalar results by name, JSON-ready, for reports and errors."""
@@ -193,7 +207,9 @@ class Equilibrium(ByName, Summarised):
             "neutral_motions", "neutral_motion_names", "energy", "displacement", "displaced_node", "change",
             "changed_node", "extent", "is_start_unstable", "saddles_left", "warnings", "message",
         )  # fmt: skip
-        on_ground = {} if self.feet is None else {"contacts": self.feet.as_evidence()}
+        on_ground: dict[str, Any] = {} if self.feet is None else {"contacts": self.feet.as_evidence()}
+        if self.plastic_elongation:
+            on_ground["plastic_elongation"] = self.plastic_elongation
         limits = on_ground | {"limits": None if self.members is None else self.members.as_evidence()}
         return {name: getattr(self, name) for name in names} | limits
 
@@ -271,6 +287,8 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
         node_load=None if load is None else load[0],
         input=None if input_value is None else np.array(input_value, dtype=np.float64).reshape(-1),
         feet=None if problem.contacts is None else describe_feet(problem, point.coordinate),
+        internal=problem.settle(point.coordinate),
+        internal_name=problem.model.manifest.internal_name,
     )
 
 
