@@ -87,7 +87,7 @@ def _report(
 ) -> None:
     """Print the equilibrium: nodes, members, residual, motion."""
     from tensegrity_codegen.report.tables import feet_table, members_table, nodes_table
-    from tensegrity_codegen.runtime.model.rest_memory import describe_plastic
+    from tensegrity_codegen.runtime.contacts.rest_memory import describe_plastic
     from tensegrity_codegen.structure.member_limits import describe_tensions, summarise_tensions
     from tensegrity_codegen.structure.outline import outline_tendons
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tensegrity_codegen.runtime.contacts.rest_memory import REST_QUANTITIES
 from tensegrity_codegen.runtime.integrate.methods import find_method
-from tensegrity_codegen.runtime.model.rest_memory import REST_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD, CONTROL_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
     CONTACT_QUANTITIES,

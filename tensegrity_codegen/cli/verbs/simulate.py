@@ -306,7 +306,7 @@ def _run(
 
     repeat: the library with a stiffer ground, and its arguments, to compare with.
     """
-    from tensegrity_codegen.runtime.model.rest_memory import describe_plastic
+    from tensegrity_codegen.runtime.contacts.rest_memory import describe_plastic
     from tensegrity_codegen.scene.checks.plausible_ground import warn_of_sampled_contacts
 
     model = built.load()

@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.runtime.contacts.rest_memory import find_rest_memory
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import read_arguments
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
-from tensegrity_codegen.runtime.model.rest_memory import find_rest_memory
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, Watch
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions, find_neutral_motions
 from tensegrity_codegen.system.arrays import FloatArray

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.runtime.model.rest_memory import RestMemory
+from tensegrity_codegen.runtime.contacts.rest_memory import RestMemory
 from tensegrity_codegen.runtime.paths.path_events import EventTracker, Step
 from tensegrity_codegen.runtime.paths.path_solver import PathState
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray

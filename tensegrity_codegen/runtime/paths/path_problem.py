@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from tensegrity_codegen.runtime.model.rest_memory import RestMemory
+from tensegrity_codegen.runtime.contacts.rest_memory import RestMemory
 from tensegrity_codegen.system.arrays import FloatArray
 
 # Motions that cost no force, as orthonormal columns (n, k), at coordinates q where the stiffness is K.

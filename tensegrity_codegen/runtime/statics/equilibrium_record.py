@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.runtime.contacts.rest_memory import name_plastic
 from tensegrity_codegen.runtime.model.arguments import apply_loads
-from tensegrity_codegen.runtime.model.rest_memory import name_plastic
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions, find_neutral
 from tensegrity_codegen.runtime.statics.newton import Outcome, Stability, find_stability
 from tensegrity_codegen.runtime.statics.on_ground import Feet, describe_feet

@@ -8,12 +8,12 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.runtime.contacts.contacts import Contacts
+from tensegrity_codegen.runtime.contacts.rest_memory import REST_QUANTITIES, find_rest_memory
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_quantities
-from tensegrity_codegen.runtime.model.rest_memory import REST_QUANTITIES, find_rest_memory
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.runtime.statics.stiff_members import (

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.runtime.contacts.rest_memory import name_plastic
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, EventLog
-from tensegrity_codegen.runtime.model.rest_memory import name_plastic
 from tensegrity_codegen.runtime.trajectory.feet import ContactSamples, Foot, find_feet
 from tensegrity_codegen.runtime.trajectory.sampled import Sampled
 from tensegrity_codegen.structure.ground import ENERGY_STATES

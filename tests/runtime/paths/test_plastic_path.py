@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.runtime.contacts.rest_memory import REST_QUANTITIES
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.rest_memory import REST_QUANTITIES
 from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath
