@@ -146,7 +146,8 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     check_memory(structure, request)
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")
-    is_bound = getattr(structure, "collision", None) or find_setting_events(structure)
+    lags = any(item.time_constant for item in structure.actuators)
+    is_bound = getattr(structure, "collision", None) or find_setting_events(structure) or lags
     if request.emitter == AUTO and (is_bound or request.differentiates_motions):
         why = "the only emitter for collisions, static friction, memory and derivatives of motions"
         choice = EmitterChoice(UNROLLED.name, why)

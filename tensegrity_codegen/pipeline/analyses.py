@@ -20,7 +20,7 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.ground_support import ANALYSES_WITHOUT_GROUND, check_analysis
 from tensegrity_codegen.structure.inertia_plan import find_massless
-from tensegrity_codegen.structure.memory_support import require_no_memory
+from tensegrity_codegen.structure.memory_support import require_no_lag, require_no_memory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.request import ModelRequest
@@ -99,7 +99,7 @@ def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: f
 
 
 def _equilibria(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
-    is_alone = getattr(structure, "ground", None) is not None or structure.remembers.any()
+    is_alone = getattr(structure, "ground", None) is not None or bool(getattr(structure, "internal_name", ()))
     width = 0 if is_alone else BATCH_WIDTH
     return Needs(equilibrium_quantities(structure, request), batch_width=width)
 
@@ -221,6 +221,7 @@ def find_needs(
     check_analysis(structure, analysis)
     if analysis in ANALYSES_WITHOUT_GROUND:
         require_no_memory(structure, f"the analysis {analysis!r}")
+        require_no_lag(structure, f"the analysis {analysis!r}")
     if method:
         find_method(method)
     return ANALYSES[analysis](structure, request, method, rtol)

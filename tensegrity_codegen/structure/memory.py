@@ -70,6 +70,7 @@ def _find_kind(law: Law) -> MemoryKind:
 MEMORY_KINDS = (
     MemoryKind(_name_bristles, "stick", _find_sliding),
     *(_find_kind(law) for law in LAWS if law.states),
+    MemoryKind(lambda structure: tuple(item.state_name for item in structure.lagging_actuators.values())),
     MemoryKind(_name_energies),
 )
 

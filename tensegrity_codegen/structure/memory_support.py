@@ -1,4 +1,4 @@
-"""Support of members with memory: all that lacks it ends in one error, before any number is computed."""
+"""Support of plastic members and of motors with a lag: what lacks it ends in one error, first of all."""
 
 from typing import Any
 
@@ -24,11 +24,41 @@ def require_no_memory(subject: Any, what: str, hint: str = ADVICE) -> None:
         )
 
 
-def check_memory(subject: Any, request: ModelRequest) -> None:
-    """Raise FormulationError for a request that a structure with plastic members cannot serve.
+def require_no_lag(subject: Any, what: str) -> None:
+    """Raise FormulationError for a structure whose motors have a time constant; what: does not know them."""
+    names = [item.name for item in subject.actuators if item.time_constant]
+    if names:
+        raise FormulationError(
+            f"time constants of motors are not supported here: {what}",
+            where=f"{subject.name}: actuators.{names[0]}.time_constant",
+            allowed="motions by integrators in C and equilibria, in node positions or with rigid bars",
+            hint="leave time_constant out",
+        )
 
-    subject: the structure or body system; nothing is refused where it has no such members.
+
+def _check_motors(subject: Any, request: ModelRequest) -> None:
+    """Raise FormulationError for a request that a structure with lagging motors cannot serve."""
+    foreign = {
+        f"formulation {request.formulation!r}": request.formulation not in FORMULATIONS_WITH_GROUND,
+        "rigid bars with correction": request.options.get("correction", "none") != "none",
+        f"emitter {request.emitter!r}": request.emitter not in ("auto", "unrolled"),
+        "solvers in C": bool(request.solvers),
+        "energy that is kept": bool(request.keep),
+        "derivatives of motions": request.differentiates_motions,
+        "live pages, and a pull that changes with time": bool(request.driven),
+    }
+    for what, is_wanted in foreign.items():
+        if is_wanted:
+            require_no_lag(subject, what)
+
+
+def check_memory(subject: Any, request: ModelRequest) -> None:
+    """Raise FormulationError for a request that plastic members or lagging motors cannot serve.
+
+    subject: the structure or body system; nothing is refused where it has neither.
     """
+    if any(item.time_constant for item in subject.actuators):
+        _check_motors(subject, request)
     if not subject.remembers.any():
         return
     foreign = {

@@ -59,6 +59,7 @@ class SymbolicArguments:
         self.ground = self._ground()
         self.position = self._positions(self._vectors("anchor_position", structure.node_position[:, axes]))
         self.velocity = self._velocities()
+        self.rest_rate: dict[int, Scalar] = {}  # of rest lengths that motors change, by member
         self.add_inputs()
 
     def member_values(self, e: int) -> dict[str, Scalar]:
@@ -85,9 +86,21 @@ class SymbolicArguments:
         return ca.vertcat(*[ca.vec(symbol) for symbol in chosen]) if chosen else ca.SX(0, 1)
 
     def add_inputs(self) -> None:
-        """Let each actuated input change rest lengths or loads: rho_e + u, F_i + u direction."""
+        """Let each actuated input change rest lengths or loads: rho_e + u, F_i + u direction.
+
+        Where an actuator has a time constant the input is its command, and u its internal state.
+        """
+        self.lag: dict[str, Scalar] = {}  # command - u, by actuator
+        self.motor_rate: dict[str, Scalar] = {}  # u', by internal state
+        lagging = self.structure.lagging_actuators
         for index, item in enumerate(self.structure.inputs):
             u = self.symbols["input"][index]
+            if motor := lagging.get(item.name):
+                self.lag[motor.name] = u - self.internal[motor.state_name]
+                u, rate = self.internal[motor.state_name], self.lag[motor.name] / motor.time_constant
+                limited = ca.fmin(ca.fmax(rate, -motor.rate), motor.rate) if motor.has_rate else rate
+                self.motor_rate[motor.state_name] = limited
+                self.rest_rate |= {e: self.rest_rate.get(e, ca.SX(0.0)) + limited for e in item.targets}
             for target in item.targets:
                 if item.kind == "rest_length":
                     self.rest_length[target] = self.rest_length[target] + u

@@ -20,6 +20,7 @@ from tensegrity_codegen.symbolic.members.member_memory import MemberMemory
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
 from tensegrity_codegen.symbolic.members.ring_cable import Pairs
 from tensegrity_codegen.symbolic.memory import POWERS, Memory
+from tensegrity_codegen.symbolic.motors import Motors
 from tensegrity_codegen.symbolic.node_forces import build_node_forces
 from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce
 from tensegrity_codegen.symbolic.node_quantities import build_node_quantities
@@ -94,9 +95,12 @@ class NodeCoordinates:
     @cached_property
     def memories(self) -> Sequence[Memory]:
         """What remembers, and the other forces on nodes."""
-        if not self.structure.remembers.any():
-            return self.node_forces
-        return [*self.node_forces, MemberMemory(self.structure, self.members)]
+        found: list[Memory] = [*self.node_forces]
+        if self.structure.remembers.any():
+            found.append(MemberMemory(self.structure, self.members))
+        if self.structure.lagging_actuators:
+            found.append(Motors(self.arguments))
+        return found
 
     def memory_quantities(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of what forces on nodes and memory offer, none where there is nothing."""

@@ -384,6 +384,8 @@ def _list_events(log: "EventLog") -> list[str]:
         ("ground", -1): "lifts",
         ("stick", 1): "sticks",
         ("stick", -1): "slips",
+        ("motor", 1): "is below its rate",
+        ("motor", -1): "is at its rate",
         ("yield", 1): "stops yielding",
         ("yield", -1): "yields",
         ("collision", 1): "press",

@@ -7,7 +7,7 @@ import numpy as np
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
-from tensegrity_codegen.tables.manifest import SET_STATES
+from tensegrity_codegen.tables.manifest import MOTOR_END, SET_STATES
 
 # Quantities that take members along a straight way from the internal states, not as these say they are.
 ALONG_THE_WAY = (
@@ -21,7 +21,7 @@ MOST_SHOWN = 6
 
 
 class RestMemory:
-    """Internal states of plastic members at rest.
+    """Internal states of plastic members, and of motors with a lag, at rest.
 
     Attributes
     ----------
@@ -35,6 +35,9 @@ class RestMemory:
         given = np.asarray(arguments.get("internal", model.nominal("internal")), dtype=np.float64).reshape(-1)
         flags = tuple(f"_{word}" for word in SET_STATES.values())
         self.model, self.begun = model, np.where([name.endswith(flags) for name in names], 0.0, given)
+        # Motors, which are at their commands at rest: internal state and input of each
+        inputs = model.manifest.input_name
+        self.motors = [(names.index(f"{m}{MOTOR_END}"), inputs.index(m)) for m in model.manifest.motor_name]
         self.start: FloatArray = self.begun
         # Flow of each member, whose plastic elongation stands before it.
         self.flow = np.array([k for k, name in enumerate(names) if name.endswith("_accumulated")])
@@ -45,11 +48,25 @@ class RestMemory:
 
     def settle(self, given: Mapping[str, Any]) -> FloatArray:
         """Return the states behind the way from `start` to these arguments, coordinates among them."""
-        return np.array(self.model.compute("settled_internal", **{**given, "internal": self.start}))
+        start = self._put_motors(self.start, given)
+        if not len(self.flow):
+            return start
+        return np.array(self.model.compute("settled_internal", **{**given, "internal": start}))
 
     def choose(self, quantity: str, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return the arguments of a quantity with its internal states."""
-        return {**given, "internal": self.start if quantity in ALONG_THE_WAY else self.settle(given)}
+        along = quantity in ALONG_THE_WAY
+        return {**given, "internal": self._put_motors(self.start, given) if along else self.settle(given)}
+
+    def _put_motors(self, states: FloatArray, given: Mapping[str, Any]) -> FloatArray:
+        """Return states with motors at their commands."""
+        if not self.motors:
+            return states
+        command = np.asarray(given.get("input", self.model.nominal("input")), dtype=np.float64).reshape(-1)
+        states = states.copy()
+        for k, place in self.motors:
+            states[k] = command[place]
+        return states
 
     def find_turned(self, here: FloatArray, behind: FloatArray, ahead: FloatArray) -> BoolArray:
         """Return which members (n_plastic,) have flowed on their way here and flow back ahead of it.
@@ -89,5 +106,6 @@ def describe_plastic(elongation: Mapping[str, float]) -> list[str]:
 
 
 def find_rest_memory(model: Model, arguments: Mapping[str, Any]) -> RestMemory | None:
-    """Return the memory of a model's members, None where they have none."""
-    return RestMemory(model, arguments) if model.manifest.subjects_of("yield") else None
+    """Return the memory of a model's members and motors, None where they have none."""
+    manifest = model.manifest
+    return RestMemory(model, arguments) if manifest.subjects_of("yield") or manifest.motor_name else None

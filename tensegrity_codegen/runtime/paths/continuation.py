@@ -159,7 +159,8 @@ class _Path:
         self.least, self.most = span
         self.solver = PathSolver(problem, (1.0, abs(self.most - self.least)), neutral)
         self.tracker = EventTracker(watches, self.least, self.most)
-        self.memory = PathMemory(problem) if getattr(problem, "memory", None) is not None else None
+        memory = getattr(problem, "memory", None)
+        self.memory = PathMemory(problem) if memory is not None and len(memory.flow) else None
         self.points: list[PathPoint] = []
         self.events: list[PathEvent] = []
         self.stop_at: frozenset[str] = frozenset()

@@ -223,7 +223,7 @@ def watch_slack(path: ModelPath, members: Sequence[str]) -> Watch:
 
     def extension(coordinate: FloatArray, load_factor: float) -> FloatArray:
         found = np.asarray(path.compute("member_extension", coordinate, load_factor))
-        if path.memory is not None:  # whose rest lengths have grown
+        if path.model.has("plastic_elongation"):  # rest lengths that have grown
             found = found - path.compute("plastic_elongation", coordinate, load_factor)
         return found[rows]
 
@@ -272,7 +272,7 @@ def watch_yield(path: ModelPath) -> list[Watch]:
         For follow_path, one or none.
     """
     check_instance(path, ModelPath, "path", "what build_path(...) returns")
-    if path.memory is None:
+    if not path.model.manifest.subjects_of("yield"):
         return []
     names = tuple(name.rsplit("_", 1)[0] for name in path.model.manifest.subjects_of("yield"))
 

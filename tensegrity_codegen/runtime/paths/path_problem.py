@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from tensegrity_codegen.runtime.contacts.rest_memory import RestMemory
 from tensegrity_codegen.system.arrays import FloatArray
 
 # Motions that cost no force, as orthonormal columns (n, k), at coordinates q where the stiffness is K.
@@ -27,16 +26,6 @@ class PathProblem(Protocol):
 
     def load_vector(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
         """Return f = dg/dlambda, (n,)."""
-        ...
-
-
-class RemembersPath(PathProblem, Protocol):
-    """A problem whose members may remember the path; memory: None where they do not."""
-
-    memory: RestMemory | None
-
-    def settle(self, coordinate: FloatArray, load_factor: float) -> FloatArray | None:
-        """Return the internal states at a point, (n_internal,)."""
         ...
 
 

@@ -21,7 +21,7 @@ from tensegrity_codegen.runtime.statics.stiff_members import (
     choose_stiff,
     find_spring_constants,
 )
-from tensegrity_codegen.structure.memory_support import require_no_memory
+from tensegrity_codegen.structure.memory_support import require_no_lag, require_no_memory
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
@@ -99,6 +99,7 @@ class StaticProblem:
         if model.manifest.contact_name:
             if self.memory is not None:
                 require_no_memory(getattr(model, "structure", None), "equilibria on the ground", ON_GROUND)
+                require_no_lag(getattr(model, "structure", None), "equilibria on the ground")
             self.contacts = Contacts(model, self.arguments)
         # Velocities of nodes (3 n_nodes, n_coordinates) of those of coordinates.
         self._velocity = scipy.sparse.csr_array(

@@ -123,9 +123,9 @@ class MemberLaw:
             x = self.law.limit_slack(x, self.law.at_rest(self.law_parameter), ca.if_else)
         return self.law.settle(x, self.law_parameter, ca.if_else)
 
-    def memory_margins(self) -> list[Scalar]:
-        """Return the margins of the memory [m], see Law.margins."""
-        motion = (self.extension, self.rate)
+    def memory_margins(self, rate: Scalar) -> list[Scalar]:
+        """Return the margins of the memory [m], see Law.margins; rate: of the elongation [m/s]."""
+        motion = (self.extension, rate)
         return self.law.margins(motion, self.law_parameter, ca.if_else, self.tension_only)
 
     @property

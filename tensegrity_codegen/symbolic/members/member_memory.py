@@ -20,6 +20,11 @@ class MemberMemory(Memory):
     def __init__(self, structure: Structure, members: MemberSet) -> None:
         self.structure, self.members = structure, members
         rows = np.flatnonzero(structure.remembers).tolist()
+        # Rates of elongation, with those of rest lengths that motors change
+        self.rate = {
+            structure.member_name[e]: members.laws[e].rate - members.arguments.rest_rate.get(e, ca.SX(0.0))
+            for e in rows
+        }
         self.laws: dict[str, MemberLaw] = {structure.member_name[e]: members.laws[e] for e in rows}
 
     def stored_energy(self) -> Scalar:
@@ -28,7 +33,7 @@ class MemberMemory(Memory):
 
     def powers(self) -> Mapping[str, Scalar]:
         """Return minus what plastic flow takes, -Fy a' [W]."""
-        lost = (self._flow_force(law) * self._rates(law)[1] for law in self.laws.values())
+        lost = (self._flow_force(law) * self._rates(name)[1] for name, law in self.laws.items())
         return {"plastic": -sum(lost, ca.SX(0.0))}
 
     def internal_rates(self) -> Mapping[str, Scalar]:
@@ -36,7 +41,7 @@ class MemberMemory(Memory):
         return {
             f"{name}_{state}": rate
             for name, law in self.laws.items()
-            for state, rate in zip(law.law.states, self._rates(law), strict=True)
+            for state, rate in zip(law.law.states, self._rates(name), strict=True)
         }
 
     def settled(self) -> Mapping[str, Scalar]:
@@ -50,12 +55,14 @@ class MemberMemory(Memory):
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of margins, plastic elongations and what flow has taken."""
         return {
-            "yield_margin": lambda: ca.vertcat(
-                *[m for law in self.laws.values() for m in law.memory_margins()]
-            ),
+            "yield_margin": self._margins,
             "plastic_elongation": self._elongations,
             "plastic_work": self._work,
         }
+
+    def _margins(self) -> ca.SX:
+        found = [law.memory_margins(self.rate[name]) for name, law in self.laws.items()]
+        return ca.vertcat(*[margin for margins in found for margin in margins])
 
     def _elongations(self) -> ca.SX:
         """Return q of all members, 0 of those without memory, (n_members, 1) [m]."""
@@ -71,5 +78,6 @@ class MemberMemory(Memory):
         """Return Fy [N]."""
         return law.mu * law.law_parameter["yield_elongation"]
 
-    def _rates(self, law: MemberLaw) -> tuple[Scalar, ...]:
-        return law.law.rates(law.rate, law.law_parameter, ca.if_else)
+    def _rates(self, name: str) -> tuple[Scalar, ...]:
+        law = self.laws[name]
+        return law.law.rates(self.rate[name], law.law_parameter, ca.if_else)

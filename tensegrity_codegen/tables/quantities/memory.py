@@ -1,4 +1,4 @@
-"""Quantities of members with memory."""
+"""Quantities of members with memory, and of motors with a lag."""
 
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
@@ -29,6 +29,15 @@ MEMORY = (
         "Margins of plastic members, pulled and pushed: what is left of the elastic range; while a member "
         "flows -x' and x' times 1 s. It does not flow while its margin is positive.",
         SOURCE,
+    ),
+    Quantity(
+        "motor_margin",
+        "g_m",
+        "m",
+        ("n_motors",),
+        "Margins of motors with a time constant, rate tau - |command - u|: a rate is not limited while its "
+        "margin is positive; 1 without a limit.",
+        "Linear systems",
     ),
     Quantity(
         "plastic_work",
