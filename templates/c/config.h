@@ -33,6 +33,7 @@ enum {
   N_KINKS = 1, /* margins of contacts from there on, at which forces do not jump */
   FIRST_STICK = 0,
   N_SLIPS = N_INTERNAL, /* last internal states: 1 where a contact slips or is open, 0 where it sticks */
+  N_YIELDS = N_INTERNAL, /* the last of these, of plastic members */
   N_MARGINS = 2,            /* events that are watched, the condition last */
   N_MEASURED = N,           /* coordinates whose size counts as rounding */
   MOST_IN_SUCCESSION = 150, /* events, each within a thousandth of a step of the last one */
@@ -82,6 +83,14 @@ static inline void motion_state_derivative(
   }
   motion_slope(coordinate, velocity, with, result + N);
   result[2 * N] = coordinate[0] - internal[0];
+}
+
+/* What internal states become at events. */
+static inline void motion_settled_internal(
+    const real *coordinate, const real *velocity, const motion_arguments *with, real *result)
+{
+  (void)with;
+  result[0] = velocity[N] < coordinate[0] ? velocity[N] : coordinate[0];
 }
 #endif
 

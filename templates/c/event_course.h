@@ -25,6 +25,18 @@ static inline void event_set_slips(const event_memory *m, double *state)
 }
 
 #endif
+#if WITH_SETTLING
+/* Let internal states keep up with the others; spare: N_STATES. */
+static inline void event_settle(double *state, const motion_arguments *with, double *spare)
+{
+  int k;
+  motion_settled_internal(state, state + N, with, spare);
+  for (k = N; k < N_SLOPES; ++k) {
+    state[N + k] = spare[k - N];
+  }
+}
+
+#endif
 /* Time in which margin k passes its noise, at most MAX_NOISE_TIME of a step. */
 static inline double event_noise_time(double usual_step, const event_memory *m, int k)
 {

@@ -154,6 +154,9 @@ static inline int method_evaluate_margins(double h, const method_motion *m, real
 /* Note in the state which contacts slip, and evaluate again what depends on it. Zero if margins are not finite. */
 static inline int method_set_slips(const method_motion *m, real *change)
 {
+#if WITH_SETTLING
+  event_settle(m->state, m->with, m->work->events.point);
+#endif
   event_set_slips(&m->work->events, m->state);
   motion_rate(m->state, m->with, m->work->rates);
   ++m->run->n_evaluations;
@@ -197,6 +200,9 @@ static inline int method_pass(double root, double near, double left, const metho
     m->state[k] = w->trial[k];
     w->lost[k] = w->change[k] - (w->trial[k] - w->old[k]);
   }
+#if WITH_SETTLING
+  event_settle(m->state, m->with, w->events.point);
+#endif
 #if WITH_SET_STATES
   event_set_slips(&w->events, m->state);
 #endif
@@ -416,6 +422,15 @@ static inline int method_begin(double time_end, const method_motion *m)
 #if WITH_PROFILE
   profile_set_time(*m->time, m->with->profile);
 #endif
+#if WITH_YIELD_EVENTS
+  /* What flows is found anew: values may have jumped since the state was reached. */
+  for (k = N_STATES - N_YIELDS; k < N_STATES; ++k) {
+    m->state[k] = 0.0;
+  }
+#endif
+#if WITH_SETTLING
+  event_settle(m->state, m->with, w->spare);
+#endif
   motion_rate(m->state, m->with, w->rates);
   ++run->n_evaluations;
   if (!all_finite(w->rates, N_STATES)) {
@@ -433,6 +448,9 @@ static inline int method_begin(double time_end, const method_motion *m)
 #if WITH_EVENTS
 #if WITH_STATIC_FRICTION
   run->watch |= SCENE_EVENT_STICK; /* slip begins at an event */
+#endif
+#if WITH_YIELD_EVENTS
+  run->watch |= SCENE_EVENT_YIELD;
 #endif
   w->events.may_cut_at_turn = 0;
   w->events.found_margin = 0;

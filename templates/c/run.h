@@ -19,6 +19,12 @@ enum {
 #if WITH_STICK_EVENTS
   SCENE_EVENT_STICK = 32, /* a contact with the ground sticks or slips */
 #endif
+#if WITH_MOTOR_EVENTS
+  SCENE_EVENT_MOTOR = 256, /* the rate of a motor begins or ends to be limited */
+#endif
+#if WITH_YIELD_EVENTS
+  SCENE_EVENT_YIELD = 128, /* a plastic member begins to flow or ends; which: twice its number among these, + 1 pushed */
+#endif
   SCENE_EVENT_CONDITION = 4
 };
 

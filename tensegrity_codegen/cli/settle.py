@@ -94,6 +94,7 @@ def _report(
 ) -> None:
     """Print the equilibrium: nodes, members, residual, motion."""
     from tensegrity_codegen.report.tables import feet_table, members_table, nodes_table, segments_table
+    from tensegrity_codegen.runtime.contacts.rest_memory import describe_plastic
     from tensegrity_codegen.structure.member_limits import describe_tensions, summarise_tensions
     from tensegrity_codegen.structure.outline import outline_tendons
 
@@ -115,6 +116,7 @@ def _report(
         data,
         f"{found.status}: {'; but '.join(['; '.join(said), *flaws])}",
         *(tables if found.is_found else []),  # else those of no equilibrium would hide the reason
+        *describe_plastic(found.plastic_elongation),
         f"largest residual {found.residual:.3g} N of largest member force {found.largest_force:.6g} N; "
         f"smallest eigenvalue {found.smallest_eigenvalue:.6g} {unit}",
         *(_describe_motion(found) if found.is_found else []),

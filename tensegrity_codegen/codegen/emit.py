@@ -21,7 +21,7 @@ from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunc
 from tensegrity_codegen.codegen.integrators.columns import check_jumps, list_derivative_quantities
 from tensegrity_codegen.codegen.integrators.energy_keeping import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators.events import find_events
-from tensegrity_codegen.codegen.integrators.integrators import PROJECTION
+from tensegrity_codegen.codegen.integrators.integrators import PROJECTION, SETTLING
 from tensegrity_codegen.codegen.lanes.emitter import LANES
 from tensegrity_codegen.codegen.left_out import account_left_out, build_with
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
@@ -33,6 +33,7 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.collision import check_collision
 from tensegrity_codegen.structure.ground_support import check_ground, has_contacts, needs_state_jacobian
 from tensegrity_codegen.structure.memory import find_setting_events
+from tensegrity_codegen.structure.memory_support import check_memory
 from tensegrity_codegen.structure.ring_support import check_rings
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
@@ -42,6 +43,7 @@ from tensegrity_codegen.tables.manifest import LeftOut, Manifest
 from tensegrity_codegen.tables.precision import Precision, check_precision, find_precision
 from tensegrity_codegen.tables.request import ModelRequest
 
+PLASTIC_QUANTITIES = ("plastic_power", "plastic_work", "plastic_elongation")  # of members with memory
 # Fields of a structure with a number a member.
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping", "member_mass", "radius")
 
@@ -141,11 +143,13 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     check_ground(structure, request)
     check_rings(structure, request)
     check_collision(structure, request)
+    check_memory(structure, request)
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")
-    is_bound = getattr(structure, "collision", None) or find_setting_events(structure)
+    lags = any(item.time_constant for item in structure.actuators)
+    is_bound = getattr(structure, "collision", None) or find_setting_events(structure) or lags
     if request.emitter == AUTO and (is_bound or request.differentiates_motions):
-        why = "the only emitter for collisions, static friction and derivatives of motions"
+        why = "the only emitter for collisions, static friction, memory and derivatives of motions"
         choice = EmitterChoice(UNROLLED.name, why)
     elif request.emitter == AUTO:
         choice = choose_emitter(find_facts(structure, request))
@@ -261,7 +265,9 @@ def _find_called(
     check_jumps(model.subject, request, events)
     kept = KEPT_QUANTITIES if request.keep else ()
     of_forces = ("state_derivative", "energy_rate") if has_contacts(model.subject) else ()
-    of_states = ("state_derivative",) if model.frame.n_internal else ()
+    of_states: tuple[str, ...] = ("state_derivative",) if model.frame.n_internal else ()
+    if model.subject.remembers.any():
+        of_states = ("state_derivative", SETTLING, "energy_rate", *PLASTIC_QUANTITIES)
     of_integrators = called_quantities(request.integrators, needs_state_jacobian(model.subject))
     of_derivatives = list_derivative_quantities(model.arguments)
     called = (*PROJECTION, *kept, *of_forces, *of_states, *of_integrators, *of_derivatives)

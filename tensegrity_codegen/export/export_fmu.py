@@ -32,6 +32,7 @@ from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.ground_support import refuse_ground
+from tensegrity_codegen.structure.memory_support import require_no_lag, require_no_memory
 from tensegrity_codegen.system.checks import (
     check_instance,
     check_names,
@@ -240,7 +241,9 @@ def _write(
 
 
 def _check_ground(structure: Subject) -> None:
-    """Raise FormulationError for friction whose states jump, which importers cannot follow."""
+    """Raise FormulationError for internal states that events set, which importers cannot follow."""
+    require_no_memory(structure, "a functional mock-up unit", "leave yield_force out")
+    require_no_lag(structure, "a functional mock-up unit")
     ground = getattr(structure, "ground", None)
     if ground is not None and ground.has_static_friction:
         raise refuse_ground(

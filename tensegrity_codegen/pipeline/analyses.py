@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tensegrity_codegen.runtime.contacts.rest_memory import REST_QUANTITIES
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD, CONTROL_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
@@ -17,8 +18,9 @@ from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
 )
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
-from tensegrity_codegen.structure.ground_support import check_analysis
+from tensegrity_codegen.structure.ground_support import ANALYSES_WITHOUT_GROUND, check_analysis
 from tensegrity_codegen.structure.inertia_plan import find_massless
+from tensegrity_codegen.structure.memory_support import require_no_lag, require_no_memory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.request import ModelRequest
@@ -73,7 +75,8 @@ def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[s
     from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities as of_formulation
 
     turning = isinstance(structure, BodySystem) and structure.has_unpotential_load
-    return (*of_formulation(request.formulation), *(("unpotential_force",) if turning else ()))
+    more = ("unpotential_force",) if turning else REST_QUANTITIES if structure.remembers.any() else ()
+    return (*of_formulation(request.formulation), *more)
 
 
 def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
@@ -87,7 +90,8 @@ def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: floa
 
 def _simulate_batch(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
     needs = _simulate(structure, request, method or BATCH_METHOD, rtol)
-    return replace(needs, batch_width=BATCH_WIDTH if find_method(method or BATCH_METHOD).in_batches else 0)
+    in_batches = find_method(method or BATCH_METHOD).in_batches and not structure.remembers.any()
+    return replace(needs, batch_width=BATCH_WIDTH if in_batches else 0)
 
 
 def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
@@ -95,7 +99,8 @@ def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: f
 
 
 def _equilibria(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
-    width = 0 if getattr(structure, "ground", None) is not None else BATCH_WIDTH  # which is searched alone
+    is_alone = getattr(structure, "ground", None) is not None or bool(getattr(structure, "internal_name", ()))
+    width = 0 if is_alone else BATCH_WIDTH
     return Needs(equilibrium_quantities(structure, request), batch_width=width)
 
 
@@ -214,6 +219,9 @@ def find_needs(
     """
     check_choice(analysis, ANALYSES, "analysis", "for_")
     check_analysis(structure, analysis)
+    if analysis in ANALYSES_WITHOUT_GROUND:
+        require_no_memory(structure, f"the analysis {analysis!r}")
+        require_no_lag(structure, f"the analysis {analysis!r}")
     if method:
         find_method(method)
     return ANALYSES[analysis](structure, request, method, rtol)

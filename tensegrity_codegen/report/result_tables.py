@@ -10,6 +10,7 @@ from rich.table import Table
 
 from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.pages.page import Page
+from tensegrity_codegen.runtime.contacts.rest_memory import name_plastic
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
@@ -69,7 +70,7 @@ def tabulate_path(path: LoadPath, model: ModelPath) -> dict[str, FloatArray]:
     """Return the columns of a table with one row a point, name -> (n_points,).
 
     Load factor, smallest eigenvalue, residual, coordinates by name, and where the model computes them
-    length_<member> [m], tension_<member> [N] and distance_<pair> [m].
+    plastic_<member> [m], length_<member> [m], tension_<member> [N] and distance_<pair> [m].
     """
     manifest = model.model.manifest
     columns = {
@@ -78,16 +79,25 @@ def tabulate_path(path: LoadPath, model: ModelPath) -> dict[str, FloatArray]:
         "residual": path.residual,
     }
     columns |= _columns("", manifest.coordinate_name, path.coordinate)
+    if path.internal is not None:
+        plastic = [name_plastic(manifest.internal_name, row) for row in path.internal]
+        columns |= {f"plastic_{name}": np.array([row[name] for row in plastic]) for name in plastic[0]}
     for prefix, quantity, names in (
         ("length_", "member_length", manifest.member_name),
         ("tension_", "member_tension", manifest.member_name),
         ("distance_", "bar_distance", manifest.bar_pair_name),
     ):
         if model.offers(quantity) and names:
-            points = zip(path.coordinate, path.load_factor, strict=True)
-            rows = [model.compute(quantity, coordinate, float(load)) for coordinate, load in points]
+            rows = [_compute_at(path, model, quantity, k) for k in range(len(path.load_factor))]
             columns |= _columns(prefix, names, np.array(rows))
     return columns
+
+
+def _compute_at(path: LoadPath, model: ModelPath, quantity: str, k: int) -> Any:
+    """Return a quantity at point k of a path, whose members come from there."""
+    if path.internal is not None and model.memory is not None:
+        model.memory.start = path.internal[k]
+    return model.compute(quantity, path.coordinate[k], float(path.load_factor[k]))
 
 
 def write_path(columns: dict[str, FloatArray], path: LoadPath, file: Path, *, overwrite: bool) -> None:

@@ -33,7 +33,8 @@ def _describe_actuator(subject: Subject, item: Actuator) -> dict[str, Any]:
         table["rate"] = float(item.rate)
     if tuple(item.range) != UNLIMITED:
         table["range"] = [float(value) for value in item.range]
-    return table | ({"delay": float(item.delay)} if item.delay else {})
+    times = {"delay": float(item.delay), "time_constant": float(item.time_constant)}
+    return table | {name: value for name, value in times.items() if value}
 
 
 def _describe_sensor(

@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from tensegrity_codegen.tables.manifest import MOTOR_END
+
 SensorKind: TypeAlias = Literal["member_length", "member_tension", "node_position", "node_velocity"]
 
 MEMBER_SENSORS: tuple[SensorKind, ...] = ("member_length", "member_tension")
@@ -47,7 +49,10 @@ class Actuator:
     range : tuple of float, shape (2,) [m]
         Least and largest rest length of each of its members; (0, infinity) without a limit.
     delay : float [s]
-        Time from the command to the motion.
+        Time from the command to the motion, in feedback.
+    time_constant : float [s]
+        Time constant tau of the motor in motions, u' = clip((command - u) / tau, -rate, rate), with the input
+        for the command and u an internal state; 0: u is the input.
     """
 
     name: str
@@ -55,6 +60,17 @@ class Actuator:
     rate: float = math.inf
     range: tuple[float, float] = UNLIMITED
     delay: float = 0.0
+    time_constant: float = 0.0
+
+    @property
+    def has_rate(self) -> bool:
+        """Whether its rate has a limit."""
+        return math.isfinite(self.rate)
+
+    @property
+    def state_name(self) -> str:
+        """Name of its internal state."""
+        return f"{self.name}{MOTOR_END}"
 
 
 @dataclass(frozen=True)

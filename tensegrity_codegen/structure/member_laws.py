@@ -1,6 +1,6 @@
 """Laws of the members of a structure or of a body system, as arrays."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -100,7 +100,18 @@ class WithMemberLaws:
     @property
     def has_switch(self) -> BoolArray:
         """(n_members,): members whose law has a slope that jumps at some elongation beside rest length."""
-        return ~self.is_linear
+        return self._join_masks(lambda law: law.has_switch)
+
+    @property
+    def remembers(self) -> BoolArray:
+        """(n_members,): members with memory, whose law has internal states."""
+        return self._join_masks(lambda law: bool(law.states))
+
+    def _join_masks(self, is_wanted: Callable[[Law], bool]) -> BoolArray:
+        found = np.zeros(len(self.member_name), dtype=np.bool_)
+        for law, mask in self.members_of_law[1:]:
+            found |= mask & is_wanted(law)
+        return found
 
     def largest_slope(self) -> FloatArray:
         """Return the largest slope of each member's law over that at rest length, (n_members,)."""

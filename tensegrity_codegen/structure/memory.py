@@ -6,9 +6,14 @@ with rates come first, kind by kind; those that events set are the last ones, in
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+import numpy as np
+
 from tensegrity_codegen.structure.ground import ENERGY_STATES
+from tensegrity_codegen.tables.laws import LAWS
+from tensegrity_codegen.tables.laws.law import Law
 from tensegrity_codegen.tables.manifest import SET_STATES
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -51,10 +56,31 @@ def _name_energies(structure: Any) -> Names:
     return ENERGY_STATES if structure.ground is not None and structure.ground.balances_energy else ()
 
 
+def _find_kind(law: Law) -> MemoryKind:
+    """Return the internal states of the members of a law."""
+
+    def name_each(structure: Any, words: Names) -> Names:
+        found = next((mask for other, mask in structure.members_of_law if other is law), ())
+        return tuple(f"{structure.member_name[e]}_{word}" for e in np.flatnonzero(found) for word in words)
+
+    return MemoryKind(partial(name_each, words=law.states), law.set_at, partial(name_each, words=law.flags))
+
+
 # Those that events set stand in the order of their kinds here, as their margins do in EVENT_KINDS.
 MEMORY_KINDS = (
     MemoryKind(_name_bristles, "stick", _find_sliding),
+    *(_find_kind(law) for law in LAWS if law.states),
+    MemoryKind(lambda structure: tuple(item.state_name for item in structure.lagging_actuators.values())),
     MemoryKind(_name_energies),
+)
+
+
+# Ends of the names of what members remember, which changes in flow alone.
+CONSTANT_ENDS = tuple(
+    end
+    for law in LAWS
+    if law.states
+    for end in (*(f"_{name}" for name in law.states), f"_{SET_STATES[law.set_at]}")
 )
 
 
@@ -67,6 +93,11 @@ def name_internal_states(structure: Any) -> Names:
 def find_setting_events(structure: Any) -> Names:
     """Return the kinds of events that set internal states of a structure: motions need these events."""
     return tuple(kind.set_at for kind in MEMORY_KINDS if kind.set_states(structure))
+
+
+def is_constant(name: str) -> bool:
+    """Return whether linear models do without an internal state: constant, or nothing depends on it."""
+    return name in ENERGY_STATES or name.endswith(CONSTANT_ENDS)
 
 
 def lack_setting_events(subject: Any, request: ModelRequest) -> dict[str, bool]:

@@ -228,6 +228,11 @@ class Structure(WithMemberLaws, Summarised):
         return name_internal_states(self)
 
     @property
+    def lagging_actuators(self) -> dict[str, Actuator]:
+        """Actuators with a time constant, by name."""
+        return {item.name: item for item in self.actuators if item.time_constant}
+
+    @property
     def contact_name(self) -> tuple[str, ...]:
         """Names of the nodes that can touch the ground."""
         return () if self.ground is None else tuple(self.node_name[node] for node in self.ground.node)

@@ -17,8 +17,10 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS
+from tensegrity_codegen.tables.manifest import SET_STATES
 from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS
 
+WITH_MEMBERS = "Internal states: memory of members, deflections of contacts with friction."
 Scalar = Any  # a 1 x 1 casadi.SX, symbolic or a number
 
 
@@ -57,11 +59,16 @@ class SymbolicArguments:
         self.ground = self._ground()
         self.position = self._positions(self._vectors("anchor_position", structure.node_position[:, axes]))
         self.velocity = self._velocities()
+        self.rest_rate: dict[int, Scalar] = {}  # of rest lengths that motors change, by member
         self.add_inputs()
 
     def member_values(self, e: int) -> dict[str, Scalar]:
-        """Return what the law of member e takes, by the names of MEMBER_VALUES."""
+        """Return what the law of member e takes: MEMBER_VALUES, and the internal states of its memory."""
+        law, member = self.structure.law_of(e), self.structure.member_name[e]
+        set_state = f"_{SET_STATES.get(law.set_at, '')}"
         return {
+            **{name: self.internal[f"{member}_{name}"] for name in law.states},
+            **{name: self.internal[f"{member}_{name}{set_state}"] for name in law.flags},
             "rest_length": self.rest_length[e],
             "spring_constant": self.spring_constant[e],
             "axial_stiffness": self.axial_stiffness[e],
@@ -79,9 +86,21 @@ class SymbolicArguments:
         return ca.vertcat(*[ca.vec(symbol) for symbol in chosen]) if chosen else ca.SX(0, 1)
 
     def add_inputs(self) -> None:
-        """Let each actuated input change rest lengths or loads: rho_e + gain u, F_i + u direction."""
+        """Let each actuated input change rest lengths or loads: rho_e + gain u, F_i + u direction.
+
+        Where an actuator has a time constant the input is its command, and u its internal state.
+        """
+        self.lag: dict[str, Scalar] = {}  # command - u, by actuator
+        self.motor_rate: dict[str, Scalar] = {}  # u', by internal state
+        lagging = self.structure.lagging_actuators
         for index, item in enumerate(self.structure.inputs):
             u = self.symbols["input"][index]
+            if motor := lagging.get(item.name):
+                self.lag[motor.name] = u - self.internal[motor.state_name]
+                u, rate = self.internal[motor.state_name], self.lag[motor.name] / motor.time_constant
+                limited = ca.fmin(ca.fmax(rate, -motor.rate), motor.rate) if motor.has_rate else rate
+                self.motor_rate[motor.state_name] = limited
+                self.rest_rate |= {e: self.rest_rate.get(e, ca.SX(0.0)) + limited for e in item.targets}
             for e, gain in item.rest_length_gain.items():
                 self.rest_length[e] = self.rest_length[e] + gain * u
             for node in item.targets if item.kind == "force" else ():
@@ -90,8 +109,9 @@ class SymbolicArguments:
                     load[column] = load[column] + u * item.direction[axis]
 
     def _argument(self, name: str) -> ModelArgument:
-        value = nominal_value(self.structure, self.parameters, name)
-        return ModelArgument(self.symbols[name], *value, *describe_argument(self.structure, name))
+        nominal = nominal_value(self.structure, self.parameters, name)
+        sentence, unit = describe_argument(self.structure, name)
+        return ModelArgument(self.symbols[name], *nominal, sentence, unit)
 
     def _symbol(self, name: str, rows: int, columns: int = 1) -> ca.SX:
         self.symbols[name] = ca.SX.sym(name, rows, columns)
@@ -157,6 +177,8 @@ def check_parameters(parameters: Mapping[str, tuple[int, ...]]) -> None:
 
 def describe_argument(structure: Structure, name: str) -> tuple[str, str]:
     """Return sentence and unit of an argument where they differ from the table of arguments, else ""."""
+    if name == "internal" and structure.remembers.any():
+        return WITH_MEMBERS, ""
     if name != "input" or all(item.kind != "temperature" for item in structure.inputs):
         return "", ""
     return "Rest-length changes, changes of temperature and forces of the inputs.", "m, K or N"

@@ -5,6 +5,7 @@ from importlib import import_module
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.collision import check_collision
 from tensegrity_codegen.structure.ground_support import check_ground
+from tensegrity_codegen.structure.memory_support import check_memory
 from tensegrity_codegen.structure.ring_support import check_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.columns import add_derivatives
@@ -22,6 +23,7 @@ def build_model(structure: Structure | BodySystem, request: ModelRequest) -> Sym
     check_ground(structure, request)
     check_rings(structure, request)
     check_collision(structure, request)
+    check_memory(structure, request)
     module = import_module(f"tensegrity_codegen.symbolic.formulations.{name}")
     model: SymbolicModel = getattr(module, f"build_{name}")(structure, request)
     if request.differentiates_motions:

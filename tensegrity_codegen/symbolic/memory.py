@@ -13,7 +13,7 @@ import casadi as ca
 
 Scalar = Any
 
-POWERS = ("friction", "impact", "belt")  # what changes the total energy
+POWERS = ("friction", "impact", "belt", "plastic")  # what changes the total energy
 
 
 class Memory(ABC):
@@ -29,6 +29,10 @@ class Memory(ABC):
 
     def internal_rates(self) -> Mapping[str, Scalar]:
         """Return the rates z' of its internal states by their names; those that events set have none."""
+        return {}
+
+    def settled(self) -> Mapping[str, Scalar]:
+        """Return what internal states become at events, by their names: states that keep up with others."""
         return {}
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:

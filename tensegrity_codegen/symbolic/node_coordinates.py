@@ -16,9 +16,11 @@ from tensegrity_codegen.symbolic.inertia import Inertia
 from tensegrity_codegen.symbolic.interference import BarPairs, pair_members
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
+from tensegrity_codegen.symbolic.members.member_memory import MemberMemory
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
 from tensegrity_codegen.symbolic.members.ring_cable import Pairs
 from tensegrity_codegen.symbolic.memory import POWERS, Memory
+from tensegrity_codegen.symbolic.motors import Motors
 from tensegrity_codegen.symbolic.node_forces import build_node_forces
 from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce
 from tensegrity_codegen.symbolic.node_quantities import build_node_quantities
@@ -93,20 +95,33 @@ class NodeCoordinates:
     @cached_property
     def memories(self) -> Sequence[Memory]:
         """What remembers, and the other forces on nodes."""
-        return self.node_forces
+        found: list[Memory] = [*self.node_forces]
+        if self.structure.remembers.any():
+            found.append(MemberMemory(self.structure, self.members))
+        if self.structure.lagging_actuators:
+            found.append(Motors(self.arguments))
+        return found
 
     def memory_quantities(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of what forces on nodes and memory offer, none where there is nothing."""
         if not self.memories:
             return {}
         found: dict[str, Callable[[], ca.SX]] = {"energy_rate": self.energy_rate}
-        for name in ("friction", "impact"):
+        names = ("friction", "impact") if self.node_forces else ()
+        for name in (*names, *(("plastic",) if self.structure.remembers.any() else ())):
             found[f"{name}_power"] = partial(self.powers.__getitem__, name)
         for part in self.memories:
             found |= part.builders()
         if self.structure.internal_name:
             found["internal_rate"] = self.internal_rate
+        if any(part.settled() for part in self.memories):
+            found["settled_internal"] = self.settled_internal
         return found
+
+    def settled_internal(self) -> ca.SX:
+        """Return what the internal states become at an event, (n_internal, 1)."""
+        settled = {name: value for part in self.memories for name, value in part.settled().items()}
+        return ca.vertcat(*[settled.get(name, old) for name, old in self.arguments.internal.items()])
 
     def internal_rate(self) -> ca.SX:
         """Return the rates z' of the internal states, (n_internal, 1); those set at events are constant."""

@@ -56,14 +56,18 @@ EVENT_KINDS = {
     "collision": 64,
     "ground": 16,
     "stick": 32,
+    "yield": 128,
+    "motor": 256,
     "condition": 4,
 }
 
 # Those at which a force or its slope jumps: runs watch them by themselves.
-JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick")
+JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick", "yield", "motor")
 
 # Kinds that set internal states, see structure/memory.py, and the word that the names of these end with.
-SET_STATES = {"stick": "slips"}
+SET_STATES = {"stick": "slips", "yield": "yields"}
+
+MOTOR_END = "_motor"  # of the names of internal states of actuators with a time constant
 
 # Fields of a manifest that stand in its file only where they hold something.
 ONLY_IF_ANY = ("internal_name", "contact_name", "column_name", "ring_nodes", "adjoint_work", "tape_row")
@@ -290,6 +294,11 @@ class Manifest:
     def has_contacts(self) -> bool:
         """Whether nodes touch the ground or bars press each other, with forces."""
         return bool(self.contact_name) or any(item.quantity == "collision_margin" for item in self.functions)
+
+    @property
+    def motor_name(self) -> tuple[str, ...]:
+        """Names of the actuators with a time constant, whose internal states follow the input."""
+        return tuple(name.removesuffix(MOTOR_END) for name in self.internal_name if name.endswith(MOTOR_END))
 
     @property
     def needs_state_jacobian(self) -> bool:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 EVENTS = {
     "slack": ("slack", "taut"),
     "switch": ("switch",),
+    "yield": ("yield",),
     "contact": ("contact", "separation"),
     "limit": ("limit", "stability"),
     "bifurcation": ("bifurcation",),
@@ -235,13 +236,18 @@ def _build(
 def _find_watches(path: "ModelPath", subject: "Subject", past_contact: bool) -> "list[Watch]":
     """Return the watches of cables, since the stiffness jumps there, and of pairs of bars."""
     from tensegrity_codegen.runtime.paths.member_watch import watch_members
-    from tensegrity_codegen.runtime.paths.model_path import watch_contact, watch_slack, watch_switch
+    from tensegrity_codegen.runtime.paths.model_path import (
+        watch_contact,
+        watch_slack,
+        watch_switch,
+        watch_yield,
+    )
 
     cables = [name for name, bar in zip(subject.member_name, subject.is_bar, strict=True) if not bar]
     switches = zip(subject.member_name, subject.has_switch, strict=True)
     switching = [name for name, has_switch in switches if has_switch]
     watches = [watch_slack(path, cables)] if cables else []
-    watches += [*watch_switch(path, switching), *watch_members(path, subject)]
+    watches += [*watch_switch(path, switching), *watch_yield(path), *watch_members(path, subject)]
     if subject.n_bar_pairs:
         watches.append(watch_contact(path, stops=not past_contact))
     return watches

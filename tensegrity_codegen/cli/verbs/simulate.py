@@ -306,6 +306,7 @@ def _run(
 
     repeat: the library with a stiffer ground, and its arguments, to compare with.
     """
+    from tensegrity_codegen.runtime.contacts.rest_memory import describe_plastic
     from tensegrity_codegen.scene.checks.plausible_ground import warn_of_sampled_contacts
 
     model = built.load()
@@ -319,6 +320,7 @@ def _run(
     data["inputs"] = {name: value for name, value in given["arguments"].items() if name != "internal"}
     finding = f"{trajectory.status}: {describe_extremes(data, trajectory.find_flaws())}"
     readable: list[Any] = [finding, lambda: build_run_table(data), *_list_events(trajectory.log)]
+    readable += describe_plastic(trajectory.plastic_elongation)
     second = None if repeat is None else _move(output, repeat[0].load(), asked, repeat[1])
     if second is not None:
         data["ground_check"] = compared = _compare(trajectory, second)
@@ -382,6 +384,10 @@ def _list_events(log: "EventLog") -> list[str]:
         ("ground", -1): "lifts",
         ("stick", 1): "sticks",
         ("stick", -1): "slips",
+        ("motor", 1): "is below its rate",
+        ("motor", -1): "is at its rate",
+        ("yield", 1): "stops yielding",
+        ("yield", -1): "yields",
         ("collision", 1): "press",
         ("collision", -1): "part",
     }

@@ -18,9 +18,10 @@ from tensegrity_codegen.tables.request import ModelRequest
 # Fields of a structure and a request that count only where they hold something.
 ONLY_IF_ANY = (
     *("law_parameter", "inner_radius", "driven", "ground", "collision", "columns", "directions"),
-    "gain",
+    *("gain", "ring_nodes"),
 )
-# Fields of a structure that no library depends on; actuators and expansion are in its inputs.
+# Fields of a structure that no library depends on; expansion is in its inputs, and so are actuators, but for
+# their lag.
 NOT_IN_CODE = ("actuators", "sensors", "limits", "thermal_expansion")
 PLAIN_TYPES = frozenset({bool, int, str})
 
@@ -93,7 +94,9 @@ def _is_empty(value: Any) -> bool:
 def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
-        return {
+        lagging = getattr(value, "lagging_actuators", {})
+        late = {"lagging": [_plain((item.name, item.rate, item.time_constant)) for item in lagging.values()]}
+        return (late if lagging else {}) | {
             name: _plain(item)
             for name, item in fields.items()
             if name not in NOT_IN_CODE and not (name in ONLY_IF_ANY and _is_empty(item))

@@ -29,11 +29,13 @@ EVENT_QUANTITIES = {
     "collision": "collision_margin",
     "ground": "contact_margin",
     "stick": "stick_margin",
+    "yield": "yield_margin",
+    "motor": "motor_margin",
 }
 # Kinds at which forces that depend on velocities do not jump; next to each other among EVENT_KINDS, those at
 # which contacts begin first.
 BEGINNINGS = ("collision", "ground")
-CONTINUOUS = (*BEGINNINGS, "stick")
+CONTINUOUS = (*BEGINNINGS, "stick", "yield", "motor")
 MOST_WATCHED = 400  # cables, switches and contacts whose events are watched without being asked for
 MOST_IN_SUCCESSION = 150  # events, each within a thousandth of a step of the one before
 
@@ -96,6 +98,10 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
     if ground := getattr(subject, "ground", None):
         counts |= {"ground": ground.n_contacts, "stick": ground.n_contacts if ground.friction else 0}
     setting = find_setting_events(subject)
+    counts |= {
+        "yield": 2 * int(subject.remembers.sum()),
+        "motor": sum(item.time_constant > 0 for item in subject.actuators),
+    }
     if setting and sum(counts.values()) > MOST_WATCHED:
         counts = {kind: counts[kind] for kind in counts if kind in (*setting, "ground")}
     if not 0 < sum(counts.values()) <= MOST_WATCHED or request.precision != "double":
@@ -173,6 +179,7 @@ def events_context(
         "n_kinks": sum(kind["count"] for kind in kinds if kind["word"] in continuous),
         "setting": setting,
         "first_stick": next((kind["first"] for kind in kinds if kind["word"] in setting), 0),
+        "n_yields": len(manifest.subjects_of("yield")),
         "n_slips": sum(len(manifest.subjects_of(kind)) for kind in setting),
         "n_measured": max(
             (reach.get(kind["quantity"], n_coordinates) for kind in kinds), default=n_coordinates

@@ -29,6 +29,7 @@ from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 
 # Functions of redundant coordinates that bring a state back onto their constraints; integrators call them.
 PROJECTION = ("consistent_coordinate", "consistent_velocity")
+SETTLING = "settled_internal"  # what internal states become at events
 # Where coordinates are not those of nodes, a pull needs these.
 OF_NODES = ("node_position", "node_velocity")
 
@@ -71,7 +72,8 @@ def integrator_spec(
     _check_called(model, row, functions)
     moving = moved_quantities(model)
     of_derivatives = list_derivative_quantities(model.arguments)
-    names = (*moving, *PROJECTION, *row.quantities, *watched.quantities, *kept, *pulled, *of_derivatives)
+    own = (*PROJECTION, SETTLING, *row.quantities)
+    names = (*moving, *own, *watched.quantities, *kept, *pulled, *of_derivatives)
     called = [f for f in functions if f.quantity in names]
     used = {a for f in called for a in f.arguments} - {*STATE, "column", *WEIGHTS}
     passed = tuple(a for a in model.arguments if a in used)
@@ -204,6 +206,7 @@ def integrator_context(
                 (
                     *called_quantities(explicit, manifest.needs_state_jacobian),
                     *(name for name in list_derivative_quantities(arguments) if name in functions),
+                    *(name for name in (SETTLING,) if name in functions),
                 )
             )
         ],
@@ -214,6 +217,7 @@ def integrator_context(
         "first_trial": tried[0].name if tried else "",
         "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *counted)), ""),
         "n_internal": manifest.n_internal,
+        "settles": SETTLING in functions,
         "columns": columns_context(manifest, any(row.dense_order for row in rows.values())),
         "state_text": f"2 * {len(manifest.coordinate_name)}"
         + (f" + {manifest.n_internal}" if manifest.n_internal else ""),
@@ -276,11 +280,12 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
         "WITH_EVENT_FORECAST": any([events.get("is_smooth"), events.get("n_contacts")]),
         **{
             f"WITH_{word.upper()}_EVENTS": any(kind["word"] == word for kind in events.get("kinds", ()))
-            for word in ("switch", "collision", "ground", "stick")
+            for word in ("switch", "collision", "ground", "stick", "yield", "motor")
         },
         "WITH_CONTACT_EVENTS": bool(events.get("n_contacts")),
         "WITH_SET_STATES": bool(events.get("n_slips")),
         "WITH_STATIC_FRICTION": "stick" in events.get("setting", ()),
+        "WITH_SETTLING": context["settles"],
         "WITH_SMOOTH_EVENTS": bool(events.get("is_smooth")),
         "WITH_CONSTRAINTS": bool(explicit.get("keeps_constraints")),
         "WITH_VELOCITY": bool(explicit.get("uses_velocity")),

@@ -32,8 +32,9 @@ def find_driven(
             allowed=f"{PULL!r}, where the loads of all nodes are run-time parameters",
         )
     used = {name for function in functions for name in function.arguments}
-    acceleration = [item.arguments for item in functions if item.quantity in ("acceleration", "cable_force")]
-    if not request.driven and not any("input" in names for names in acceleration):
+    rates = ("acceleration", "cable_force", "state_derivative")
+    moving = [item.arguments for item in functions if item.quantity in rates]
+    if not request.driven and not any("input" in names for names in moving):
         return ()
     arguments = (name for name in model.arguments if name in used and name not in CONSTANT)
     return (*arguments, *request.driven)

@@ -76,7 +76,7 @@ def _wanted_by_auto(structure: Structure | None, formulation: str, rtol: float) 
         return (_explicit_for(rtol, False),)
     jumps = bool(np.any(structure.tension_only & (structure.damping > 0)))
     explicit = _explicit_for(rtol, jumps)
-    if structure.ground is not None or structure.collision is not None:
+    if structure.ground is not None or structure.collision is not None or structure.internal_name:
         return (explicit,)
     mu = structure.mu
     free = np.asarray(~structure.node_anchored[:, list(structure.axes)].all(axis=1))

@@ -1,1 +1,1 @@
-"""Contacts with the ground in statics: their forces, and whether feet can hold a rigid structure."""
+"""Forces of the ground in statics, whether feet can hold a rigid structure, and memory of members at rest."""

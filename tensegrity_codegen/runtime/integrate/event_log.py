@@ -42,8 +42,9 @@ class EventLog:
     """Events in the order of time; rows (n,) of time [s], kind, name of member or pair, direction.
 
     direction: 1 where a cable goes taut, a member grows longer than where its law switches, bars part
-    (contact) or begin to press each other (collision), a node touches the ground, its contact sticks or the
-    condition becomes positive, -1 for the reverse.
+    (contact) or begin to press each other (collision), a node touches the ground, its contact sticks, a
+    plastic member ends to flow, the rate of a motor ends to be limited or the condition becomes positive, -1
+    for the reverse.
     count: how many there were, of which the first MAX_LOGGED are kept.
     """
 
@@ -64,6 +65,8 @@ class EventLog:
             "collision": manifest.bar_pair_name,
             "ground": manifest.contact_name,
             "stick": manifest.contact_name,
+            "motor": manifest.motor_name,
+            "yield": tuple(name.rsplit("_", 1)[0] for name in manifest.subjects_of("yield")),
             "condition": ("condition",),
         }
         return cls(

@@ -12,7 +12,7 @@ from tensegrity_codegen.runtime.profiles.driven import KnotsInC, follows_in_c
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.integrators import INTEGRATORS
-from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.manifest import SET_STATES, STATUS, IntegratorSpec, Manifest
 
 
 class BoundIntegrator:
@@ -74,11 +74,21 @@ def read_internal(motion: Motion) -> FloatArray:
     manifest = motion.model.manifest
     count = len(manifest.internal_name)
     own = to_sized(motion.arguments.get("internal", np.zeros(count)), (count,), "internal")
+    if motion.model.has("settled_internal"):
+        own = _settle_start(motion, own)
     if not manifest.column_name:
         return own
     nominal = motion.model.nominal("column")
     start = to_sized(motion.arguments.get("column", nominal), nominal.shape, "column")
     return np.concatenate([own, start.ravel()])
+
+
+def _settle_start(motion: Motion, internal: FloatArray) -> FloatArray:
+    """Return internal states as a run begins with them: within their limits, nothing flowing yet."""
+    flags = [name.endswith(f"_{SET_STATES['yield']}") for name in motion.model.manifest.internal_name]
+    coordinate, velocity = np.split(np.asarray(motion.state), 2)
+    start = {"coordinate": coordinate, "velocity": velocity, "internal": np.where(flags, 0.0, internal)}
+    return np.array(motion.model.compute("settled_internal", **{**motion.arguments, **start}))
 
 
 def find_integrator(manifest: Manifest, name: str) -> IntegratorSpec:

@@ -19,7 +19,7 @@ from tensegrity_codegen.runtime.model.require import require_double, require_mod
 from tensegrity_codegen.runtime.model.rigid_bars import RigidBars
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.structure.ground import ENERGY_STATES
+from tensegrity_codegen.structure.memory import is_constant
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
@@ -270,8 +270,8 @@ def linearize(
     if inputs:
         at["input"] = u
     internal = [_value(model, "internal", given.get("internal"))] if model.manifest.internal_name else []
-    # No state depends on the energies that a balance adds up; each would be an eigenvalue of zero.
-    kept = np.array([name not in ENERGY_STATES for name in name_states(model.manifest)])
+    # Energies that a balance adds up, and what members remember, would be eigenvalues of zero.
+    kept = np.array([not is_constant(name) for name in name_states(model.manifest)])
     state = np.concatenate([q, v, *internal])[kept]
     a = scipy.sparse.csc_array(model.compute("state_jacobian", **at))[kept][:, kept]
     b = scipy.sparse.csc_array((len(state), 0))
@@ -282,7 +282,7 @@ def linearize(
     allowed = _find_variations(model, {**at, "coordinate": q, "velocity": v})
     reduced = a if allowed is None else allowed.reduce(a)
     spectrum = find_spectrum(reduced, frequency_count, _count_internal(model.manifest))
-    names = tuple(name for name in name_states(model.manifest) if name not in ENERGY_STATES)
+    names = tuple(name for name in name_states(model.manifest) if not is_constant(name))
     basis = None if allowed is None else allowed.basis
     return LinearModel(a, b, rate - a @ state - b @ u, rate, state, u, names, inputs, spectrum, basis)
 
@@ -306,8 +306,8 @@ def linearize_quantities(formulation: str, *, with_inputs: bool) -> tuple[str, .
 
 
 def _count_internal(manifest: Manifest) -> int:
-    """Return the number of internal states without the energies of a balance."""
-    return sum(name not in ENERGY_STATES for name in manifest.internal_name)
+    """Return the number of internal states of a linear model."""
+    return sum(not is_constant(name) for name in manifest.internal_name)
 
 
 def _needed(with_inputs: bool) -> tuple[str, ...]:

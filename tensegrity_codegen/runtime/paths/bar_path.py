@@ -52,6 +52,7 @@ class BarPath(ModelPath):
         super().__init__(model, pattern, arguments)
         given = {name: value for name, value in self.arguments.items() if name != "velocity"}
         self._problem = BarProblem(model, {**given, **self.loads(1.0)})
+        self.memory = self._problem.memory
         start = self._problem.to_search_coordinate(model.nominal("coordinate").ravel())
         stiffest = float(self._problem.row_stiffness(start).max(initial=0.0))
         self._sigma = SIGMA_STIFFNESS_RATIO * stiffest or 1.0

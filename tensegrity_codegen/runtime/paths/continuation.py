@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent, PathPoint, collect_path
 from tensegrity_codegen.runtime.paths.path_events import SLOPE_STEP, Crossing, EventTracker, LostError, Step
+from tensegrity_codegen.runtime.paths.path_memory import PathMemory
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem, Watch
 from tensegrity_codegen.runtime.paths.path_solver import PathSolver, PathState
 from tensegrity_codegen.system.arrays import FloatArray
@@ -158,12 +159,16 @@ class _Path:
         self.least, self.most = span
         self.solver = PathSolver(problem, (1.0, abs(self.most - self.least)), neutral)
         self.tracker = EventTracker(watches, self.least, self.most)
+        memory = getattr(problem, "memory", None)
+        self.memory = PathMemory(problem) if memory is not None and len(memory.flow) else None
         self.points: list[PathPoint] = []
         self.events: list[PathEvent] = []
         self.stop_at: frozenset[str] = frozenset()
 
     def run(self, start: FloatArray, progress: Callable[[int, float], None] | None) -> tuple[str, str]:
         """Follow the path; return status and message."""
+        if self.memory is not None:
+            self.memory.begin()
         begun = self._begin(start)
         if isinstance(begun, str):
             return "no_start", begun
@@ -184,6 +189,8 @@ class _Path:
             if found is None:
                 return "stalled", f"the stiffness is singular beyond load factor {state.load_factor:.10g}"
             tangent = found
+            if self.memory is not None:
+                state, tangent = self.memory.turn(state, tangent, self.tracker)
             ended = self._find_stop(known) or self._find_loop(step, tangent)
             if ended:
                 return ended
@@ -212,7 +219,7 @@ class _Path:
         self._note_stops(state, tangent, values)
         if state.neutral.shape[1]:
             tangent = self._turn_with_load(state, tangent)
-        return state, tangent
+        return (state, tangent) if self.memory is None else self.memory.renew(state, tangent, self.tracker)
 
     def _turn_with_load(self, state: PathState, tangent: FloatArray) -> FloatArray:
         """Return the tangent along which a floating structure turns as well; note whether it is unstable so.
@@ -263,6 +270,9 @@ class _Path:
             touch = self.tracker.find_touch(step)
             if touch:
                 return self._try(state, tangent, touch)
+            turn = None if self.memory is None else self.memory.find_turn(step)
+            if turn:
+                return self._try(state, tangent, turn)
             self._search(step)
         except (LostError, NonFiniteError):
             return None
@@ -399,7 +409,8 @@ class _Path:
     def _add(self, state: PathState, tangent: FloatArray, load_factor: float | None = None) -> None:
         rate = float(tangent[-1]) * self.solver.load_scale
         load = state.load_factor if load_factor is None else load_factor
-        point = PathPoint(state.coordinate, load, state.residual, state.smallest_eigenvalue, rate)
+        internal = None if self.memory is None else self.memory.settle(state)
+        point = PathPoint(state.coordinate, load, state.residual, state.smallest_eigenvalue, rate, internal)
         self.points.append(point)
 
 

@@ -50,6 +50,9 @@ class LoadPath(Summarised):
         the load factor along the path, negative where the load decreases.
     coordinate : ndarray, shape (n_points, n)
         Coordinates.
+    internal : ndarray or None, shape (n_points, n_internal) [m]
+        Internal states of members with memory, None without any; the last ones, as the argument ``internal``
+        of another path, let that go on from here.
     events : tuple of PathEvent
         Events in their order.
     n_iterations : int
@@ -65,6 +68,7 @@ class LoadPath(Summarised):
     load_rate: FloatArray  # (n_points,) dlambda/ds; negative where the load falls along the path
     events: tuple[PathEvent, ...]
     n_iterations: int
+    internal: FloatArray | None = None  # (n_points, n_internal)
 
     def headline(self) -> str:
         """Return status and message."""
@@ -114,6 +118,7 @@ class PathPoint:
     residual: float
     smallest_eigenvalue: float
     load_rate: float
+    internal: FloatArray | None = None
 
 
 def collect_path(
@@ -131,4 +136,5 @@ def collect_path(
         load_rate=np.array([row.load_rate for row in rows]),
         events=tuple(events),
         n_iterations=n_iterations,
+        internal=np.array([row.internal for row in rows]) if rows and rows[0].internal is not None else None,
     )

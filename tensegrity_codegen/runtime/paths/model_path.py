@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.runtime.contacts.rest_memory import find_rest_memory
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import read_arguments
@@ -86,6 +87,7 @@ class ModelPath:
         _check_patterns(self.patterns, self.bases)
         self.size = len(model.manifest.coordinate_name)
         self.arguments = {**given, "velocity": np.zeros(self.size)}
+        self.memory = find_rest_memory(model, given)
         self._has_node_coordinates = bool(model.manifest.coordinate_node_axis)
         self._load = self._constant_load() if self._has_node_coordinates else None
         if not self._has_node_coordinates:
@@ -111,9 +113,15 @@ class ModelPath:
 
     def compute(self, quantity: str, coordinate: FloatArray, load_factor: float) -> Any:
         """Return a quantity of the model at a point of the path."""
-        return self.model.compute(
-            quantity, coordinate=coordinate, **self.loads(load_factor), **self.arguments
-        )
+        given = self._given(coordinate, load_factor)
+        return self.model.compute(quantity, **(self.memory.choose(quantity, given) if self.memory else given))
+
+    def settle(self, coordinate: FloatArray, load_factor: float) -> FloatArray | None:
+        """Return the internal states of members there, (n_internal,); None where they have none."""
+        return None if self.memory is None else self.memory.settle(self._given(coordinate, load_factor))
+
+    def _given(self, coordinate: FloatArray, load_factor: float) -> dict[str, Any]:
+        return {**self.arguments, **self.loads(load_factor), "coordinate": coordinate}
 
     def residual(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
         """Return the static force on every coordinate, (n,)."""
@@ -188,7 +196,7 @@ class ModelPath:
 
 
 def watch_slack(path: ModelPath, members: Sequence[str]) -> Watch:
-    """Return the monitored function l - rho of some cables; at zero a cable goes slack or taut.
+    """Return the monitored function l - rho - q of some cables; at zero a cable goes slack or taut.
 
     Parameters
     ----------
@@ -214,7 +222,10 @@ def watch_slack(path: ModelPath, members: Sequence[str]) -> Watch:
     require_quantities(path.model, ("member_extension",), PURPOSE)
 
     def extension(coordinate: FloatArray, load_factor: float) -> FloatArray:
-        return np.asarray(path.compute("member_extension", coordinate, load_factor))[rows]
+        found = np.asarray(path.compute("member_extension", coordinate, load_factor))
+        if path.model.has("plastic_elongation"):  # rest lengths that have grown
+            found = found - path.compute("plastic_elongation", coordinate, load_factor)
+        return found[rows]
 
     return Watch("slack", tuple(members), extension, rising="taut", is_kink=True)
 
@@ -245,6 +256,30 @@ def watch_switch(path: ModelPath, members: Sequence[str] = ()) -> list[Watch]:
         return np.asarray(path.compute("switch_margin", coordinate, load_factor))
 
     return [Watch(kind, names, margin, rising=kind, is_kink=True)]
+
+
+def watch_yield(path: ModelPath) -> list[Watch]:
+    """Return the monitored margins of plastic members, where flow begins; none where the model has none.
+
+    Parameters
+    ----------
+    path : ModelPath
+        The load path.
+
+    Returns
+    -------
+    list of Watch
+        For follow_path, one or none.
+    """
+    check_instance(path, ModelPath, "path", "what build_path(...) returns")
+    if not path.model.manifest.subjects_of("yield"):
+        return []
+    names = tuple(name.rsplit("_", 1)[0] for name in path.model.manifest.subjects_of("yield"))
+
+    def margin(coordinate: FloatArray, load_factor: float) -> FloatArray:
+        return np.asarray(path.compute("yield_margin", coordinate, load_factor))
+
+    return [Watch("yield", names, margin, is_kink=True)]
 
 
 def watch_contact(path: ModelPath, pairs: Sequence[str] | None = None, *, stops: bool = True) -> Watch:

@@ -228,6 +228,25 @@ def check_rigid(model: CompiledModel, schedule: DrivenArguments) -> None:
             )
 
 
+def check_memory(model: CompiledModel, schedule: DrivenArguments) -> None:
+    """Raise InvalidValueError for a profile that changes rest lengths or laws of plastic members.
+
+    Whether they flow follows from rates of length; those of rest lengths are not among them.
+    """
+    if not model.has("yield_margin"):
+        return
+    first = model.compute("yield_margin", **schedule(0.0))
+    for time in _list_times(schedule):
+        if (model.compute("yield_margin", **schedule(time)) != first).any():
+            raise InvalidValueError(
+                "rest lengths and laws of plastic members are constant during a motion",
+                where="schedule",
+                given=f"a profile that changes them at t = {time:.6g} s",
+                allowed="profiles of elastic members, loads and forces",
+                hint="simulate in parts, each from where the last one ended",
+            )
+
+
 def _list_times(schedule: DrivenArguments) -> list[float]:
     """Return times [s] of every piece; a polynomial that is constant at so many points is constant."""
     pieces = schedule.pieces

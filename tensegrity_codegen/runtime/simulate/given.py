@@ -18,6 +18,7 @@ from tensegrity_codegen.runtime.profiles.driven import (
     DrivenArguments,
     bind_profile,
     check_laws,
+    check_memory,
     check_not_constant,
     check_rigid,
     follows_in_c,
@@ -134,6 +135,7 @@ def read_schedule(
     if isinstance(schedule, Profile):
         bound = bind_profile(model, schedule, arguments, t_end)
         check_rigid(model, bound)
+        check_memory(model, bound)
         _check_method(model, options.method, bound)
         return bound
     _check_method(model, options.method, schedule)

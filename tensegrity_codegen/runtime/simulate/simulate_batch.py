@@ -45,6 +45,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.system.moved_arguments import with_moved
+from tensegrity_codegen.tables.manifest import SET_STATES
 
 
 @with_moved(**MOVED_TO_STEPPING)
@@ -131,7 +132,8 @@ def simulate_batch(
     check_options(options, t_end, samples)
     require_simulation(model)
     options = choose_batch_control(options, stepping_options.control)
-    side_by_side = runs_side_by_side(options) and schedule is None
+    needs_events = any(model.manifest.subjects_of(kind) for kind in SET_STATES)
+    side_by_side = runs_side_by_side(options) and schedule is None and not needs_events
     if side_by_side:
         options = set_atol_by_length(model.manifest, options)
     check_threads(threads)

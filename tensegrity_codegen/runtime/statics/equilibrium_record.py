@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.runtime.contacts.rest_memory import name_plastic
 from tensegrity_codegen.runtime.model.arguments import apply_loads
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions, find_neutral
 from tensegrity_codegen.runtime.statics.newton import Outcome, Stability, find_stability
@@ -122,6 +123,10 @@ class Equilibrium(ByName, Summarised):
         Values of the inputs; None: those of the scene.
     segments : tuple of SegmentError
         Discretisation errors of cables in segments, after `add_segment_error`.
+    internal : ndarray or None, shape (n_internal,) [m]
+        Internal states of members with memory, settled; None without any.
+    internal_name : tuple of str
+        Their names.
     feet : Feet or None
         Contacts with the ground: force, penetration, whether each is open, sticks or slips; None without one.
     """
@@ -159,6 +164,8 @@ class Equilibrium(ByName, Summarised):
     input: FloatArray | None = None
     feet: Feet | None = None
     segments: tuple[SegmentError, ...] = ()
+    internal: FloatArray | None = None  # (n_internal,)
+    internal_name: tuple[str, ...] = ()
 
     def headline(self) -> str:
         """Return status and message."""
@@ -232,8 +239,15 @@ class Equilibrium(ByName, Summarised):
 
     @property
     def internal_argument(self) -> dict[str, FloatArray]:
-        """The bristles of feet on the ground as the argument `internal` [m]; empty where there are none."""
+        """Internal states of members and feet as the argument `internal` [m]; empty where there are none."""
+        if self.internal is not None:
+            return {"internal": self.internal}
         return {} if self.feet is None or not self.feet.internal.size else {"internal": self.feet.internal}
+
+    @property
+    def plastic_elongation(self) -> dict[str, float]:
+        """Plastic elongations of members by name [m]; empty where none is plastic."""
+        return name_plastic(self.internal_name, self.internal)
 
     def as_evidence(self) -> dict[str, Any]:
         """Return the scalar results by name, JSON-ready, for reports and errors."""
@@ -243,6 +257,8 @@ class Equilibrium(ByName, Summarised):
             "changed_node", "extent", "is_start_unstable", "saddles_left", "warnings", "message",
         )  # fmt: skip
         more: dict[str, Any] = {} if self.feet is None else {"contacts": self.feet.as_evidence()}
+        if self.plastic_elongation:
+            more["plastic_elongation"] = self.plastic_elongation
         if self.segments:
             more["segments"] = [asdict(item) for item in self.segments]
         limits = more | {"limits": None if self.members is None else self.members.as_evidence()}
@@ -322,6 +338,8 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
         node_load=None if load is None else load[0],
         input=None if input_value is None else np.array(input_value, dtype=np.float64).reshape(-1),
         feet=None if problem.contacts is None else describe_feet(problem, point.coordinate),
+        internal=problem.settle(point.coordinate),
+        internal_name=problem.model.manifest.internal_name,
     )
 
 

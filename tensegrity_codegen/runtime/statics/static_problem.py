@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.runtime.contacts.contacts import Contacts
+from tensegrity_codegen.runtime.contacts.rest_memory import REST_QUANTITIES, find_rest_memory
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
@@ -20,6 +21,7 @@ from tensegrity_codegen.runtime.statics.stiff_members import (
     choose_stiff,
     find_spring_constants,
 )
+from tensegrity_codegen.structure.memory_support import require_no_lag, require_no_memory
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
@@ -31,6 +33,7 @@ EQUILIBRIUM_QUANTITIES = (
     "member_tension",
 )
 
+ON_GROUND = "simulate the motion with damping until it rests"
 EPSILON = float(np.finfo(float).eps)
 # Weight of the distance from the origin beside the length of members, where rounding is estimated.
 ORIGIN_DISTANCE_WEIGHT = 1 / 16
@@ -82,7 +85,9 @@ class StaticProblem:
         self.arguments = merge_inputs(model.manifest, arguments)
         _check_arguments(self.arguments)
         check_parameter_values(model.manifest, self.arguments)
-        require_quantities(model, self.list_needed_quantities(model), "an equilibrium needs")
+        needed = self.list_needed_quantities(model)
+        needed += REST_QUANTITIES if model.manifest.subjects_of("yield") else ()
+        require_quantities(model, needed, "an equilibrium needs")
         pairs = np.array(model.manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2)
         self.node, self.axis = pairs[:, 0], pairs[:, 1]
         self.size = len(pairs)
@@ -90,7 +95,11 @@ class StaticProblem:
         self.strands = model.manifest.strands
         self.stiff: StiffMembers | None = None
         self.contacts: Contacts | None = None
+        self.memory = find_rest_memory(model, self.arguments)
         if model.manifest.contact_name:
+            if self.memory is not None:
+                require_no_memory(getattr(model, "structure", None), "equilibria on the ground", ON_GROUND)
+                require_no_lag(getattr(model, "structure", None), "equilibria on the ground")
             self.contacts = Contacts(model, self.arguments)
         # Velocities of nodes (3 n_nodes, n_coordinates) of those of coordinates.
         self._velocity = scipy.sparse.csr_array(
@@ -121,11 +130,19 @@ class StaticProblem:
     def compute(self, quantity: str, coordinate: FloatArray) -> Any:
         """Return one quantity at `coordinate`."""
         if self.contacts is None:
-            return self.model.compute(quantity, coordinate=coordinate, **self._given)
+            given = {**self._given, "coordinate": coordinate}
+            return self.model.compute(
+                quantity, **(self.memory.choose(quantity, given) if self.memory else given)
+            )
         position = self.node_position(coordinate)
         given = self._given | self.contacts.state(position)
         value = self.model.compute(quantity, coordinate=coordinate, **given)
         return self.contacts.complete(quantity, value, coordinate, position)
+
+    def settle(self, coordinate: FloatArray) -> FloatArray | None:
+        """Return the internal states of members at `coordinate`, (n_internal,); None where they have none."""
+        given = {**self._given, "coordinate": coordinate}
+        return None if self.memory is None else self.memory.settle(given)
 
     def forget(self) -> None:
         """Drop what is kept of the last configuration: loads or contacts have changed."""

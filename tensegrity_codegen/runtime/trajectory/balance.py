@@ -78,6 +78,8 @@ def find_energy_flow(
     samples tell nothing: they lose energy in short impacts, and a moving belt brings some in.
     """
     needed = {spec.quantity: spec.arguments for spec in manifest.functions}
+    if manifest.motor_name:  # which bring energy in
+        return np.array(False), np.array(True)
     if manifest.has_contacts and needed.get("energy_rate", ("velocity",)):
         return np.array(False), np.array(True)
     if "energy_rate" not in needed:

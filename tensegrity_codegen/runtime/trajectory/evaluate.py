@@ -274,6 +274,13 @@ class _Samples:
         work: FloatArray = self.raw.internal[..., told].sum(axis=-1)
         return self._mask(work - work[:, :1])
 
+    def _find_power(self) -> FloatArray:
+        """Return what changes the energy at the samples, plastic flow left out, (n_batch, n_t) [W]."""
+        power = self.compute("energy_rate")
+        if self.model.has("plastic_power"):
+            power = power - self.compute("plastic_power")
+        return np.nan_to_num(power)
+
     def _judge(self, kinetic: FloatArray, total: FloatArray) -> tuple[FloatArray, list[tuple[str, str]]]:
         """Return energy drift, and status and message, of every motion.
 
@@ -286,7 +293,9 @@ class _Samples:
         if self.schedule is None:
             work = self._find_work()
             total = total if work is None else total - work
-            flow = find_energy_flow(model.manifest, lambda: np.nan_to_num(self.compute("energy_rate")))
+            if model.has("plastic_work"):  # known from the internal states
+                total = total - self.compute("plastic_work")
+            flow = find_energy_flow(model.manifest, self._find_power)
             flow = flow if work is None else (np.array(True), np.array(False))
             conservative, is_driven = (np.broadcast_to(word, len(ends)) for word in flow)
             balance = balance_energy(kinetic, total, self.coordinate)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.runtime.contacts.rest_memory import name_plastic
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, EventLog
 from tensegrity_codegen.runtime.trajectory.feet import ContactSamples, Foot, find_feet
 from tensegrity_codegen.runtime.trajectory.sampled import Sampled
@@ -140,6 +141,11 @@ class Trajectory(Sampled):
         named = zip(self.internal_name, change, strict=True)
         return {name: value for name, value in named if name in ENERGY_STATES}
 
+    @property
+    def plastic_elongation(self) -> dict[str, float]:
+        """Plastic elongations of members at the last sample, by name [m]; empty where none is plastic."""
+        return name_plastic(self.internal_name, None if self.internal is None else self.internal[-1])
+
     def headline(self) -> str:
         """Return status and reason."""
         return f"{self.status}, {self.message}" if self.message else self.status
@@ -172,6 +178,7 @@ class Trajectory(Sampled):
             "events": [event.as_dict() for event in self.events],
             "n_events": self.log.count,
             **({} if self.contacts is None else {"feet": [foot.as_dict() for foot in self.feet]}),
+            **({"plastic_elongation": self.plastic_elongation} if self.plastic_elongation else {}),
             **self.extremes(),
         }
 

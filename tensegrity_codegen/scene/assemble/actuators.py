@@ -44,7 +44,7 @@ def build_actuators(
         refuse_members(members, ~own & (targets.share != 1.0), problem, targets, (*place, "members"))
         limits = _find_range(item, key_path(targets.where, *place, "range"))
         rate = Actuator.rate if item.rate is None else item.rate
-        built.append(Actuator(item.name, members, rate, limits, item.delay))
+        built.append(Actuator(item.name, members, rate, limits, item.delay, item.time_constant))
     return tuple(built)
 
 

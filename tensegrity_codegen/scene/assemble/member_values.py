@@ -21,7 +21,7 @@ from tensegrity_codegen.tables.laws import LAWS
 Columns = dict[str, FloatArray]  # one value a row, NaN where the scene gives none
 
 STIFFNESS = ("spring_constant", "axial_stiffness")
-LAW_KEYS = tuple(group for law in LAWS for group in law.keys)
+LAW_KEYS = tuple(group for law in LAWS for group in (*law.keys, *law.optional_keys))
 MODULUS = "youngs_modulus"
 ALTERNATIVES = (
     (*STIFFNESS, MODULUS),

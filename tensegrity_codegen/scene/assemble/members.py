@@ -140,11 +140,12 @@ def _find_laws(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where:
     """Return the members of each law; raise for a law that lacks a value or belongs to a rigid bar."""
     others, laws = np.ones(len(names), dtype=np.bool_), {}
     for law in LAWS:
-        present = [~np.all([np.isnan(given[key]) for key in group], axis=0) for group in law.keys]
+        groups = (*law.keys, *law.optional_keys)
+        present = [~np.all([np.isnan(given[key]) for key in group], axis=0) for group in groups]
         if not present:
             continue
         mask = np.any(present, axis=0)
-        for group, here in zip(law.keys, present, strict=True):
+        for group, here in zip(law.keys, present, strict=False):
             refuse(
                 mask & ~here,
                 InvalidValueError,
@@ -155,6 +156,15 @@ def _find_laws(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where:
                 allowed="; ".join(" or ".join(keys) for keys in law.keys),
                 hint="give it to the member or to its class",
             )
+        refuse(
+            mask & ~others,
+            InvalidValueError,
+            "a member of two laws",
+            section="members",
+            names=names,
+            where=where,
+            allowed="the values of one law",
+        )
         laws[law] = mask
         others &= ~mask
     return {LINEAR: others, **laws}
@@ -167,6 +177,15 @@ def _law_parameter(
     found: dict[str, FloatArray] = {}
     for law, mask in laws.items():
         if law.parameters and mask.any():
+            refuse(
+                mask & (mu == 0),
+                InvalidValueError,
+                f"a rigid bar cannot be {law.name}",
+                section="members",
+                names=names,
+                where=where,
+                allowed="only with spring_constant or axial_stiffness",
+            )
             chosen = {key: np.where(mask, values, np.nan) for key, values in given.items()}
             found |= {name: _or_zero(values) for name, values in law.find_parameters(chosen, mu).items()}
             first = law.parameters[0].name

@@ -30,6 +30,8 @@ MEMBER_POWERS = {
     "inner_radius": 1,
     "switch_elongation": 1,
     "switch_force": 1,
+    "yield_elongation": 1,
+    "yield_force": 1,
 }
 LIMIT_POWERS = {"least_tension": 1, "most_tension": 1, "yield_stress": -1, "clearance": 1}
 POWERS: Mapping[str, Mapping[str, int]] = {

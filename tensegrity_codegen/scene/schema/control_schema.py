@@ -43,6 +43,9 @@ class ActuatorTable(Table):
         None, description="Least and largest rest length of each member [m]; none: no limit."
     )
     delay: NotNegative = Field(0.0, description="Time from the command to the motion [s].")
+    time_constant: NotNegative = Field(
+        0.0, description="Time constant of the lag between command and motor in motions [s]; 0: no lag."
+    )
 
 
 class MemberSensor(Table):

@@ -116,6 +116,20 @@ class MemberValues(Table):
     stiffness_ratio: NotNegative | None = Field(
         None, description="Slope of a bilinear member beyond the switch over that before it."
     )
+    yield_elongation: Positive | None = Field(
+        None, description="Elongation at which plastic flow of a member begins [m]; so does compression."
+    )
+    yield_force: Positive | None = Field(
+        None, description="Tension at which plastic flow of a member begins [N]; so does compression."
+    )
+    hardening: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] | None = Field(
+        None, description="Slope of a plastic member in flow over that before it, below 1; default 0."
+    )
+    isotropic: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] | None = Field(
+        None,
+        description="Share of the hardening of a plastic member that widens its elastic range in place of "
+        "moving it; default 0.",
+    )
     rest_length: Positive | None = Field(None, description="Length without tension [m].")
     prestress: Number | None = Field(
         None, description="Tension at the stated node positions [N], positive in tension."

@@ -98,6 +98,8 @@ class _NodePosition(NodeCoordinates):
         )
 
     def state_jacobian(self) -> ca.SX:
+        if self.structure.remembers.any() or self.structure.lagging_actuators:
+            return ca.jacobian(self.state_derivative(), self.state())
         n = self.map.n_coordinates
         stiffness = self.assembled({e: member.position_block() for e, member in self.each_member()})
         lower = [
@@ -122,6 +124,8 @@ class _NodePosition(NodeCoordinates):
         return below_zeros(pull, len(self.structure.internal_name))
 
     def input_jacobian(self) -> ca.SX:
+        if self.structure.lagging_actuators:
+            return ca.jacobian(self.state_derivative(), self.arguments.symbols["input"])
         force = self.map.node_columns(self._pulls_of_inputs(), len(self.structure.inputs))
         return below_zeros(ca.mtimes(self.inverse_mass, force), len(self.structure.internal_name))
 

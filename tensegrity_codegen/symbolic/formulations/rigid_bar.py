@@ -127,7 +127,7 @@ class _RigidBar(NodeCoordinates):
             "state_derivative": self.state_derivative,
             "mass_matrix": self.mass_matrix,
             "state_jacobian": self.state_jacobian,
-            "input_jacobian": lambda: by_inputs(self.acceleration(), self.arguments),
+            "input_jacobian": self.input_jacobian,
             "parameter_jacobian": lambda: by_parameters(
                 ca.vertcat(self.acceleration(), self.internal_rate()), self.arguments
             ),
@@ -193,6 +193,11 @@ class _RigidBar(NodeCoordinates):
 
     def acceleration(self) -> ca.SX:
         return self.free_acceleration() - self.constraints.move(self.motion.jacobian, self.multipliers)
+
+    def input_jacobian(self) -> ca.SX:
+        if self.structure.lagging_actuators:
+            return ca.jacobian(self.state_derivative(), self.arguments.symbols["input"])
+        return by_inputs(self.acceleration(), self.arguments)
 
     def state_derivative(self) -> ca.SX:
         return ca.vertcat(self.v, self.acceleration(), self.internal_rate())

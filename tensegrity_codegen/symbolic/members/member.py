@@ -10,6 +10,7 @@ import casadi as ca
 from tensegrity_codegen.symbolic.geometry import member_length, member_rate
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks, stiffness_block, tangent_block
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw, build_law
+from tensegrity_codegen.tables.laws import MEMBER_VALUES
 
 Scalar = Any
 Vector = list[Scalar]
@@ -19,8 +20,8 @@ Vector = list[Scalar]
 class Member:
     """Expressions of one member; every intermediate is built once, when first needed.
 
-    vector, vector_rate: d_e [m] and d_e' [m/s] over the modelled axes; values: those of MEMBER_VALUES;
-    section: those of SECTION_VALUES.
+    vector, vector_rate: d_e [m] and d_e' [m/s] over the modelled axes; values: those of MEMBER_VALUES, and
+    the internal states of a law with memory; section: those of SECTION_VALUES.
     """
 
     vector: Vector
@@ -67,8 +68,15 @@ class Member:
 
     @cached_property
     def rate(self) -> Scalar:
-        """Rate of the length [m/s]; 0 without damping, where nothing depends on it."""
-        return member_rate(self.vector, self.vector_rate, self.length) if self.is_damped else ca.SX(0.0)
+        """Rate of the length [m/s]; 0 without damping and memory, where nothing depends on it."""
+        if not self.is_damped and not self.remembers:
+            return ca.SX(0.0)
+        return member_rate(self.vector, self.vector_rate, self.length)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether its law has internal states."""
+        return any(name not in MEMBER_VALUES for name in self.values)
 
     @cached_property
     def law(self) -> MemberLaw:

@@ -6,7 +6,7 @@
 
 mu = k + EA / rho          one of the two stiffnesses is zero (S&K 2; SCS uses EA)
 t  = mu y(l - rho) + c l'  two-sided; y(x) = x for linear springs, see `laws`
-t  = max(0, that) while l > rho, else 0: a cable never pushes, slack or damped
+t  = max(0, that) while l > rho, else 0: a cable never pushes, slack or damped; with memory while y > 0
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.tables.laws import LAW_PARAMETERS, find_law
+from tensegrity_codegen.tables.laws import LAW_PARAMETERS, MEMBER_VALUES, find_law
 from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
 
 Scalar = Any
@@ -53,10 +53,12 @@ class MemberLaw:
 
     def margin(self) -> Scalar:
         """Return l - rho [m], or y + c l' / mu if that is less: a cable pulls while it is positive."""
+        y = self._moving
+        least = y if self.law.states else self.extension
         if self.damping.is_zero():
-            return self.extension
+            return least
         # The quotient first, so that constants meet before the rate.
-        return ca.fmin(self.extension, self._effective + self.damping / self.mu * self.rate)
+        return ca.fmin(least, y + self.damping / self.mu * self.rate)
 
     def static_tension(self) -> Scalar:
         """Return mu y(l - rho) [N], zero when slack."""
@@ -77,7 +79,11 @@ class MemberLaw:
         return self.tension() / self.length
 
     def energy(self) -> Scalar:
-        """Return the strain energy [J], zero when slack."""
+        """Return the strain energy [J], zero when slack; with memory also that of the memory."""
+        if self.law.states:
+            at_rest, x = self.law.at_rest(self.law_parameter), self.extension
+            x = self.law.limit_slack(x, at_rest, ca.if_else) if self.tension_only else x
+            return self.law.energy(self.mu, x, at_rest, ca.if_else)
         return self._if_taut(self.law.energy(self.mu, self.extension, self.law_parameter, ca.if_else))
 
     def static_tension_by_length(self) -> Scalar:
@@ -86,7 +92,7 @@ class MemberLaw:
 
     def tension_by_length(self) -> Scalar:
         """Return dt/dl at constant rate [N/m]."""
-        return self._if_pulling(self._slope)
+        return self._if_pulling(self.law.slope(self.mu, self.extension, self.law_parameter, ca.if_else))
 
     def tension_by_rate(self) -> Scalar:
         """Return dt/dl' [N s/m]."""
@@ -94,11 +100,11 @@ class MemberLaw:
 
     def static_tension_by_rest_length(self) -> Scalar:
         """Return dt/drho at constant length without damping [N/m]."""
-        return self._if_taut(self._slope_by_rest_length)
+        return self._if_taut(self._slope_by_rest_length(self.law.at_rest(self.law_parameter)))
 
     def tension_by_rest_length(self) -> Scalar:
         """Return dt/drho at constant length and rate [N/m]."""
-        return self._if_pulling(self._slope_by_rest_length)
+        return self._if_pulling(self._slope_by_rest_length(self.law_parameter))
 
     def switch(self) -> Scalar:
         """Return a length [m] whose sign changes where the slope of the law jumps, rest length apart."""
@@ -110,39 +116,66 @@ class MemberLaw:
             return self.mu
         return self.mu * self.law.largest_slope(self.law_parameter, ca.if_else)
 
+    def settled(self) -> tuple[Scalar, ...]:
+        """Return the internal states behind what the member has done, see Law.settle."""
+        x = self.extension
+        if self.tension_only:
+            x = self.law.limit_slack(x, self.law.at_rest(self.law_parameter), ca.if_else)
+        return self.law.settle(x, self.law_parameter, ca.if_else)
+
+    def memory_margins(self, rate: Scalar) -> list[Scalar]:
+        """Return the margins of the memory [m], see Law.margins; rate: of the elongation [m/s]."""
+        motion = (self.extension, rate)
+        return self.law.margins(motion, self.law_parameter, ca.if_else, self.tension_only)
+
     @property
     def _effective(self) -> Scalar:
+        """Effective elongation at rest."""
+        at_rest = self.law.at_rest(self.law_parameter)
+        return self.law.effective_elongation(self.extension, at_rest, ca.if_else)
+
+    @property
+    def _moving(self) -> Scalar:
+        """Effective elongation in motion, where memory flows as its states say."""
         return self.law.effective_elongation(self.extension, self.law_parameter, ca.if_else)
 
     @property
     def _slope(self) -> Scalar:
-        return self.law.slope(self.mu, self.extension, self.law_parameter, ca.if_else)
+        at_rest = self.law.at_rest(self.law_parameter)
+        return self.law.slope(self.mu, self.extension, at_rest, ca.if_else)
 
-    @property
-    def _slope_by_rest_length(self) -> Scalar:
+    def _slope_by_rest_length(self, law_parameter: Mapping[str, Scalar]) -> Scalar:
         values = {
             "spring_constant": self.spring_constant,
             "axial_stiffness": self.axial_stiffness,
             "rest_length": self.rest_length,
-            **self.law_parameter,
+            **law_parameter,
         }
         return self.law.slope_by_rest_length(values, self.length, ca.if_else)
 
     def _raw_tension(self) -> Scalar:
-        return self.mu * self._effective + self.damping * self.rate
+        return self.mu * self._moving + self.damping * self.rate
 
-    def _if_taut(self, value: Scalar) -> Scalar:
-        return ca.if_else(self.rest_length < self.length, value, 0) if self.tension_only else value
+    def _if_taut(self, value: Scalar, effective: Scalar = None) -> Scalar:
+        """Return the value, 0 of a slack cable; effective: elongation in motion, None: at rest."""
+        if not self.tension_only:
+            return value
+        if self.law.states:
+            return ca.if_else((self._effective if effective is None else effective) > 0, value, 0)
+        return ca.if_else(self.rest_length < self.length, value, 0)
 
     def _if_pulling(self, value: Scalar) -> Scalar:
         if not self.tension_only or self.damping.is_zero():
-            return self._if_taut(value)
-        pulling = ca.logic_and(self.rest_length < self.length, self._raw_tension() > 0)
-        return ca.if_else(pulling, value, 0)
+            return self._if_taut(value, self._moving)
+        taut = self._moving > 0 if self.law.states else self.rest_length < self.length
+        return ca.if_else(ca.logic_and(taut, self._raw_tension() > 0), value, 0)
 
 
 def build_law(length: Scalar, rate: Scalar, values: Mapping[str, Scalar], tension_only: bool) -> MemberLaw:
-    """Return the law of a member with these values of MEMBER_VALUES, at a length [m] and its rate [m/s]."""
-    own = {name: value for name, value in values.items() if name in LAW_PARAMETERS}
-    others = {name: value for name, value in values.items() if name not in LAW_PARAMETERS}
+    """Return the law of a member, at a length [m] and its rate [m/s].
+
+    values: those of MEMBER_VALUES, and the internal states of a law with memory, by their names there.
+    """
+    others = {name: values[name] for name in MEMBER_VALUES if name not in LAW_PARAMETERS}
+    own = {name: value for name, value in values.items() if name not in others}
     return MemberLaw(length=length, rate=rate, tension_only=tension_only, law_parameter=own, **others)

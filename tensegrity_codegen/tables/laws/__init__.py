@@ -5,9 +5,10 @@ from typing import Any
 
 from tensegrity_codegen.tables.laws.bilinear import Bilinear
 from tensegrity_codegen.tables.laws.law import Law
+from tensegrity_codegen.tables.laws.plastic import Plastic
 
 LINEAR = Law()
-LAWS: tuple[Law, ...] = (LINEAR, Bilinear())
+LAWS: tuple[Law, ...] = (LINEAR, Bilinear(), Plastic())
 
 LAW_PARAMETERS = tuple(parameter.name for law in LAWS for parameter in law.parameters)
 

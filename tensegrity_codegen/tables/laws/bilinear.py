@@ -43,13 +43,6 @@ class Bilinear(Law):
         beyond = self._beyond(x, values, where)
         return 0.5 * mu * (x * x + (values["stiffness_ratio"] - 1.0) * beyond * beyond)
 
-    def slope_by_rest_length(self, member: Mapping[str, Any], length: Scalar, where: Where) -> Scalar:
-        """Return dt/drho = -mu y' - (EA / rho^2) y [N/m] at a constant length."""
-        rest, axial = member["rest_length"], member["axial_stiffness"]
-        x, mu = length - rest, member["spring_constant"] + axial / rest
-        y = self.effective_elongation(x, member, where)
-        return -(self.slope(mu, x, member, where) + axial / (rest * rest) * y)
-
     def largest_slope(self, values: Mapping[str, Any], where: Where) -> Any:
         """Return the larger of 1 and q."""
         return where(values["stiffness_ratio"] > 1.0, values["stiffness_ratio"], 1.0)

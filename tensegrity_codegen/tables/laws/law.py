@@ -56,6 +56,13 @@ class Law:
     name = "linear"
     parameters: tuple[LawParameter, ...] = ()
     keys: tuple[tuple[str, ...], ...] = ()  # keys of a scene; those of one group replace each other
+    optional_keys: tuple[tuple[str, ...], ...] = ()  # which may be left out, for 0
+    has_switch = True  # whether the slope jumps at a place, see `switch`
+    # Internal states of a member with memory: NAME_STATE with rates, and NAME_FLAG_WORD, which events of the
+    # kind `set_at` set; see `rates`, `margins` and structure/memory.py.
+    states: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
+    set_at = ""
 
     @property
     def is_linear(self) -> bool:
@@ -75,16 +82,44 @@ class Law:
         return 0.5 * mu * x * x
 
     def slope_by_rest_length(self, member: Mapping[str, Any], length: Scalar, where: Where) -> Scalar:
-        """Return dt/drho [N/m] at a constant length; member: all values of the member."""
-        rest = member["rest_length"]
-        return -(member["spring_constant"] + member["axial_stiffness"] / (rest * rest) * length)
+        """Return dt/drho = -mu y' - (EA / rho^2) y [N/m] at a constant length; member: all its values."""
+        rest, axial = member["rest_length"], member["axial_stiffness"]
+        if self.is_linear:
+            return -(member["spring_constant"] + axial / (rest * rest) * length)
+        x, mu = length - rest, member["spring_constant"] + axial / rest
+        y = self.effective_elongation(x, member, where)
+        return -(self.slope(mu, x, member, where) + axial / (rest * rest) * y)
 
     def largest_slope(self, values: Mapping[str, Any], where: Where) -> Any:
         """Return the largest y' of all elongations."""
         return 1.0
 
     def switch(self, x: Scalar, values: Mapping[str, Any]) -> Scalar:
-        """Return a length [m] whose sign changes where the slope jumps; only for laws with parameters."""
+        """Return a length [m] whose sign changes where the slope jumps; only for laws with a switch."""
+        raise NotImplementedError
+
+    # Members with memory: the functions above take the names of `states` and `flags` among their values.
+
+    def at_rest(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the values for the law at rest, where no events set flags."""
+        return values
+
+    def limit_slack(self, x: Scalar, values: Mapping[str, Any], where: Where) -> Scalar:
+        """Return x [m], or where a cable is slack the elongation from which it was."""
+        raise NotImplementedError
+
+    def settle(self, x: Scalar, values: Mapping[str, Any], where: Where) -> tuple[Scalar, ...]:
+        """Return the states at the elongation x [m], reached from those of `values` on a straight way."""
+        raise NotImplementedError
+
+    def rates(self, rate: Scalar, values: Mapping[str, Any], where: Where) -> tuple[Scalar, ...]:
+        """Return the rates of the states at the rate x' [m/s]."""
+        raise NotImplementedError
+
+    def margins(
+        self, motion: tuple[Scalar, Scalar], values: Mapping[str, Any], where: Where, slack: bool
+    ) -> list[Scalar]:
+        """Return the margins at x and x', whose flags are 0 while they are positive; slack: of a cable."""
         raise NotImplementedError
 
     def find_rest_length(self, length: FloatArray, tension: FloatArray, given: Columns) -> FloatArray:

@@ -6,8 +6,9 @@ Shapes name dimensions: `n_nodes`, `n_members`, `n_axes`, `n_coordinates` (free 
 run-time parameters, stacked in argument order), `n_varied` = n_states + n_parameters + n_inputs, `n_columns`
 (derivatives of a motion), `n_followed` = n_states (1 + n_columns), `n_bar_pairs`,
 `n_bar_points` = 2 n_bar_pairs, `n_law_values` = 3 + n_axes, `n_tension_only` (members that pull only),
-`n_switches` (members whose law switches its slope), `n_contacts` (nodes that can touch the ground); `k` is
-the number of nodes or members that the scene keeps changeable.
+`n_switches` (members whose law switches its slope), `n_contacts` (nodes that can touch the ground),
+`n_yields` (two for each plastic member), `n_motors` (with a time constant); `k` is the number of nodes or
+members that the scene keeps changeable.
 """
 
 from collections.abc import Mapping
@@ -20,6 +21,7 @@ from tensegrity_codegen.tables.quantities.distances import DISTANCES
 from tensegrity_codegen.tables.quantities.ground import GROUND
 from tensegrity_codegen.tables.quantities.interference import INTERFERENCE
 from tensegrity_codegen.tables.quantities.members import MEMBERS
+from tensegrity_codegen.tables.quantities.memory import MEMORY
 from tensegrity_codegen.tables.quantities.nodes import NODES
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 from tensegrity_codegen.tables.quantities.structures import STRUCTURES
@@ -45,7 +47,7 @@ WEIGHTS = tuple(weight for weight, _ in ADJOINTS.values())
 PARAMETERS = tuple(name for name in ARGUMENTS if name not in (*STATE, "input", *OF_COLUMNS, *WEIGHTS))
 DIRECTED = (*PARAMETERS, "input")  # the rows of a direction
 
-QUANTITIES = _table(*MEMBERS, *NODES, *STRUCTURES, *BODIES, *INTERFERENCE, *DISTANCES, *GROUND)
+QUANTITIES = _table(*MEMBERS, *NODES, *STRUCTURES, *BODIES, *INTERFERENCE, *DISTANCES, *GROUND, *MEMORY)
 
 
 def find_quantity(name: str) -> Quantity:

@@ -35,6 +35,7 @@ def can_go_side_by_side(model: CompiledModel, method: str) -> bool:
     has_all = all(model.has(name) for name in EQUILIBRIUM_QUANTITIES)
     # The ground is loaded in steps, and members side by side are single strands
     is_alone = method == "relaxation" or bool(model.manifest.contact_name or model.manifest.ring_nodes)
+    is_alone |= bool(model.manifest.internal_name)
     return small and has_all and not is_alone and bool(model.library.batch_width)
 
 

@@ -1,0 +1,111 @@
+"""Memory of members at rest: the internal states that they come from, and those behind their way."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
+from tensegrity_codegen.tables.manifest import MOTOR_END, SET_STATES
+
+# Quantities that take members along a straight way from the internal states, not as these say they are.
+ALONG_THE_WAY = (
+    *("node_residual", "spring_tension", "tangent_stiffness", "material_stiffness", "geometric_stiffness"),
+    *("potential_energy", "elastic_energy", "residual_rest_length_jacobian"),
+    *("yield_margin", "settled_internal", "plastic_elongation"),
+)
+REST_QUANTITIES = ("settled_internal", "yield_margin", "plastic_elongation")  # that statics need besides
+ROUNDING = 1e-13  # of the largest flow
+MOST_SHOWN = 6
+
+
+class RestMemory:
+    """Internal states of plastic members, and of motors with a lag, at rest.
+
+    Attributes
+    ----------
+    start : ndarray, shape (n_internal,)
+        States that the members come from, nothing flowing: those of the argument ``internal``, until
+        `turn` has members remember.
+    """
+
+    def __init__(self, model: Model, arguments: Mapping[str, Any]) -> None:
+        names = model.manifest.internal_name
+        given = np.asarray(arguments.get("internal", model.nominal("internal")), dtype=np.float64).reshape(-1)
+        flags = tuple(f"_{word}" for word in SET_STATES.values())
+        self.model, self.begun = model, np.where([name.endswith(flags) for name in names], 0.0, given)
+        # Motors, which are at their commands at rest: internal state and input of each
+        inputs = model.manifest.input_name
+        self.motors = [(names.index(f"{m}{MOTOR_END}"), inputs.index(m)) for m in model.manifest.motor_name]
+        self.start: FloatArray = self.begun
+        # Flow of each member, whose plastic elongation stands before it.
+        self.flow = np.array([k for k, name in enumerate(names) if name.endswith("_accumulated")])
+
+    def begin(self) -> None:
+        """Forget all but the states that were given."""
+        self.start = self.begun
+
+    def settle(self, given: Mapping[str, Any]) -> FloatArray:
+        """Return the states behind the way from `start` to these arguments, coordinates among them."""
+        start = self._put_motors(self.start, given)
+        if not len(self.flow):
+            return start
+        return np.array(self.model.compute("settled_internal", **{**given, "internal": start}))
+
+    def choose(self, quantity: str, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the arguments of a quantity with its internal states."""
+        along = quantity in ALONG_THE_WAY
+        return {**given, "internal": self._put_motors(self.start, given) if along else self.settle(given)}
+
+    def _put_motors(self, states: FloatArray, given: Mapping[str, Any]) -> FloatArray:
+        """Return states with motors at their commands."""
+        if not self.motors:
+            return states
+        command = np.asarray(given.get("input", self.model.nominal("input")), dtype=np.float64).reshape(-1)
+        states = states.copy()
+        for k, place in self.motors:
+            states[k] = command[place]
+        return states
+
+    def find_turned(self, here: FloatArray, behind: FloatArray, ahead: FloatArray) -> BoolArray:
+        """Return which members (n_plastic,) have flowed on their way here and flow back ahead of it.
+
+        here, behind, ahead: settled states at a point of a path, and a little before and beyond it.
+        """
+        flow = self.flow
+        size = ROUNDING * float(np.abs(here[flow]).max(initial=0.0))
+        has_flowed = here[flow] - self.start[flow] > size
+        turned: BoolArray = has_flowed & (ahead[flow] - behind[flow] < -size)
+        return turned
+
+    def remember(self, turned: BoolArray, states: FloatArray) -> None:
+        """Let these members (n_plastic,) come from settled states (n_internal,) from now on."""
+        self.start = self.start.copy()
+        for k in self.flow[turned]:
+            self.start[k - 1 : k + 1] = states[k - 1 : k + 1]
+
+
+def name_plastic(names: Sequence[str], internal: FloatArray | None) -> dict[str, float]:
+    """Return the plastic elongations [m] among internal states (n_internal,), by member."""
+    values = [] if internal is None else internal.tolist()
+    ends = "_plastic"
+    return {
+        name.removesuffix(ends): value
+        for name, value in zip(names, values, strict=bool(values))
+        if name.endswith(ends)
+    }
+
+
+def describe_plastic(elongation: Mapping[str, float]) -> list[str]:
+    """Return a line on members that have flowed, the farthest first; none where none has."""
+    flowed = sorted((item for item in elongation.items() if item[1]), key=lambda item: -abs(item[1]))
+    shown = ", ".join(f"{name} {value:.6g} m" for name, value in flowed[:MOST_SHOWN])
+    more = f" and {len(flowed) - MOST_SHOWN} more members" if len(flowed) > MOST_SHOWN else ""
+    return [f"plastic elongations at the end: {shown}{more}"] if flowed else []
+
+
+def find_rest_memory(model: Model, arguments: Mapping[str, Any]) -> RestMemory | None:
+    """Return the memory of a model's members and motors, None where they have none."""
+    manifest = model.manifest
+    return RestMemory(model, arguments) if manifest.subjects_of("yield") or manifest.motor_name else None

@@ -1,0 +1,77 @@
+"""Support of plastic members and of motors with a lag: what lacks it ends in one error, first of all."""
+
+from typing import Any
+
+from tensegrity_codegen.structure.ground_support import FORMULATIONS_WITH_GROUND
+from tensegrity_codegen.structure.memory import lack_setting_events
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.integrators import INTEGRATORS
+from tensegrity_codegen.tables.request import ModelRequest
+
+MOST_MEMBERS = 200  # whose events integrators watch: each has two margins, and every event ends a step
+ADVICE = f'simulate with formulation "node_position" or "rigid_bar" and {" or ".join(INTEGRATORS)}'
+
+
+def require_no_memory(subject: Any, what: str, hint: str = ADVICE) -> None:
+    """Raise FormulationError for a structure with plastic members; what: names what does not know them."""
+    plastic = getattr(subject, "remembers", None)
+    if plastic is not None and plastic.any():
+        raise FormulationError(
+            f"plastic members are not supported here: {what}",
+            where=f"{subject.name}: members.{subject.member_name[int(plastic.argmax())]}",
+            allowed="motions, equilibria and load paths, in node positions or with rigid bars",
+            hint=hint,
+        )
+
+
+def require_no_lag(subject: Any, what: str) -> None:
+    """Raise FormulationError for a structure whose motors have a time constant; what: does not know them."""
+    names = [item.name for item in subject.actuators if item.time_constant]
+    if names:
+        raise FormulationError(
+            f"time constants of motors are not supported here: {what}",
+            where=f"{subject.name}: actuators.{names[0]}.time_constant",
+            allowed="motions by integrators in C and equilibria, in node positions or with rigid bars",
+            hint="leave time_constant out",
+        )
+
+
+def _check_motors(subject: Any, request: ModelRequest) -> None:
+    """Raise FormulationError for a request that a structure with lagging motors cannot serve."""
+    foreign = {
+        f"formulation {request.formulation!r}": request.formulation not in FORMULATIONS_WITH_GROUND,
+        "rigid bars with correction": request.options.get("correction", "none") != "none",
+        f"emitter {request.emitter!r}": request.emitter not in ("auto", "unrolled"),
+        "solvers in C": bool(request.solvers),
+        "energy that is kept": bool(request.keep),
+        "derivatives of motions": request.differentiates_motions,
+        "live pages, and a pull that changes with time": bool(request.driven),
+    }
+    for what, is_wanted in foreign.items():
+        if is_wanted:
+            require_no_lag(subject, what)
+
+
+def check_memory(subject: Any, request: ModelRequest) -> None:
+    """Raise FormulationError for a request that plastic members or lagging motors cannot serve.
+
+    subject: the structure or body system; nothing is refused where it has neither.
+    """
+    if any(item.time_constant for item in subject.actuators):
+        _check_motors(subject, request)
+    if not subject.remembers.any():
+        return
+    foreign = {
+        f"formulation {request.formulation!r}": request.formulation not in FORMULATIONS_WITH_GROUND,
+        "rigid bars with correction": request.options.get("correction", "none") != "none",
+        "derivatives of motions": request.differentiates_motions,
+        "solvers in C": bool(request.solvers),
+        "energy that is kept": bool(request.keep),
+        "live pages, and a pull that changes with time": bool(request.driven),
+        f"motions of more than {MOST_MEMBERS} of them": bool(request.integrators)
+        and int(subject.remembers.sum()) > MOST_MEMBERS,
+        **lack_setting_events(subject, request),
+    }
+    for what, is_wanted in foreign.items():
+        if is_wanted:
+            require_no_memory(subject, what)

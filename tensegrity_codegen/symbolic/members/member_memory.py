@@ -1,0 +1,83 @@
+"""Members with memory: internal states of their laws, energies and margins, as expressions."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.symbolic.members.member_law import MemberLaw
+from tensegrity_codegen.symbolic.members.member_set import MemberSet
+from tensegrity_codegen.symbolic.memory import Memory
+
+Scalar = Any
+
+
+class MemberMemory(Memory):
+    """All members of a structure whose laws have internal states."""
+
+    def __init__(self, structure: Structure, members: MemberSet) -> None:
+        self.structure, self.members = structure, members
+        rows = np.flatnonzero(structure.remembers).tolist()
+        # Rates of elongation, with those of rest lengths that motors change
+        self.rate = {
+            structure.member_name[e]: members.laws[e].rate - members.arguments.rest_rate.get(e, ca.SX(0.0))
+            for e in rows
+        }
+        self.laws: dict[str, MemberLaw] = {structure.member_name[e]: members.laws[e] for e in rows}
+
+    def stored_energy(self) -> Scalar:
+        """Return 0: what members store is their strain energy."""
+        return ca.SX(0.0)
+
+    def powers(self) -> Mapping[str, Scalar]:
+        """Return minus what plastic flow takes, -Fy a' [W]."""
+        lost = (self._flow_force(law) * self._rates(name)[1] for name, law in self.laws.items())
+        return {"plastic": -sum(lost, ca.SX(0.0))}
+
+    def internal_rates(self) -> Mapping[str, Scalar]:
+        """Return the rates of the states of all members [m/s]."""
+        return {
+            f"{name}_{state}": rate
+            for name, law in self.laws.items()
+            for state, rate in zip(law.law.states, self._rates(name), strict=True)
+        }
+
+    def settled(self) -> Mapping[str, Scalar]:
+        """Return the states of all members behind what they have done [m]."""
+        return {
+            f"{name}_{state}": value
+            for name, law in self.laws.items()
+            for state, value in zip(law.law.states, law.settled(), strict=True)
+        }
+
+    def builders(self) -> dict[str, Callable[[], ca.SX]]:
+        """Return the builders of margins, plastic elongations and what flow has taken."""
+        return {
+            "yield_margin": self._margins,
+            "plastic_elongation": self._elongations,
+            "plastic_work": self._work,
+        }
+
+    def _margins(self) -> ca.SX:
+        found = [law.memory_margins(self.rate[name]) for name, law in self.laws.items()]
+        return ca.vertcat(*[margin for margins in found for margin in margins])
+
+    def _elongations(self) -> ca.SX:
+        """Return q of all members, 0 of those without memory, (n_members, 1) [m]."""
+        found = {name: law.settled()[0] for name, law in self.laws.items()}
+        return ca.vertcat(*[found.get(name, ca.SX(0.0)) for name in self.structure.member_name])
+
+    def _work(self) -> Scalar:
+        """Return minus what flow has taken, -Fy a, up to the internal states [J]."""
+        taken = (self._flow_force(law) * law.law_parameter["accumulated"] for law in self.laws.values())
+        return -sum(taken, ca.SX(0.0))
+
+    def _flow_force(self, law: MemberLaw) -> Scalar:
+        """Return Fy [N]."""
+        return law.mu * law.law_parameter["yield_elongation"]
+
+    def _rates(self, name: str) -> tuple[Scalar, ...]:
+        law = self.laws[name]
+        return law.law.rates(self.rate[name], law.law_parameter, ca.if_else)

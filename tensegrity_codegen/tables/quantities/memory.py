@@ -1,0 +1,59 @@
+"""Quantities of members with memory, and of motors with a lag."""
+
+from tensegrity_codegen.tables.quantities.quantity import Quantity
+
+SOURCE = "Simo and Hughes 1998"
+
+MEMORY = (
+    Quantity(
+        "settled_internal",
+        "z+",
+        "m",
+        ("n_internal",),
+        "Internal states behind an event, or at rest behind a straight way from those given to here.",
+        SOURCE,
+    ),
+    Quantity(
+        "plastic_elongation",
+        "q",
+        "m",
+        ("n_members",),
+        "Plastic elongations of members; 0 of those that are elastic.",
+        SOURCE,
+    ),
+    Quantity(
+        "yield_margin",
+        "g_y",
+        "m",
+        ("n_yields",),
+        "Margins of plastic members, pulled and pushed: what is left of the elastic range; while a member "
+        "flows -x' and x' times 1 s. It does not flow while its margin is positive.",
+        SOURCE,
+    ),
+    Quantity(
+        "motor_margin",
+        "g_m",
+        "m",
+        ("n_motors",),
+        "Margins of motors with a time constant, rate tau - |command - u|: a rate is not limited while its "
+        "margin is positive; 1 without a limit.",
+        "Linear systems",
+    ),
+    Quantity(
+        "plastic_work",
+        "W_p",
+        "J",
+        (),
+        "Minus the energy that plastic flow has taken, with what hardening stores left out: -Fy a of all "
+        "members.",
+        SOURCE,
+    ),
+    Quantity(
+        "plastic_power",
+        "P_p",
+        "W",
+        (),
+        "What plastic flow adds to the total energy, zero or less.",
+        SOURCE,
+    ),
+)
