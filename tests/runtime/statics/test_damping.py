@@ -7,6 +7,7 @@ from tensegrity_codegen import compile_scene
 from tensegrity_codegen.runtime.statics.damping import Damping, MemberDamping, find_turn, locate_members
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
+from tensegrity_codegen.tables.strands import list_strands
 from tests.models import EXAMPLES
 
 
@@ -45,16 +46,16 @@ def test_needed_damping_of_a_turning_bar_is_that_of_its_stretch() -> None:
         largest_force = node_force = longest = np.array(length)
         tension = np.zeros(1)
 
-    ends = np.array([[0, 1]])
+    strands = list_strands(np.array([[0, 1]]), ())
     before, after = np.zeros((2, 2, 3))
     before[0, 0] = after[0, 0] = length
     after[0, 1] = apart
     stretch = np.hypot(length, apart) - length
     damping = Damping.start(1)
     damping.spring_constant[:] = stiffness
-    here = locate_members(before, ends, Point)
+    here = locate_members(before, strands, Point)
     # A tension too small to matter: members at exactly zero count as slack.
-    here.tension[:], there = 1e-9, locate_members(after, ends, Point)
+    here.tension[:], there = 1e-9, locate_members(after, strands, Point)
     there = type(there)(
         there.vector, there.length, np.array([stiffness * stretch]), there.force, there.longest
     )
@@ -68,7 +69,7 @@ def test_needed_damping_of_a_turning_bar_is_that_of_its_stretch() -> None:
 def test_damping_grows_where_steps_fail_and_goes_where_they_succeed(problem: StaticProblem) -> None:
     damping = MemberDamping(problem)
     here = damping.locate(problem.find_point(problem.model.nominal("coordinate").ravel()))
-    turn = np.zeros(len(problem.ends))
+    turn = np.zeros(len(problem.strands.member))
     turn[2] = 3.0
     damping.hold(turn, here)
     assert np.flatnonzero(damping.sigma).tolist() == [2]
