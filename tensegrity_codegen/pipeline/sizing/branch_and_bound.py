@@ -14,7 +14,9 @@ import numpy as np
 
 from tensegrity_codegen.pipeline.sizing.force_program import ForceProgram, Optimum
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.progress import describe_pass, work_pass
 
+PROVING = "proving the least mass"
 STARTS = 12  # random weights of masses from which descents start
 MOST_DESCENTS = 50
 LEAST_GAIN = 1e-12  # of the mass, with which a descent goes on
@@ -43,7 +45,8 @@ def find_least_forces(program: ForceProgram, gap: float, most_splits: int) -> Le
     search = _Search(program, gap)
     if not search.start():
         return None
-    bound, splits = search.prove(most_splits)
+    with work_pass(PROVING):
+        bound, splits = search.prove(most_splits)
     return LeastForces(search.tension, search.mass, min(bound, search.mass), splits)
 
 
@@ -154,6 +157,7 @@ class _Search:
             if bound >= self.mass * (1 - self.gap) or splits >= most_splits:
                 return min(proved, bound), splits
             splits += 1
+            describe_pass(f"{PROVING}: {1 - bound / self.mass:.3%} open after {splits:,} splits")
             # What one unit of a tension costs limits how far it goes with less mass than the best.
             with np.errstate(divide="ignore", invalid="ignore"):
                 reach = (self.mass - bound) / np.abs(found.reduced) + MARGIN
