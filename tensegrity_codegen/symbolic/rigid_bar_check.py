@@ -17,9 +17,7 @@ DEPENDENT = 1e-9  # part of a bar's unit vector that others leave free
 def check_formulation(structure: Structure, request: ModelRequest) -> None:
     """Raise FormulationError where the requested formulation cannot have the structure's rigid bars."""
     if find_formulation(request.formulation).has_rigid_bars:
-        rigid = find_rigid_bars(structure, request)
-        check_rigid_bars(structure, rigid, request.parameters)
-        _check_no_heated_bar(structure, rigid)
+        check_rigid_bars(structure, find_rigid_bars(structure, request), request.parameters)
     else:
         check_no_rigid_bar(structure, request.formulation)
 
@@ -52,7 +50,7 @@ def find_rigid_bars(structure: Structure, request: ModelRequest) -> NDArray[np.b
 def check_rigid_bars(
     structure: Structure, rigid: NDArray[np.bool_], parameters: Mapping[str, tuple[int, ...]]
 ) -> None:
-    """Raise FormulationError for rigid bars whose forces are not determined or whose stiffness may change.
+    """Raise FormulationError for rigid bars that are undetermined, or whose stiffness or length may change.
 
     rigid: (n_members,), the members that keep their length.
     """
@@ -64,6 +62,7 @@ def check_rigid_bars(
             allowed='bars without axial_stiffness and spring_constant, or options.bars = "all"',
             hint='formulation = "node_position", or options = { bars = "all" }',
         ).unless_chosen_otherwise()
+    _check_no_heated_bar(structure, rigid)
     for name in ("spring_constant", "axial_stiffness", "damping"):
         changed = [e for e in parameters.get(name, ()) if rigid[e]]
         if changed:

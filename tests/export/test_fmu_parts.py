@@ -64,6 +64,7 @@ def test_parts_are_joined_by_dots_and_numbers_are_indices_from_one() -> None:
         ("N/m", {"kg": 1, "s": -2}),
         ("N s/m", {"kg": 1, "s": -1}),
         ("rad/s2", {"rad": 1, "s": -2}),
+        ("K", {"K": 1}),
         ("N m", {"kg": 1, "m": 2, "s": -2}),
         ("Pa", {"kg": 1, "m": -1, "s": -2}),
         ("1", {}),

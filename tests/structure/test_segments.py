@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import tensegrity_codegen as tc
+from tensegrity_codegen.export.export_mjcf import build_mjcf
 from tensegrity_codegen.structure.segments import find_chains, measure_chain
 from tests.reference import ReferenceModel
 
@@ -110,3 +111,12 @@ def test_a_straight_chain_has_no_sag() -> None:
     rows = find_chains(structure)["line"]
     tension, sag = measure_chain(structure, rows, structure.node_position, structure.static_tension())
     assert (tension, sag) == (pytest.approx(200.0), 0.0)
+
+
+def test_mujoco_has_half_of_a_cable_at_each_end() -> None:
+    structure, _ = tc.load_scene(string(4))
+    assert isinstance(structure, tc.Structure)
+    root, notes = build_mjcf(structure)
+    mass = [float(item.get("mass", "")) for item in root.iter("inertial")]
+    assert mass == pytest.approx([float(structure.member_mass[0])] * 3)
+    assert not any("own mass" in text for text in notes)

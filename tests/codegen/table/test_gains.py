@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 import tensegrity_codegen as tc
+from tensegrity_codegen.control.embedded.parts import _check_gains
+from tensegrity_codegen.export.export_mjcf import build_mjcf
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 
 ALPHA, EA = 1.2e-5, 2e5
 QUANTITIES = ["member_tension", "acceleration", "input_jacobian"]
@@ -158,3 +161,34 @@ def test_tendons_of_bodies() -> None:
     rest = 0.999 * (1 + ALPHA * 50.0)
     tension = tc.compile_scene(scene).compute("member_tension", input=np.array([50.0]))
     assert tension[0] == pytest.approx(EA * (1 - rest) / rest, rel=1e-12)
+
+
+def test_a_bar_that_is_kept_rigid_is_not_heated() -> None:
+    scene = vary(formulation="rigid_bar", options={"bars": "all"}, quantities=["acceleration"])
+    scene["members"] = {name: value for name, value in SCENE["members"].items() if name != "held"}
+    with pytest.raises(FormulationError, match="keeps its length at every temperature") as caught:
+        tc.compile_scene(scene)
+    assert caught.value.given == "ac"
+    scene["inputs"] = [{"kind": "temperature", "name": "sun", "members": ["rope"]}]
+    tension = tc.compile_scene(scene).compute("acceleration", input=np.array([5.0]))
+    assert np.isfinite(tension).all()
+
+
+def test_mujoco_has_the_forces_of_gains() -> None:
+    structure, _ = tc.load_scene(SCENE)
+    assert isinstance(structure, tc.Structure)
+    root, _ = build_mjcf(structure)
+    gains = {item.get("name"): float(item.get("gainprm", "")) for item in root.iter("general")}
+    bc = structure.member_name.index("bc")
+    assert gains["winch.bc"] == pytest.approx(0.25 * 500.0)
+    assert gains["winch.bd"] == pytest.approx(0.5 * 500.0)
+    assert gains["sun.bc"] == pytest.approx(2e-4 * structure.rest_length[bc] * 500.0)
+    assert gains["sun.held"] == pytest.approx(ALPHA * EA)
+
+
+def test_controllers_in_c_refuse_gains() -> None:
+    structure, _ = tc.load_scene(SCENE)
+    with pytest.raises(InvalidValueError, match="does not know inputs of temperature") as caught:
+        _check_gains(structure)
+    assert caught.value.given == "sun"
+    _check_gains(structure.with_changes(inputs=structure.inputs[2:]))
