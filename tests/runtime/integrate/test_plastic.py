@@ -15,7 +15,7 @@ from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tests.models import simulator
 from tests.plastic_cases import follow_mass, integrate_net, make_mass, with_plastic
-from tests.runtime.build import bar, cable, make_structure, spring
+from tests.runtime.build import bar, cable, make_structure, prism, spring
 
 METHODS = ("rk54", "tsit5", "rk853", "rodas", "radau")
 FIRST_YIELD, PEAK = 0.00252680255142, 0.034056941504209
@@ -126,6 +126,32 @@ def test_a_net_of_plastic_cables_moves_as_an_independent_integration_says() -> N
         assert model.compute("plastic_elongation", **state) == pytest.approx(plastic, abs=3e-10)
         assert motion.energy_drift is not None
         assert motion.energy_drift < 1e-9
+
+
+def test_a_prism_of_plastic_members_falls_apart_the_same_by_three_methods() -> None:
+    """All bars and cables yield, 225 events in a second; two of a symmetric pair yield at one time."""
+    twisted = prism(mass=0.5)
+    limit = np.abs(twisted.static_tension()) * 1.05 + 1e-3
+    random = np.random.default_rng(0).normal(size=(6, 3))
+    structure = with_plastic(twisted, limit, 0.02, 0.5).with_changes(node_velocity=2.0 * random)
+    model = simulator(structure, "rk853", "rodas")
+    found = [move(model, [0.0, 0.5, 1.0], method, 1e-9) for method in ("rk853", "rodas")]
+    assert found[0].log.count == found[1].log.count == 225
+    assert found[0].coordinate[-1] == pytest.approx(found[1].coordinate[-1], abs=1e-6)
+    assert max(motion.energy_drift or 0.0 for motion in found) < 1e-8
+    hung = make_structure(
+        [[-1, 0, 0], [1, 0, 0], [0, 0, 0]],
+        [cable(0, 2, 0.9, 2e3), cable(1, 2, 0.9, 2e3)],
+        anchored={0: "xyz", 1: "xyz"},
+        gravity=(0.0, 0.0, -9.81),
+        mass=3.0,
+    )
+    velocity = np.array([[0.0] * 3, [0.0] * 3, [0.0, 0.0, -6.0]])
+    pair = with_plastic(hung, 230.0, 0.1, 0.3).with_changes(node_velocity=velocity)
+    motion = move(simulator(pair, "rk54"), [0.0, 0.5], "rk54", 1e-10)
+    assert motion.log.name[:2] == ("e0", "e1")
+    assert motion.log.time[0] == motion.log.time[1]
+    assert motion.coordinate[-1, :2] == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
 def test_a_cable_that_has_yielded_slackens_where_its_rest_length_has_grown() -> None:
