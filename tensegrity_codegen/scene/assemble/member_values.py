@@ -134,7 +134,7 @@ def _check_values(
     for key in (*BAR_ONLY, *CABLE_ONLY):
         kind, other = ("cable", "bar") if key in BAR_ONLY else ("bar", "cable")
         refuse(
-            (~is_bar if key in BAR_ONLY else is_bar) & ~np.isnan(values[key]),
+            (~is_bar if key in BAR_ONLY else is_bar) & (values[key] > 0),
             InvalidValueError,
             f"a {kind} has no {key}",
             section=section,

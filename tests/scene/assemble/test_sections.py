@@ -76,3 +76,18 @@ def test_malformed_sections_are_refused(section: Any) -> None:
     with pytest.raises(SceneError) as caught:
         make({"section": section})
     assert "section" in str(caught.value)
+
+
+def test_a_cable_may_be_a_rod_and_no_tube() -> None:
+    document: dict[str, Any] = {
+        "name": "rope",
+        "nodes": {"a": {"position": [0, 0, 0], "anchored": True}, "b": {"position": [2, 0, 0], "mass": 1.0}},
+        "members": {
+            "ab": {"kind": "cable", "nodes": ["a", "b"], "section": {"rod": 0.01}, "youngs_modulus": 165e9}
+        },
+    }
+    rope = assemble(read_scene(document))[0]
+    np.testing.assert_allclose(rope.axial_stiffness, 165e9 * np.pi * 0.005**2, rtol=1e-15)
+    document["members"]["ab"]["section"] = {"tube": [0.01, 0.001]}
+    with pytest.raises(InvalidValueError, match="a cable has no inner_radius"):
+        assemble(read_scene(document))
