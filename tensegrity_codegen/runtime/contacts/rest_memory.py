@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.tables.manifest import MOTOR_END, SET_STATES
@@ -32,7 +33,9 @@ class RestMemory:
 
     def __init__(self, model: Model, arguments: Mapping[str, Any]) -> None:
         names = model.manifest.internal_name
-        given = np.asarray(arguments.get("internal", model.nominal("internal")), dtype=np.float64).reshape(-1)
+        nominal = model.nominal("internal")
+        given = to_sized(arguments.get("internal", nominal), nominal.shape, "internal")
+        check_finite(given, "internal", "the internal states are not finite")
         flags = tuple(f"_{word}" for word in SET_STATES.values())
         self.model, self.begun = model, np.where([name.endswith(flags) for name in names], 0.0, given)
         # Motors, which are at their commands at rest: internal state and input of each

@@ -18,9 +18,8 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, judg
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.structure.ground_support import refuse_ground
-from tensegrity_codegen.structure.memory_support import require_no_lag, require_no_memory
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import ConvergenceError, NonFiniteError
+from tensegrity_codegen.system.errors import ConvergenceError, FormulationError, NonFiniteError
 
 # Of the time, where a function of time may change anything, or bars may touch: steps must not pass over it.
 MAX_STEP = 0.01
@@ -100,8 +99,13 @@ def integrate_scipy(motion: Motion, options: RunOptions) -> RawTrajectory:
     if manifest.contact_name:
         raise refuse_ground(manifest.name, f"method {options.method!r}")
     if manifest.internal_name:
-        require_no_memory(motion.model.structure, f"method {options.method!r}")
-        require_no_lag(motion.model.structure, f"method {options.method!r}")
+        raise FormulationError(
+            "methods of SciPy do not know internal states: plastic members, and motors with a time constant",
+            where=manifest.name,
+            given=options.method,
+            allowed="methods in C",
+            hint='method="rk853"',
+        )
     method, times = find_method(options.method).scipy, motion.sample_time
     state, count, steps = motion.state, 0, _Steps(motion, options.max_steps)
     contact = _Contact(motion) if motion.watch and "contact" in motion.watch.stop else None

@@ -21,9 +21,8 @@ from tensegrity_codegen.runtime.statics.stiff_members import (
     choose_stiff,
     find_spring_constants,
 )
-from tensegrity_codegen.structure.memory_support import require_no_lag, require_no_memory
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
-from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, NonFiniteError
 
 EQUILIBRIUM_QUANTITIES = (
     "potential_energy",
@@ -33,7 +32,6 @@ EQUILIBRIUM_QUANTITIES = (
     "member_tension",
 )
 
-ON_GROUND = "simulate the motion with damping until it rests"
 EPSILON = float(np.finfo(float).eps)
 # Weight of the distance from the origin beside the length of members, where rounding is estimated.
 ORIGIN_DISTANCE_WEIGHT = 1 / 16
@@ -98,8 +96,11 @@ class StaticProblem:
         self.memory = find_rest_memory(model, self.arguments)
         if model.manifest.contact_name:
             if self.memory is not None:
-                require_no_memory(getattr(model, "structure", None), "equilibria on the ground", ON_GROUND)
-                require_no_lag(getattr(model, "structure", None), "equilibria on the ground")
+                raise FormulationError(
+                    "equilibria on the ground do not know plastic members, nor motors with a time constant",
+                    where=model.manifest.name,
+                    hint="simulate the motion with damping until it rests",
+                )
             self.contacts = Contacts(model, self.arguments)
         # Velocities of nodes (3 n_nodes, n_coordinates) of those of coordinates.
         self._velocity = scipy.sparse.csr_array(

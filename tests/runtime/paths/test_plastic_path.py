@@ -16,7 +16,7 @@ from tensegrity_codegen.runtime.statics.bar_problem import BAR_EQUILIBRIUM_QUANT
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.tables.laws.plastic import Plastic
 from tests.ground_cases import make_block
 from tests.models import load, simulator
@@ -201,3 +201,10 @@ def test_a_motion_begins_at_an_equilibrium_with_what_members_remember() -> None:
         arguments={"node_load": force, **found.internal_argument},
     )
     assert np.abs(rest.coordinate - found.coordinate).max() < 1e-10
+
+
+@pytest.mark.parametrize("internal", [[np.nan, 0.0, 0.0, 0.0], [0.0, 0.0]])
+def test_internal_states_that_cannot_be_are_refused(internal: list[float]) -> None:
+    model = load_statics(make_mass())
+    with pytest.raises(InvalidValueError, match="internal"):
+        find_equilibrium(model, arguments={"internal": internal})
