@@ -26,7 +26,12 @@ from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProbl
 from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import is_number
-from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, SingularStiffnessError
+from tensegrity_codegen.system.errors import (
+    FormulationError,
+    InvalidValueError,
+    NonFiniteError,
+    SingularStiffnessError,
+)
 
 REST_LENGTH_TOLERANCE = 1e-9  # extension over length up to which a cable may go slack or taut
 MAX_NAMED_NODES = 3  # nodes of a motion without resistance that the error names
@@ -94,6 +99,13 @@ def equilibrium_sensitivity(
             "the tolerance is out of range", where="tolerance", given=tolerance, allowed="above 0, below 1"
         )
     problem = build_problem(model, arguments)
+    if problem.memory is not None and problem.memory.flow.size:
+        raise FormulationError(
+            "sensitivities of equilibria do not know plastic members",
+            where=model.manifest.name,
+            allowed="elastic members",
+            hint="leave yield_force out, or compare two equilibria",
+        )
     if has_springs(model.manifest):
         require_quantities(model, REST_LENGTH_QUANTITIES, "a sensitivity needs")
     names, column_members = select_columns(model, columns)

@@ -11,6 +11,8 @@ from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath
 from tensegrity_codegen.runtime.paths.model_path import watch_slack, watch_yield
+from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
+from tensegrity_codegen.runtime.sensitivity.static_system import REST_LENGTH_QUANTITIES
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.bar_problem import BAR_EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -185,6 +187,12 @@ def test_equilibria_of_plastic_members_on_the_ground_are_refused() -> None:
     model = load(block, *EQUILIBRIUM_QUANTITIES, *REST_QUANTITIES)
     with pytest.raises(FormulationError, match="equilibria on the ground"):
         find_equilibrium(model)
+
+
+def test_sensitivities_of_plastic_members_are_refused() -> None:
+    model = load_statics(make_mass(), *REST_LENGTH_QUANTITIES)
+    with pytest.raises(FormulationError, match="plastic members"):
+        equilibrium_sensitivity(model, find_equilibrium(model))
 
 
 def test_a_motion_begins_at_an_equilibrium_with_what_members_remember() -> None:
