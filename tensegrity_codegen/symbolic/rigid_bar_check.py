@@ -17,7 +17,7 @@ DEPENDENT = 1e-9  # part of a bar's unit vector that others leave free
 def check_formulation(structure: Structure, request: ModelRequest) -> None:
     """Raise FormulationError where the requested formulation cannot have the structure's rigid bars."""
     if find_formulation(request.formulation).has_rigid_bars:
-        check_rigid_bars(structure, find_rigid_bars(structure, request), request.parameters)
+        check_rigid_bars(structure, find_rigid_bars(structure, request), request)
     else:
         check_no_rigid_bar(structure, request.formulation)
 
@@ -47,9 +47,12 @@ def find_rigid_bars(structure: Structure, request: ModelRequest) -> NDArray[np.b
     return rigid
 
 
-def check_rigid_bars(
-    structure: Structure, rigid: NDArray[np.bool_], parameters: Mapping[str, tuple[int, ...]]
-) -> None:
+def keeps_scene_lengths(options: Mapping[str, str]) -> bool:
+    """Return whether rigid bars keep the lengths that they have in the scene, whatever their rest lengths."""
+    return options["bars"] == "all" and options["correction"] == "none"
+
+
+def check_rigid_bars(structure: Structure, rigid: NDArray[np.bool_], request: ModelRequest) -> None:
     """Raise FormulationError for rigid bars that are undetermined, or whose stiffness or length may change.
 
     rigid: (n_members,), the members that keep their length.
@@ -62,9 +65,9 @@ def check_rigid_bars(
             allowed='bars without axial_stiffness and spring_constant, or options.bars = "all"',
             hint='formulation = "node_position", or options = { bars = "all" }',
         ).unless_chosen_otherwise()
-    _check_no_heated_bar(structure, rigid)
+    _check_no_moved_bar(structure, rigid, request)
     for name in ("spring_constant", "axial_stiffness", "damping"):
-        changed = [e for e in parameters.get(name, ()) if rigid[e]]
+        changed = [e for e in request.parameters.get(name, ()) if rigid[e]]
         if changed:
             raise FormulationError(
                 f"a rigid bar has no {name} that can change at run time",
@@ -87,15 +90,18 @@ def check_rigid_bars(
         )
 
 
-def _check_no_heated_bar(structure: Structure, rigid: NDArray[np.bool_]) -> None:
-    """Raise FormulationError for an input of temperature on a bar that keeps its length."""
+def _check_no_moved_bar(structure: Structure, rigid: NDArray[np.bool_], request: ModelRequest) -> None:
+    """Raise FormulationError for an input that heats a bar that keeps its length, or changes that length."""
+    problems = {"temperature": "a rigid bar keeps its length at every temperature"}
+    if keeps_scene_lengths(complete_options(request.formulation, request.options)):
+        problems["rest_length"] = 'bars that options.bars = "all" keeps rigid have no rest length to change'
     for item in structure.inputs:
-        heated = [e for e in item.targets if rigid[e]] if item.kind == "temperature" else []
-        if heated:
+        moved = [e for e in item.targets if rigid[e]] if item.kind in problems else []
+        if moved:
             raise FormulationError(
-                "a rigid bar keeps its length at every temperature",
+                problems[item.kind],
                 where=f"{structure.name}: inputs.{item.name}",
-                given=structure.member_name[heated[0]],
+                given=structure.member_name[moved[0]],
                 allowed="members that are no rigid bars",
                 hint='formulation = "node_position", in which bars with a stiffness change their lengths',
             )

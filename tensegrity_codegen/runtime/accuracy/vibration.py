@@ -1,6 +1,7 @@
 """Vibrations of stiff members about their smooth motion, in closed form, for methods that leave them out.
 
-A stiff member whose ends no other one shares stretches by s beyond what its smooth motion asks for:
+A stiff member whose ends no other one shares stretches by s beyond what its smooth motion asks for, which
+is the tension T of a rigid member over mu, at the rate T' / mu:
 
     s'' + c w s' + mu w s = 0,    w = g H^-1 g^T,    its ends move by H^-1 g^T s / w
 
@@ -25,6 +26,7 @@ TENSION_COMPLIANCE = 1e-12  # compliance over w, of members whose tensions their
 AMPLITUDE_SAFETY = 1.5  # amplitudes are those of the start, to first order: a half of them more may come
 DAMPED_MARGIN = 2.0  # times an amplitude that implicit steps damp out: it sees it a little differently
 MAX_DAMPING_RATIO = 0.5  # damping over critical, below which a member counts as vibrating
+RATE_ANGLE = 1e-3  # [rad] of the fastest vibration, over which the rate of the smooth tensions is taken
 
 
 @dataclass(frozen=True)
@@ -140,14 +142,22 @@ def find_vibration(
     along, square = np.sum(moving * direction, axis=1), np.sum(moving**2, axis=1)
     alone, share, mobility = _shares(ends, mass)
     mu, c = law[:, 1], law[:, 2]
-    force = np.asarray(model.compute("cable_force", coordinate=q, velocity=v, **arguments))
-    tension = _smooth_tension(mass, direction, ends, force, (square - along**2) / length, mobility)
     elastic = mu > 0
     safe = np.where(elastic, mu, 1.0)
     omega = np.sqrt(safe * mobility)
+
+    def pull(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        force = np.asarray(model.compute("cable_force", coordinate=q, velocity=v, **arguments))
+        vector, moving = _vectors(q, ends, offset), _vectors(v, ends, 0.0 * offset)
+        return _smooth_pull(mass, ends, force, vector, moving, mobility)
+
+    acceleration, tension = pull(q, v)
+    step = RATE_ANGLE / float(omega[elastic].max(initial=np.finfo(float).tiny))
+    later = pull(q + step * (v + 0.5 * step * acceleration), v + step * acceleration)[1]
     stretch = length - law[:, 0] - tension / safe
+    rate = along - (later - tension) / (step * safe)
     alone &= elastic & (0.5 * c * omega < MAX_DAMPING_RATIO * safe)
-    far = np.where(elastic & ~alone, np.sqrt(stretch**2 + (along / omega) ** 2), 0.0)
+    far = np.where(elastic & ~alone, np.sqrt(stretch**2 + (rate / omega) ** 2), 0.0)
     decay = 0.5 * c * mobility
     slowest = omega**2 / np.maximum(omega, decay + np.sqrt(np.maximum(decay**2 - omega**2, 0.0)))
     fading = np.where(decay < omega, decay, slowest)
@@ -160,7 +170,7 @@ def find_vibration(
         offset=offset[alone],
         share=share[alone],
         stretch=stretch[alone],
-        rate=along[alone],
+        rate=rate[alone],
         drift=drift[alone],
         joined=np.stack([far, far * omega, far * mu], axis=1)[elastic & ~alone],
         fading=float(fading[elastic & ~alone].min(initial=np.inf)),
@@ -208,15 +218,13 @@ def _vectors(x: FloatArray, ends: IntArray, offset: FloatArray) -> FloatArray:
     return np.asarray(free[:, 0] - free[:, 1] + offset)
 
 
-def _smooth_tension(
-    mass: Any,
-    direction: FloatArray,
-    ends: IntArray,
-    force: FloatArray,
-    turning: FloatArray,
-    mobility: FloatArray,
-) -> FloatArray:
-    """Return tensions T of members that keep their lengths: H a + G^T T = f, G a = -turning."""
+def _smooth_pull(
+    mass: Any, ends: IntArray, force: FloatArray, vector: FloatArray, moving: FloatArray, mobility: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return a and tensions T of members that keep their lengths: H a + G^T T = f, G a = -turning."""
+    length = np.linalg.norm(vector, axis=1)
+    direction = vector / length[:, None]
+    turning = (np.sum(moving**2, axis=1) - np.sum(moving * direction, axis=1) ** 2) / length
     value = np.stack([direction, -direction], axis=1)
     row = np.broadcast_to(np.arange(len(ends))[:, None, None], ends.shape)
     free = ends >= 0
@@ -225,7 +233,8 @@ def _smooth_tension(
         -TENSION_COMPLIANCE * mobility
     )  # where members hold each other's lengths
     saddle = scipy.sparse.block_array([[mass, g.T], [g, softly]], format="csc")
-    return np.asarray(scipy.sparse.linalg.spsolve(saddle, np.concatenate([force, -turning]))[len(force) :])
+    found = np.asarray(scipy.sparse.linalg.spsolve(saddle, np.concatenate([force, -turning])))
+    return found[: len(force)], found[len(force) :]
 
 
 def _shares(

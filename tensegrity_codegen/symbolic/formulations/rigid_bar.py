@@ -26,7 +26,11 @@ from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.members.member_family import HeldMember, build_member_quantities
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
-from tensegrity_codegen.symbolic.rigid_bar_check import check_rigid_bars, find_rigid_bars
+from tensegrity_codegen.symbolic.rigid_bar_check import (
+    check_rigid_bars,
+    find_rigid_bars,
+    keeps_scene_lengths,
+)
 from tensegrity_codegen.symbolic.rigid_motion import RigidMotion
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
@@ -43,7 +47,7 @@ def build_rigid_bar(structure: Structure, request: ModelRequest) -> SymbolicMode
     """
     options = complete_options("rigid_bar", request.options)
     rigid = find_rigid_bars(structure, request)
-    check_rigid_bars(structure, rigid, request.parameters)
+    check_rigid_bars(structure, rigid, request)
     values = {name: np.where(rigid, 0.0, getattr(structure, name)) for name in ELASTIC}
     arguments = SymbolicArguments(structure.with_changes(**values), request.parameters)
     parts = _RigidBar(structure, arguments, [int(e) for e in np.flatnonzero(rigid)], options)
@@ -99,7 +103,7 @@ class _RigidBar(NodeCoordinates):
         self.elastic = structure
         self.bars = bars
         self.is_corrected = options["correction"] == "first_order"
-        self.keeps_scene_lengths = options["bars"] == "all" and not self.is_corrected
+        self.keeps_scene_lengths = keeps_scene_lengths(options)
         self.q, self.v = (arguments.symbols[name] for name in ("coordinate", "velocity"))
 
     def constant_bars(self) -> tuple[str, ...]:

@@ -174,6 +174,20 @@ def test_a_bar_that_is_kept_rigid_is_not_heated() -> None:
     assert np.isfinite(tension).all()
 
 
+def test_a_motor_does_not_move_a_bar_that_keeps_the_length_of_the_scene() -> None:
+    inputs = [{"kind": "rest_length", "name": "push", "members": ["ac"]}]
+    members = {name: value for name, value in SCENE["members"].items() if name != "held"}
+    scene = vary(formulation="rigid_bar", options={"bars": "all"}, quantities=["constraint_residual"])
+    scene |= {"members": members, "inputs": inputs}
+    with pytest.raises(FormulationError, match="keeps rigid have no rest length to change") as caught:
+        tc.compile_scene(scene)
+    assert (caught.value.given, caught.value.where.split(": ")[1]) == ("ac", "inputs.push")
+    scene["model"]["options"]["correction"] = "first_order"  # its length then follows from its rest length
+    model = tc.compile_scene(scene)
+    moved = [model.compute("constraint_residual", input=np.array([u]))[0] for u in (0.0, 0.01)]
+    assert moved[1] - moved[0] == pytest.approx(-0.01)
+
+
 def test_mujoco_has_the_forces_of_gains() -> None:
     structure, _ = tc.load_scene(SCENE)
     assert isinstance(structure, tc.Structure)
