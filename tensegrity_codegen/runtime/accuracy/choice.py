@@ -160,7 +160,7 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
         return replace(explicit, why=f"{explicit.why}; {cause}")
     amplitude = listen_to_members(motion)["vibration"]
     with np.errstate(all="ignore"):  # members without a length have no direction
-        vibration = find_vibration(model, state, spec.tensions, rates, motion.arguments)
+        vibration = find_vibration(motion, spec.tensions, rates)
     if not vibration.error(first, last)[0] <= options.absolute + rtol * size:
         why = f"{explicit.why}; {ratio} and vibrate by {amplitude:.2g} m, which only short steps resolve"
         return replace(explicit, why=why)

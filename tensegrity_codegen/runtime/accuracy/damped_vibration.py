@@ -78,7 +78,7 @@ def _tighten(motion: Motion, options: RunOptions) -> RawTrajectory:
     rates = find_rates(model, stiff, motion.arguments)
     assert rates is not None  # a library with the implicit method has what it takes
     with np.errstate(all="ignore"):  # members without a length have no direction
-        vibration = find_vibration(model, state, stiff, rates, motion.arguments)
+        vibration = find_vibration(motion, stiff, rates)
 
     def run(rtol: float, atol: float) -> RawTrajectory:
         raw = integrate_implicit(motion, options.within(rtol, atol))

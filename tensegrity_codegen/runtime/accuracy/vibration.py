@@ -18,8 +18,10 @@ import scipy
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.accuracy.rates import Rates
+from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 TENSION_COMPLIANCE = 1e-12  # compliance over w, of members whose tensions their lengths do not determine
@@ -122,14 +124,9 @@ class Vibration:
                 np.add.at(part, self.ends[:, end][free], moved[free])
 
 
-def find_vibration(
-    model: CompiledModel,
-    state: FloatArray,
-    stiff: tuple[int, ...],
-    rates: Rates,
-    arguments: Mapping[str, Any],
-) -> Vibration:
-    """Return how the members `stiff` vibrate at this state about their smooth motion."""
+def find_vibration(motion: Motion, stiff: tuple[int, ...], rates: Rates) -> Vibration:
+    """Return how the members `stiff` vibrate at the start of a motion about their smooth motion."""
+    model, state, arguments = motion.model, motion.state, motion.arguments
     n = len(state) // 2
     q, v, members = state[:n], state[n:], np.array(stiff, dtype=np.int64)
     every = np.asarray(model.compute("member_law", **arguments))
@@ -146,16 +143,19 @@ def find_vibration(
     safe = np.where(elastic, mu, 1.0)
     omega = np.sqrt(safe * mobility)
 
-    def pull(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        force = np.asarray(model.compute("cable_force", coordinate=q, velocity=v, **arguments))
+    def pull(q: FloatArray, v: FloatArray, given: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+        force = np.asarray(model.compute("cable_force", coordinate=q, velocity=v, **given))
         vector, moving = _vectors(q, ends, offset), _vectors(v, ends, 0.0 * offset)
         return _smooth_pull(mass, ends, force, vector, moving, mobility)
 
-    acceleration, tension = pull(q, v)
-    step = RATE_ANGLE / float(omega[elastic].max(initial=np.finfo(float).tiny))
-    later = pull(q + step * (v + 0.5 * step * acceleration), v + step * acceleration)[1]
-    stretch = length - law[:, 0] - tension / safe
-    rate = along - (later - tension) / (step * safe)
+    acceleration, tension = pull(q, v, arguments)
+    stretch, rate = length - law[:, 0] - tension / safe, along
+    if elastic.any():
+        step = RATE_ANGLE / float(omega[elastic].max())
+        later = _drive(motion, step)
+        _, pulled = pull(q + step * (v + 0.5 * step * acceleration), v + step * acceleration, later)
+        grown = np.asarray(model.compute("member_law", **later))[members, 0] - law[:, 0]
+        rate = along - ((pulled - tension) / safe + grown) / step
     alone &= elastic & (0.5 * c * omega < MAX_DAMPING_RATIO * safe)
     far = np.where(elastic & ~alone, np.sqrt(stretch**2 + (rate / omega) ** 2), 0.0)
     decay = 0.5 * c * mobility
@@ -176,6 +176,13 @@ def find_vibration(
         fading=float(fading[elastic & ~alone].min(initial=np.inf)),
         meeting=rates.meeting,
     )
+
+
+def _drive(motion: Motion, time: float) -> Mapping[str, Any]:
+    """Return the arguments of a motion at a time [s], those of the start where no profile changes them."""
+    if not isinstance(motion.schedule, DrivenArguments):
+        return motion.arguments
+    return {**motion.arguments, **motion.schedule(time)}
 
 
 def _slow_parts(
