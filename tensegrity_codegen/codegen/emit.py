@@ -43,7 +43,7 @@ from tensegrity_codegen.tables.manifest import LeftOut, Manifest
 from tensegrity_codegen.tables.precision import Precision, check_precision, find_precision
 from tensegrity_codegen.tables.request import ModelRequest
 
-PLASTIC_QUANTITIES = ("plastic_power", "plastic_work", "plastic_elongation")  # of members with memory
+PLASTIC_QUANTITIES = ("plastic_power", "plastic_work", "plastic_elongation")  # of members that yield
 # Fields of a structure with a number a member.
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping", "member_mass", "radius")
 
@@ -267,7 +267,9 @@ def _find_called(
     of_forces = ("state_derivative", "energy_rate") if has_contacts(model.subject) else ()
     of_states: tuple[str, ...] = ("state_derivative",) if model.frame.n_internal else ()
     if model.subject.remembers.any():
-        of_states = ("state_derivative", SETTLING, "energy_rate", *PLASTIC_QUANTITIES)
+        of_states = (*of_states, "energy_rate")
+    if model.subject.yields.any():
+        of_states = (*of_states, SETTLING, *PLASTIC_QUANTITIES)
     of_integrators = called_quantities(request.integrators, needs_state_jacobian(model.subject))
     of_derivatives = list_derivative_quantities(model.arguments)
     called = (*PROJECTION, *kept, *of_forces, *of_states, *of_integrators, *of_derivatives)

@@ -242,7 +242,7 @@ def _write(
 
 def _check_ground(structure: Subject) -> None:
     """Raise FormulationError for internal states that events set, which importers cannot follow."""
-    require_no_memory(structure, "a functional mock-up unit", "leave yield_force out")
+    require_no_memory(structure, "a functional mock-up unit", "leave {key} out")
     require_no_lag(structure, "a functional mock-up unit")
     ground = getattr(structure, "ground", None)
     if ground is not None and ground.has_static_friction:

@@ -114,7 +114,7 @@ def _list_losses(structure: Structure) -> list[str]:
         (len(structure.axes) < 3, "axes that are not modelled are held, as those of anchored nodes"),
         ((loose & (structure.damping > 0)).any(), "cables keep their damping while slack"),
         (structure.has_switch.any(), "bilinear members have the slope before their switch only"),
-        (structure.remembers.any(), "plastic members stay elastic"),
+        (structure.yields.any(), "plastic members stay elastic"),
         (
             any(item.rest_length_gain for item in structure.inputs),
             "inputs of rest lengths are forces mu u on tendons, which is exact while the cable is taut",

@@ -75,7 +75,7 @@ def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[s
     from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities as of_formulation
 
     turning = isinstance(structure, BodySystem) and structure.has_unpotential_load
-    more = ("unpotential_force",) if turning else REST_QUANTITIES if structure.remembers.any() else ()
+    more = ("unpotential_force",) if turning else REST_QUANTITIES if structure.yields.any() else ()
     return (*of_formulation(request.formulation), *more)
 
 
@@ -90,7 +90,7 @@ def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: floa
 
 def _simulate_batch(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
     needs = _simulate(structure, request, method or BATCH_METHOD, rtol)
-    in_batches = find_method(method or BATCH_METHOD).in_batches and not structure.remembers.any()
+    in_batches = find_method(method or BATCH_METHOD).in_batches and not structure.yields.any()
     return replace(needs, batch_width=BATCH_WIDTH if in_batches else 0)
 
 

@@ -107,6 +107,11 @@ class WithMemberLaws:
         """(n_members,): members with memory, whose law has internal states."""
         return self._join_masks(lambda law: bool(law.states))
 
+    @property
+    def yields(self) -> BoolArray:
+        """(n_members,): plastic members, whose memory events of their flow set."""
+        return self._join_masks(lambda law: law.set_at == "yield")
+
     def _join_masks(self, is_wanted: Callable[[Law], bool]) -> BoolArray:
         found = np.zeros(len(self.member_name), dtype=np.bool_)
         for law, mask in self.members_of_law[1:]:

@@ -75,11 +75,11 @@ MEMORY_KINDS = (
 )
 
 
-# Ends of the names of what members remember, which changes in flow alone.
+# Ends of the names of what members remember that changes in flow alone, between events that set flags.
 CONSTANT_ENDS = tuple(
     end
     for law in LAWS
-    if law.states
+    if law.set_at
     for end in (*(f"_{name}" for name in law.states), f"_{SET_STATES[law.set_at]}")
 )
 

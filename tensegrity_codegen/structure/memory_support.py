@@ -1,4 +1,4 @@
-"""Support of plastic members and of motors with a lag: what lacks it ends in one error, first of all."""
+"""Support of members with memory and of motors with a lag: what lacks it ends in one error, first of all."""
 
 from typing import Any
 
@@ -13,14 +13,19 @@ ADVICE = f'simulate with formulation "node_position" or "rigid_bar" and {" or ".
 
 
 def require_no_memory(subject: Any, what: str, hint: str = ADVICE) -> None:
-    """Raise FormulationError for a structure with plastic members; what: names what does not know them."""
-    plastic = getattr(subject, "remembers", None)
-    if plastic is not None and plastic.any():
+    """Raise FormulationError for a structure with members that remember; what: names what does not know them.
+
+    hint: what to try; `{key}` in it becomes the key of the scene that gives a member its memory.
+    """
+    mask = getattr(subject, "remembers", None)
+    if mask is not None and mask.any():
+        e = int(mask.argmax())
+        law = subject.law_of(e)
         raise FormulationError(
-            f"plastic members are not supported here: {what}",
-            where=f"{subject.name}: members.{subject.member_name[int(plastic.argmax())]}",
+            f"{law.name} members are not supported here: {what}",
+            where=f"{subject.name}: members.{subject.member_name[e]}",
             allowed="motions, equilibria and load paths, in node positions or with rigid bars",
-            hint=hint,
+            hint=hint.format(key=law.keys[0][-1]),
         )
 
 
@@ -36,9 +41,9 @@ def require_no_lag(subject: Any, what: str) -> None:
         )
 
 
-def _check_motors(subject: Any, request: ModelRequest) -> None:
-    """Raise FormulationError for a request that a structure with lagging motors cannot serve."""
-    foreign = {
+def _list_foreign(request: ModelRequest) -> dict[str, bool]:
+    """Return what knows neither members with memory nor lagging motors -> whether a request wants it."""
+    return {
         f"formulation {request.formulation!r}": request.formulation not in FORMULATIONS_WITH_GROUND,
         "rigid bars with correction": request.options.get("correction", "none") != "none",
         f"emitter {request.emitter!r}": request.emitter not in ("auto", "unrolled"),
@@ -47,31 +52,24 @@ def _check_motors(subject: Any, request: ModelRequest) -> None:
         "derivatives of motions": request.differentiates_motions,
         "live pages, and a pull that changes with time": bool(request.driven),
     }
-    for what, is_wanted in foreign.items():
-        if is_wanted:
-            require_no_lag(subject, what)
 
 
 def check_memory(subject: Any, request: ModelRequest) -> None:
-    """Raise FormulationError for a request that plastic members or lagging motors cannot serve.
+    """Raise FormulationError for a request that members with memory or lagging motors cannot serve.
 
     subject: the structure or body system; nothing is refused where it has neither.
     """
-    if any(item.time_constant for item in subject.actuators):
-        _check_motors(subject, request)
-    if not subject.remembers.any():
+    for what, is_wanted in _list_foreign(request).items():
+        if is_wanted:
+            require_no_lag(subject, what)
+            require_no_memory(subject, what)
+    if not subject.yields.any():
         return
-    foreign = {
-        f"formulation {request.formulation!r}": request.formulation not in FORMULATIONS_WITH_GROUND,
-        "rigid bars with correction": request.options.get("correction", "none") != "none",
-        "derivatives of motions": request.differentiates_motions,
-        "solvers in C": bool(request.solvers),
-        "energy that is kept": bool(request.keep),
-        "live pages, and a pull that changes with time": bool(request.driven),
+    lacking = {
         f"motions of more than {MOST_MEMBERS} of them": bool(request.integrators)
-        and int(subject.remembers.sum()) > MOST_MEMBERS,
+        and int(subject.yields.sum()) > MOST_MEMBERS,
         **lack_setting_events(subject, request),
     }
-    for what, is_wanted in foreign.items():
+    for what, is_wanted in lacking.items():
         if is_wanted:
             require_no_memory(subject, what)

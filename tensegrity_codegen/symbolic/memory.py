@@ -3,8 +3,8 @@
 Names and order of internal states stand in structure/memory.py. To add a kind: a `MemoryKind` there, a
 subclass of `Memory` here, and a line in `NodeCoordinates.memories`; for events that set states also their bit
 in EVENT_KINDS, their word in SET_STATES, and their margins in EVENT_QUANTITIES. Laws of members with memory
-need a file in tables/laws, see `Law.states`, and their keys in the schema; `settled` is what integrators put
-into the state at events.
+need a file in tables/laws, see `Law.states`, a line in MEMORIES of symbolic/members/member_memory.py and
+their keys in the schema; `settled` is what integrators put into the state at events.
 """
 
 from abc import ABC, abstractmethod

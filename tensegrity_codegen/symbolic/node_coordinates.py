@@ -16,7 +16,7 @@ from tensegrity_codegen.symbolic.inertia import Inertia
 from tensegrity_codegen.symbolic.interference import BarPairs, pair_members
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
-from tensegrity_codegen.symbolic.members.member_memory import MemberMemory
+from tensegrity_codegen.symbolic.members.member_memory import build_member_memories
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
 from tensegrity_codegen.symbolic.members.ring_cable import Pairs
 from tensegrity_codegen.symbolic.memory import POWERS, Memory
@@ -95,9 +95,7 @@ class NodeCoordinates:
     @cached_property
     def memories(self) -> Sequence[Memory]:
         """What remembers, and the other forces on nodes."""
-        found: list[Memory] = [*self.node_forces]
-        if self.structure.remembers.any():
-            found.append(MemberMemory(self.structure, self.members))
+        found: list[Memory] = [*self.node_forces, *build_member_memories(self.structure, self.members)]
         if self.structure.lagging_actuators:
             found.append(Motors(self.arguments))
         return found
@@ -107,8 +105,7 @@ class NodeCoordinates:
         if not self.memories:
             return {}
         found: dict[str, Callable[[], ca.SX]] = {"energy_rate": self.energy_rate}
-        names = ("friction", "impact") if self.node_forces else ()
-        for name in (*names, *(("plastic",) if self.structure.remembers.any() else ())):
+        for name in ("friction", "impact") if self.node_forces else ():
             found[f"{name}_power"] = partial(self.powers.__getitem__, name)
         for part in self.memories:
             found |= part.builders()

@@ -99,7 +99,7 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
         counts |= {"ground": ground.n_contacts, "stick": ground.n_contacts if ground.friction else 0}
     setting = find_setting_events(subject)
     counts |= {
-        "yield": 2 * int(subject.remembers.sum()),
+        "yield": 2 * int(subject.yields.sum()),
         "motor": sum(item.time_constant > 0 for item in subject.actuators),
     }
     if setting and sum(counts.values()) > MOST_WATCHED:

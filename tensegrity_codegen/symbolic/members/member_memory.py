@@ -15,11 +15,10 @@ Scalar = Any
 
 
 class MemberMemory(Memory):
-    """All members of a structure whose laws have internal states."""
+    """All members of a structure that follow one law with internal states."""
 
-    def __init__(self, structure: Structure, members: MemberSet) -> None:
-        self.structure, self.members = structure, members
-        rows = np.flatnonzero(structure.remembers).tolist()
+    def __init__(self, structure: Structure, members: MemberSet, rows: list[int]) -> None:
+        self.structure = structure
         # Rates of elongation, with those of rest lengths that motors change
         self.rate = {
             structure.member_name[e]: members.laws[e].rate - members.arguments.rest_rate.get(e, ca.SX(0.0))
@@ -31,11 +30,6 @@ class MemberMemory(Memory):
         """Return 0: what members store is their strain energy."""
         return ca.SX(0.0)
 
-    def powers(self) -> Mapping[str, Scalar]:
-        """Return minus what plastic flow takes, -Fy a' [W]."""
-        lost = (self._flow_force(law) * self._rates(name)[1] for name, law in self.laws.items())
-        return {"plastic": -sum(lost, ca.SX(0.0))}
-
     def internal_rates(self) -> Mapping[str, Scalar]:
         """Return the rates of the states of all members [m/s]."""
         return {
@@ -43,6 +37,19 @@ class MemberMemory(Memory):
             for name, law in self.laws.items()
             for state, rate in zip(law.law.states, self._rates(name), strict=True)
         }
+
+    def _rates(self, name: str) -> tuple[Scalar, ...]:
+        law = self.laws[name]
+        return law.law.rates(self.rate[name], law.law_parameter, ca.if_else)
+
+
+class PlasticMembers(MemberMemory):
+    """The members that yield."""
+
+    def powers(self) -> Mapping[str, Scalar]:
+        """Return minus what plastic flow takes, -Fy a' [W]."""
+        lost = (self._flow_force(law) * self._rates(name)[1] for name, law in self.laws.items())
+        return {"plastic": -sum(lost, ca.SX(0.0))}
 
     def settled(self) -> Mapping[str, Scalar]:
         """Return the states of all members behind what they have done [m]."""
@@ -53,8 +60,9 @@ class MemberMemory(Memory):
         }
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
-        """Return the builders of margins, plastic elongations and what flow has taken."""
+        """Return the builders of margins, plastic elongations, and what flow takes and has taken."""
         return {
+            "plastic_power": lambda: self.powers()["plastic"],
             "yield_margin": self._margins,
             "plastic_elongation": self._elongations,
             "plastic_work": self._work,
@@ -65,7 +73,7 @@ class MemberMemory(Memory):
         return ca.vertcat(*[margin for margins in found for margin in margins])
 
     def _elongations(self) -> ca.SX:
-        """Return q of all members, 0 of those without memory, (n_members, 1) [m]."""
+        """Return q of all members, 0 of those that are elastic, (n_members, 1) [m]."""
         found = {name: law.settled()[0] for name, law in self.laws.items()}
         return ca.vertcat(*[found.get(name, ca.SX(0.0)) for name in self.structure.member_name])
 
@@ -78,6 +86,14 @@ class MemberMemory(Memory):
         """Return Fy [N]."""
         return law.mu * law.law_parameter["yield_elongation"]
 
-    def _rates(self, name: str) -> tuple[Scalar, ...]:
-        law = self.laws[name]
-        return law.law.rates(self.rate[name], law.law_parameter, ca.if_else)
+
+MEMORIES = {"plastic": PlasticMembers}  # by the name of the law
+
+
+def build_member_memories(structure: Structure, members: MemberSet) -> list[Memory]:
+    """Return the memory of the members of each law that has internal states."""
+    return [
+        MEMORIES[law.name](structure, members, np.flatnonzero(mask).tolist())
+        for law, mask in structure.members_of_law
+        if law.states
+    ]
