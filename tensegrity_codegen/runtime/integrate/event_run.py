@@ -6,13 +6,13 @@ import numpy as np
 
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, MAX_LOGGED, EventLog, choose_watch
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
-from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.raw_results import say_unmonitored
 from tensegrity_codegen.runtime.model.arrays import to_sized
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.system.summaries import describe_count
+from tensegrity_codegen.tables.integrators import find_row
 
 EVENT_ROW = np.dtype(
     {"names": ["time", "kind", "which", "direction"], "formats": ["f8", "i4", "i4", "i4"], "itemsize": 24}
@@ -28,7 +28,8 @@ class EventRun:
         self.raised: list[BaseException] = []
         self.has_events = bool(bound.spec.events)
         # Others without events or profiles are called without counters, which their header may lack.
-        is_adaptive = find_method(bound.spec.name).kind == "adaptive"
+        row = find_row(bound.spec.name, self.manifest.needs_state_jacobian)
+        is_adaptive = row.kind == "adaptive"
         self.is_counted = self.has_events or is_adaptive or bool(self.manifest.driven)
         counts: Any = ffi.new("integrator_run *") if self.is_counted else None
         self.counts = counts

@@ -293,6 +293,16 @@ def test_implicit_steps_at_rest_do_not_depend_on_the_stiffness(stiffness: float,
     assert np.abs(motion.coordinate - motion.coordinate[0]).max() < 1e-12
 
 
+def test_an_implicit_run_without_events_counts_its_steps() -> None:
+    """A block falls on the ground, over more steps than one call into C takes."""
+    model = simulator(make_block([0.0, 0.0, 0.3]), "radau", events=())
+    stepping = Stepping(control="steps")
+    found = simulate(model, 0.5, samples=[0.0, 0.2, 0.5], method="radau", rtol=1e-8, stepping=stepping)
+    assert found.status == "ok"
+    assert found.node_position[1, 0, 2] == pytest.approx(0.3 - GRAVITY * 0.2**2 / 2, abs=1e-8)
+    assert found.n_steps > 50
+
+
 @pytest.mark.parametrize(
     ("method", "loose", "order"),
     [("rk54", 1e-8, 4.8), ("rk853", 1e-7, 7.5), ("rodas", 1e-6, 4.5), ("radau", 1e-6, 4.5)],
