@@ -147,7 +147,8 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")
     lags = any(item.time_constant for item in structure.actuators)
-    is_bound = getattr(structure, "collision", None) or find_setting_events(structure) or lags
+    remembers = structure.remembers.any() or bool(find_setting_events(structure))
+    is_bound = getattr(structure, "collision", None) or remembers or lags
     if request.emitter == AUTO and (is_bound or request.differentiates_motions):
         why = "the only emitter for collisions, static friction, memory and derivatives of motions"
         choice = EmitterChoice(UNROLLED.name, why)
@@ -270,6 +271,8 @@ def _find_called(
         of_states = (*of_states, "energy_rate")
     if model.subject.yields.any():
         of_states = (*of_states, SETTLING, *PLASTIC_QUANTITIES)
+    if model.subject.relaxes.any():
+        of_states = (*of_states, "viscous_power", "relaxed_internal")
     of_integrators = called_quantities(request.integrators, needs_state_jacobian(model.subject))
     of_derivatives = list_derivative_quantities(model.arguments)
     called = (*PROJECTION, *kept, *of_forces, *of_states, *of_integrators, *of_derivatives)

@@ -36,6 +36,7 @@ RUN_ROWS = {
     "impact_work": ("work of impacts", "J"),
     "damping_work": ("work of damping", "J"),
     "belt_work": ("work of the belt", "J"),
+    "viscous_work": ("work of viscous members", "J"),
     "largest_kinetic_energy": ("largest kinetic energy", "J"),
     "energy_drift": ("energy drift / largest kinetic energy", ""),
     "library": ("library", ""),

@@ -112,6 +112,11 @@ class WithMemberLaws:
         """(n_members,): plastic members, whose memory events of their flow set."""
         return self._join_masks(lambda law: law.set_at == "yield")
 
+    @property
+    def relaxes(self) -> BoolArray:
+        """(n_members,): viscous members, whose memory changes with time alone."""
+        return self.remembers & ~self.yields
+
     def _join_masks(self, is_wanted: Callable[[Law], bool]) -> BoolArray:
         found = np.zeros(len(self.member_name), dtype=np.bool_)
         for law, mask in self.members_of_law[1:]:

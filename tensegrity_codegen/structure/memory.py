@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.structure.ground import ENERGY_STATES
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.laws import LAWS
 from tensegrity_codegen.tables.laws.law import Law
-from tensegrity_codegen.tables.manifest import SET_STATES
+from tensegrity_codegen.tables.manifest import SET_STATES, VISCOUS_WORK
 from tensegrity_codegen.tables.request import ModelRequest
 
 Names = tuple[str, ...]
@@ -52,8 +53,9 @@ def _find_sliding(structure: Any) -> Names:
 
 
 def _name_energies(structure: Any) -> Names:
-    """Return the names of the energies of a balance, where it is asked for."""
-    return ENERGY_STATES if structure.ground is not None and structure.ground.balances_energy else ()
+    """Return the names of the energies of a balance, where it is asked for, and of what time takes."""
+    of_ground = ENERGY_STATES if structure.ground is not None and structure.ground.balances_energy else ()
+    return (*of_ground, *((VISCOUS_WORK,) if structure.relaxes.any() else ()))
 
 
 def _find_kind(law: Law) -> MemoryKind:
@@ -90,6 +92,22 @@ def name_internal_states(structure: Any) -> Names:
     return (*rated, *(name for kind in MEMORY_KINDS for name in kind.set_states(structure)))
 
 
+def find_start(structure: Any) -> FloatArray:
+    """Return what internal states start from unless told otherwise, (n_internal,).
+
+    Zero, and of viscous members what they come to where they stand in the scene.
+    """
+    start = dict.fromkeys(name_internal_states(structure), 0.0)
+    x = structure.member_length() - structure.rest_length
+    x = np.where(structure.tension_only, np.maximum(x, 0.0), x)
+    for law, mask in structure.members_of_law:
+        if law.states and not law.set_at:
+            values = {item.name: structure.member_value(item.name)[mask] for item in law.parameters}
+            names = [f"{structure.member_name[e]}_{law.states[0]}" for e in np.flatnonzero(mask)]
+            start |= dict(zip(names, law.settle(x[mask], values, np.where)[0].tolist(), strict=True))
+    return np.array(list(start.values()))
+
+
 def find_setting_events(structure: Any) -> Names:
     """Return the kinds of events that set internal states of a structure: motions need these events."""
     return tuple(kind.set_at for kind in MEMORY_KINDS if kind.set_states(structure))
@@ -97,7 +115,7 @@ def find_setting_events(structure: Any) -> Names:
 
 def is_constant(name: str) -> bool:
     """Return whether linear models do without an internal state: constant, or nothing depends on it."""
-    return name in ENERGY_STATES or name.endswith(CONSTANT_ENDS)
+    return name in (*ENERGY_STATES, VISCOUS_WORK) or name.endswith(CONSTANT_ENDS)
 
 
 def lack_setting_events(subject: Any, request: ModelRequest) -> dict[str, bool]:

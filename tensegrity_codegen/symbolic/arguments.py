@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from tensegrity_codegen.structure.ground import CHANGEABLE
+from tensegrity_codegen.structure.memory import find_start
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.model import ModelArgument
 from tensegrity_codegen.system.arrays import FloatArray
@@ -194,7 +195,7 @@ def nominal_value(
     if name == "velocity":
         return structure.node_velocity[places[:, 0], places[:, 1]], ()
     if name == "internal":
-        return np.zeros(len(structure.internal_name)), structure.internal_name
+        return find_start(structure), structure.internal_name
     if name == "input":
         return np.zeros(len(structure.inputs)), tuple(item.name for item in structure.inputs)
     if name == "gravity":

@@ -15,7 +15,7 @@ import casadi as ca
 
 Scalar = Any
 
-POWERS = ("friction", "impact", "belt", "plastic")  # what changes the total energy
+POWERS = ("friction", "impact", "belt", "plastic", "viscous")  # what changes the total energy
 
 
 class Memory(ABC):
@@ -35,6 +35,10 @@ class Memory(ABC):
 
     def settled(self) -> Mapping[str, Scalar]:
         """Return what internal states become at events, by their names: states that keep up with others."""
+        return {}
+
+    def relaxed(self) -> Mapping[str, Scalar]:
+        """Return what internal states come to at rest after infinite time, by their names."""
         return {}
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:

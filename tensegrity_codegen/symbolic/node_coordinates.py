@@ -113,11 +113,20 @@ class NodeCoordinates:
             found["internal_rate"] = self.internal_rate
         if any(part.settled() for part in self.memories):
             found["settled_internal"] = self.settled_internal
+        if self.structure.relaxes.any():
+            found["relaxed_internal"] = self.relaxed_internal
         return found
 
     def settled_internal(self) -> ca.SX:
         """Return what the internal states become at an event, (n_internal, 1)."""
-        settled = {name: value for part in self.memories for name, value in part.settled().items()}
+        return self._put_internal(part.settled() for part in self.memories)
+
+    def relaxed_internal(self) -> ca.SX:
+        """Return what the internal states come to at rest after infinite time, (n_internal, 1)."""
+        return self._put_internal({**part.settled(), **part.relaxed()} for part in self.memories)
+
+    def _put_internal(self, parts: Iterable[Mapping[str, Scalar]]) -> ca.SX:
+        settled = {name: value for part in parts for name, value in part.items()}
         return ca.vertcat(*[settled.get(name, old) for name, old in self.arguments.internal.items()])
 
     def internal_rate(self) -> ca.SX:
@@ -145,11 +154,11 @@ class NodeCoordinates:
         return sum(self.powers.values(), self.damping_power())
 
     def damping_power(self) -> Scalar:
-        """Return what damping of members adds to the total energy, -sum (t - t_static) l' [W]."""
+        """Return what damping of members adds to the total energy, -sum (t - t_undamped) l' [W]."""
         power = ca.SX(0.0)
         for e in self.members.damped:
             law = self.members.laws[e]
-            power = power - (law.tension() - law.static_tension()) * law.rate
+            power = power - (law.tension() - law.undamped_tension()) * law.rate
         return power
 
     @cached_property

@@ -65,6 +65,7 @@ EVENT_KINDS = {
 JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick", "yield", "motor")
 
 # Kinds that set internal states, see structure/memory.py, and the word that the names of these end with.
+VISCOUS_WORK = "viscous_work"  # internal state: minus what viscous members have taken [J]
 SET_STATES = {"stick": "slips", "yield": "yields"}
 
 MOTOR_END = "_motor"  # of the names of internal states of actuators with a time constant

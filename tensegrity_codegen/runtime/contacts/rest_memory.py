@@ -8,7 +8,7 @@ import numpy as np
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
-from tensegrity_codegen.tables.manifest import MOTOR_END, SET_STATES
+from tensegrity_codegen.tables.manifest import MOTOR_END, SET_STATES, VISCOUS_WORK
 
 # Quantities that take members along a straight way from the internal states, not as these say they are.
 ALONG_THE_WAY = (
@@ -17,12 +17,13 @@ ALONG_THE_WAY = (
     *("yield_margin", "settled_internal", "plastic_elongation"),
 )
 REST_QUANTITIES = ("settled_internal", "yield_margin", "plastic_elongation")  # that statics need besides
+RELAXED_QUANTITIES = ("relaxed_internal",)  # the same of viscous members
 ROUNDING = 1e-13  # of the largest flow
 MOST_SHOWN = 6
 
 
 class RestMemory:
-    """Internal states of plastic members, and of motors with a lag, at rest.
+    """Internal states of members with memory, and of motors with a lag, at rest.
 
     Attributes
     ----------
@@ -43,7 +44,9 @@ class RestMemory:
         self.motors = [(names.index(f"{m}{MOTOR_END}"), inputs.index(m)) for m in model.manifest.motor_name]
         self.start: FloatArray = self.begun
         # Flow of each member, whose plastic elongation stands before it.
-        self.flow = np.array([k for k, name in enumerate(names) if name.endswith("_accumulated")])
+        self.viscous = [k for k, name in enumerate(names) if name.endswith("_viscous")]
+        self.flow = np.array([k for k, name in enumerate(names) if name.endswith("_accumulated")], dtype=int)
+        self.members = bool(self.viscous) or bool(self.flow.size)  # whether members have memory
 
     def begin(self) -> None:
         """Forget all but the states that were given."""
@@ -52,14 +55,18 @@ class RestMemory:
     def settle(self, given: Mapping[str, Any]) -> FloatArray:
         """Return the states behind the way from `start` to these arguments, coordinates among them."""
         start = self._put_motors(self.start, given)
-        if not len(self.flow):
-            return start
-        return np.array(self.model.compute("settled_internal", **{**given, "internal": start}))
+        quantity = "relaxed_internal" if self.viscous else "settled_internal" if len(self.flow) else ""
+        return np.array(self.model.compute(quantity, **{**given, "internal": start})) if quantity else start
 
     def choose(self, quantity: str, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return the arguments of a quantity with its internal states."""
-        along = quantity in ALONG_THE_WAY
-        return {**given, "internal": self._put_motors(self.start, given) if along else self.settle(given)}
+        states = self._put_motors(self.start, given)
+        if quantity not in ALONG_THE_WAY:
+            states = self.settle(given)
+        elif self.viscous:  # which have forgotten the way
+            states = states.copy()
+            states[self.viscous] = self.settle(given)[self.viscous]
+        return {**given, "internal": states}
 
     def _put_motors(self, states: FloatArray, given: Mapping[str, Any]) -> FloatArray:
         """Return states with motors at their commands."""
@@ -111,4 +118,5 @@ def describe_plastic(elongation: Mapping[str, float]) -> list[str]:
 def find_rest_memory(model: Model, arguments: Mapping[str, Any]) -> RestMemory | None:
     """Return the memory of a model's members and motors, None where they have none."""
     manifest = model.manifest
-    return RestMemory(model, arguments) if manifest.subjects_of("yield") or manifest.motor_name else None
+    remembers = manifest.subjects_of("yield") or VISCOUS_WORK in manifest.internal_name
+    return RestMemory(model, arguments) if remembers or manifest.motor_name else None

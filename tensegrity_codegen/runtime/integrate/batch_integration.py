@@ -102,7 +102,7 @@ class _Batch:
         self.width, self.call = model.library.batch_width, model.library.symbol(f"{self.spec.symbol}_batch")
         self.n_moved = 2 * len(model.manifest.coordinate_name)  # states besides the internal ones
         moved = _check_state(motion.state, self.n_moved)
-        self.state = np.hstack([moved, read_internals(motion, len(moved))])
+        self.state = np.hstack([moved, read_internals(motion, moved)])
         self.end, self.tolerance = motion.t_end, (options.rtol, options.absolute)
         self.asked_time, self.sample_time = sample_time, np.array(sample_time, dtype=np.float64)
         self.n_steps_wanted, self.step = _divide(self.end, step)
@@ -227,12 +227,18 @@ class _Batch:
         )
 
 
-def read_internals(motion: Motion, n_batch: int) -> FloatArray:
-    """Return the internal states that the motions of a batch start from, (n_batch, n_internal)."""
+def read_internals(motion: Motion, moved: FloatArray) -> FloatArray:
+    """Return the internal states that the motions of a batch start from, (n_batch, n_internal).
+
+    moved (n_batch, 2 n_coordinates): where they start.
+    """
+    if "internal" not in motion.arguments and motion.model.has("relaxed_internal"):
+        start = {"coordinate": np.split(moved, 2, axis=1)[0]}
+        return np.asarray(motion.model.compute_batch("relaxed_internal", **{**motion.arguments, **start}))
     nominal = np.zeros(len(motion.model.manifest.internal_name))
     value = motion.arguments.get("internal", nominal)
     array, is_batched = to_batch(value, nominal.shape, motion.model.library.precision, "internal")
-    return array if is_batched else np.tile(array.reshape(1, -1), (n_batch, 1))
+    return array if is_batched else np.tile(array.reshape(1, -1), (len(moved), 1))
 
 
 def _divide(span: float, step: float | None) -> tuple[int, float]:

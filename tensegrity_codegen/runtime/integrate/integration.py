@@ -70,10 +70,14 @@ class BoundIntegrator:
 
 
 def read_internal(motion: Motion) -> FloatArray:
-    """Return the internal states that a motion starts from, zeros unless its arguments say; derivatives."""
+    """Return the internal states that a motion starts from, by default relaxed or zero; derivatives."""
     manifest = motion.model.manifest
     count = len(manifest.internal_name)
-    own = to_sized(motion.arguments.get("internal", np.zeros(count)), (count,), "internal")
+    usual: Any = np.zeros(count)
+    if "internal" not in motion.arguments and motion.model.has("relaxed_internal"):
+        place = np.split(np.asarray(motion.state), 2)[0]
+        usual = motion.model.compute("relaxed_internal", **{**motion.arguments, "coordinate": place})
+    own = to_sized(motion.arguments.get("internal", usual), (count,), "internal")
     if motion.model.has("settled_internal"):
         own = _settle_start(motion, own)
     if not manifest.column_name:

@@ -21,7 +21,8 @@ class Motion:
     from 0 up; arguments: run-time parameters and inputs by name, the scene's where they are missing;
     progress: called with the fraction done; watch: events at which steps are cut, None: cables that go slack
     or taut; schedule: arguments that change with time, whose values at 0 are in `arguments` where it is bound
-    to knots (DrivenArguments). The argument `internal` is where internal states start, at zero if missing.
+    to knots (DrivenArguments). The argument `internal` is where internal states start; if missing, viscous
+    members start relaxed where the motion starts, others from zero.
     """
 
     model: CompiledModel

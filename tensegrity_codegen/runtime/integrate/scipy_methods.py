@@ -100,7 +100,7 @@ def integrate_scipy(motion: Motion, options: RunOptions) -> RawTrajectory:
         raise refuse_ground(manifest.name, f"method {options.method!r}")
     if manifest.internal_name:
         raise FormulationError(
-            "methods of SciPy do not know internal states: plastic members, and motors with a time constant",
+            "methods of SciPy know no internal states: members with memory, and motors with a time constant",
             where=manifest.name,
             given=options.method,
             allowed="methods in C",

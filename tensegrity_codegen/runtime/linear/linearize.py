@@ -215,7 +215,7 @@ def linearize(
         Inputs [m or N]; by default zero.
     arguments : mapping, optional
         Parameters and inputs by name, where they differ from the scene; of contacts with friction also
-        ``internal``, shape (n_internal,), by default zero.
+        ``internal``, shape (n_internal,), by default that of the scene: zero, and viscous members relaxed.
     frequency_count : int
         Number of eigenvalues of smallest modulus that are computed above 1,500 states; below, all are.
 

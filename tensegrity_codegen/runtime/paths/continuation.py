@@ -160,7 +160,7 @@ class _Path:
         self.solver = PathSolver(problem, (1.0, abs(self.most - self.least)), neutral)
         self.tracker = EventTracker(watches, self.least, self.most)
         memory = getattr(problem, "memory", None)
-        self.memory = PathMemory(problem) if memory is not None and len(memory.flow) else None
+        self.memory = PathMemory(problem) if memory is not None and memory.members else None
         self.points: list[PathPoint] = []
         self.events: list[PathEvent] = []
         self.stop_at: frozenset[str] = frozenset()

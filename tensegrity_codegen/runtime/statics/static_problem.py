@@ -8,7 +8,11 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.runtime.contacts.contacts import Contacts
-from tensegrity_codegen.runtime.contacts.rest_memory import REST_QUANTITIES, find_rest_memory
+from tensegrity_codegen.runtime.contacts.rest_memory import (
+    RELAXED_QUANTITIES,
+    REST_QUANTITIES,
+    find_rest_memory,
+)
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
@@ -23,6 +27,7 @@ from tensegrity_codegen.runtime.statics.stiff_members import (
 )
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, NonFiniteError
+from tensegrity_codegen.tables.manifest import VISCOUS_WORK
 
 EQUILIBRIUM_QUANTITIES = (
     "potential_energy",
@@ -85,6 +90,7 @@ class StaticProblem:
         check_parameter_values(model.manifest, self.arguments)
         needed = self.list_needed_quantities(model)
         needed += REST_QUANTITIES if model.manifest.subjects_of("yield") else ()
+        needed += RELAXED_QUANTITIES if VISCOUS_WORK in model.manifest.internal_name else ()
         require_quantities(model, needed, "an equilibrium needs")
         pairs = np.array(model.manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2)
         self.node, self.axis = pairs[:, 0], pairs[:, 1]
@@ -97,7 +103,7 @@ class StaticProblem:
         if model.manifest.contact_name:
             if self.memory is not None:
                 raise FormulationError(
-                    "equilibria on the ground do not know plastic members, nor motors with a time constant",
+                    "equilibria on the ground know neither members with memory nor motors with a lag",
                     where=model.manifest.name,
                     hint="simulate the motion with damping until it rests",
                 )

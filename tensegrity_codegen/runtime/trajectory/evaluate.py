@@ -25,6 +25,7 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.ground import ENERGY_STATES
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.tables.manifest import VISCOUS_WORK
 
 COLUMNS = ("member_tension", "kinetic_energy", "total_energy")
 
@@ -275,10 +276,10 @@ class _Samples:
         return self._mask(work - work[:, :1])
 
     def _find_power(self) -> FloatArray:
-        """Return what changes the energy at the samples, plastic flow left out, (n_batch, n_t) [W]."""
+        """Return what changes the energy at the samples, that of members left out, (n_batch, n_t) [W]."""
         power = self.compute("energy_rate")
-        if self.model.has("plastic_power"):
-            power = power - self.compute("plastic_power")
+        for name in ("plastic_power", "viscous_power"):
+            power = power - self.compute(name) if self.model.has(name) else power
         return np.nan_to_num(power)
 
     def _judge(self, kinetic: FloatArray, total: FloatArray) -> tuple[FloatArray, list[tuple[str, str]]]:
@@ -295,6 +296,9 @@ class _Samples:
             total = total if work is None else total - work
             if model.has("plastic_work"):  # known from the internal states
                 total = total - self.compute("plastic_work")
+            if raw.internal is not None and VISCOUS_WORK in model.manifest.internal_name:
+                taken = raw.internal[..., model.manifest.internal_name.index(VISCOUS_WORK)]
+                total = total - self._mask(taken)
             flow = find_energy_flow(model.manifest, self._find_power)
             flow = flow if work is None else (np.array(True), np.array(False))
             conservative, is_driven = (np.broadcast_to(word, len(ends)) for word in flow)

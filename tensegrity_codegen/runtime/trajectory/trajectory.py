@@ -14,6 +14,7 @@ from tensegrity_codegen.runtime.trajectory.sampled import Sampled
 from tensegrity_codegen.structure.ground import ENERGY_STATES
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import Fact, count_names, describe_number
+from tensegrity_codegen.tables.manifest import VISCOUS_WORK
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ class Trajectory(Sampled):
 
     @property
     def work(self) -> dict[str, float]:
-        """What has changed the total energy, by ENERGY_STATES [J]; empty where the motion does not tell.
+        """What has changed the total energy, by ENERGY_STATES and of viscous members [J]; empty without.
 
         `energy_drift` then says how well the balance closes.
         """
@@ -139,7 +140,7 @@ class Trajectory(Sampled):
             return {}
         change = (self.internal[-1] - self.internal[0]).tolist()
         named = zip(self.internal_name, change, strict=True)
-        return {name: value for name, value in named if name in ENERGY_STATES}
+        return {name: value for name, value in named if name in (*ENERGY_STATES, VISCOUS_WORK)}
 
     @property
     def plastic_elongation(self) -> dict[str, float]:

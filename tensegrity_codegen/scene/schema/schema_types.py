@@ -130,6 +130,12 @@ class MemberValues(Table):
         description="Share of the hardening of a plastic member that widens its elastic range in place of "
         "moving it; default 0.",
     )
+    relaxation_time: Positive | None = Field(
+        None, description="Time constant of a viscous member's tension at a constant length [s]."
+    )
+    relaxed_fraction: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] | None = Field(
+        None, description="Stiffness of a viscous member after infinite time over that at once, 0 to 1."
+    )
     rest_length: Positive | None = Field(None, description="Length without tension [m].")
     prestress: Number | None = Field(
         None, description="Tension at the stated node positions [N], positive in tension."

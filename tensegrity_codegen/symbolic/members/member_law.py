@@ -64,6 +64,12 @@ class MemberLaw:
         """Return mu y(l - rho) [N], zero when slack."""
         return self._if_taut(self.mu * self._effective)
 
+    def undamped_tension(self) -> Scalar:
+        """Return the tension of a motion without damping [N]: at rest the same but of viscous members."""
+        if not self.law.states or self.law.flags:
+            return self.static_tension()
+        return self._if_taut(self.mu * self._moving, self._moving)
+
     def tension(self) -> Scalar:
         """Return the tension with damping [N], positive in tension, never negative in a cable."""
         return self._if_pulling(self._raw_tension())
@@ -81,9 +87,9 @@ class MemberLaw:
     def energy(self) -> Scalar:
         """Return the strain energy [J], zero when slack; with memory also that of the memory."""
         if self.law.states:
-            at_rest, x = self.law.at_rest(self.law_parameter), self.extension
-            x = self.law.limit_slack(x, at_rest, ca.if_else) if self.tension_only else x
-            return self.law.energy(self.mu, x, at_rest, ca.if_else)
+            given, x = self.law_parameter, self.extension
+            x = self.law.limit_slack(x, given, ca.if_else) if self.tension_only else x
+            return self.law.energy(self.mu, x, given, ca.if_else)
         return self._if_taut(self.law.energy(self.mu, self.extension, self.law_parameter, ca.if_else))
 
     def static_tension_by_length(self) -> Scalar:

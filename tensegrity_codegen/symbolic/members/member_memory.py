@@ -10,6 +10,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
 from tensegrity_codegen.symbolic.memory import Memory
+from tensegrity_codegen.tables.manifest import VISCOUS_WORK
 
 Scalar = Any
 
@@ -38,9 +39,18 @@ class MemberMemory(Memory):
             for state, rate in zip(law.law.states, self._rates(name), strict=True)
         }
 
+    def settled(self) -> Mapping[str, Scalar]:
+        """Return the states of all members behind what they have done [m]."""
+        return {
+            f"{name}_{state}": value
+            for name, law in self.laws.items()
+            for state, value in zip(law.law.states, law.settled(), strict=True)
+        }
+
     def _rates(self, name: str) -> tuple[Scalar, ...]:
         law = self.laws[name]
-        return law.law.rates(self.rate[name], law.law_parameter, ca.if_else)
+        motion = (law.extension, self.rate[name])
+        return law.law.rates(motion, law.law_parameter, ca.if_else, law.tension_only)
 
 
 class PlasticMembers(MemberMemory):
@@ -50,14 +60,6 @@ class PlasticMembers(MemberMemory):
         """Return minus what plastic flow takes, -Fy a' [W]."""
         lost = (self._flow_force(law) * self._rates(name)[1] for name, law in self.laws.items())
         return {"plastic": -sum(lost, ca.SX(0.0))}
-
-    def settled(self) -> Mapping[str, Scalar]:
-        """Return the states of all members behind what they have done [m]."""
-        return {
-            f"{name}_{state}": value
-            for name, law in self.laws.items()
-            for state, value in zip(law.law.states, law.settled(), strict=True)
-        }
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of margins, plastic elongations, and what flow takes and has taken."""
@@ -87,7 +89,37 @@ class PlasticMembers(MemberMemory):
         return law.mu * law.law_parameter["yield_elongation"]
 
 
-MEMORIES = {"plastic": PlasticMembers}  # by the name of the law
+class ViscousMembers(MemberMemory):
+    """The members that relax."""
+
+    def internal_rates(self) -> Mapping[str, Scalar]:
+        """Return the rates of the states of all members [m/s], and of what they have taken [W]."""
+        return {**super().internal_rates(), VISCOUS_WORK: self.powers()["viscous"]}
+
+    def powers(self) -> Mapping[str, Scalar]:
+        """Return minus what the dashpots take, -c p'^2 with c = T mu / (1 - h) [W]."""
+        lost = (self._viscosity(law) * self._rates(name)[0] ** 2 for name, law in self.laws.items())
+        return {"viscous": -sum(lost, ca.SX(0.0))}
+
+    def settled(self) -> Mapping[str, Scalar]:
+        """Return nothing: events do not change what changes with time."""
+        return {}
+
+    def relaxed(self) -> Mapping[str, Scalar]:
+        """Return the states of all members after infinite time at their lengths [m]."""
+        return super().settled()
+
+    def builders(self) -> dict[str, Callable[[], ca.SX]]:
+        """Return the builder of what the dashpots take."""
+        return {"viscous_power": lambda: self.powers()["viscous"]}
+
+    def _viscosity(self, law: MemberLaw) -> Scalar:
+        """Return c [N s/m]."""
+        given = law.law_parameter
+        return given["relaxation_time"] * law.mu / (1.0 - given["relaxed_fraction"])
+
+
+MEMORIES = {"plastic": PlasticMembers, "viscous": ViscousMembers}  # by the name of the law
 
 
 def build_member_memories(structure: Structure, members: MemberSet) -> list[Memory]:

@@ -6,9 +6,10 @@ from typing import Any
 from tensegrity_codegen.tables.laws.bilinear import Bilinear
 from tensegrity_codegen.tables.laws.law import Law
 from tensegrity_codegen.tables.laws.plastic import Plastic
+from tensegrity_codegen.tables.laws.viscous import Viscous
 
 LINEAR = Law()
-LAWS: tuple[Law, ...] = (LINEAR, Bilinear(), Plastic())
+LAWS: tuple[Law, ...] = (LINEAR, Bilinear(), Plastic(), Viscous())
 
 LAW_PARAMETERS = tuple(parameter.name for law in LAWS for parameter in law.parameters)
 

@@ -101,7 +101,7 @@ class Law:
     # Members with memory: the functions above take the names of `states` and `flags` among their values.
 
     def at_rest(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the values for the law at rest, where no events set flags."""
+        """Return the values for the law at rest, where no events set flags and time does not matter."""
         return values
 
     def limit_slack(self, x: Scalar, values: Mapping[str, Any], where: Where) -> Scalar:
@@ -112,8 +112,10 @@ class Law:
         """Return the states at the elongation x [m], reached from those of `values` on a straight way."""
         raise NotImplementedError
 
-    def rates(self, rate: Scalar, values: Mapping[str, Any], where: Where) -> tuple[Scalar, ...]:
-        """Return the rates of the states at the rate x' [m/s]."""
+    def rates(
+        self, motion: tuple[Scalar, Scalar], values: Mapping[str, Any], where: Where, slack: bool
+    ) -> tuple[Scalar, ...]:
+        """Return the rates of the states [m/s] at x and x'; slack: of a cable."""
         raise NotImplementedError
 
     def margins(

@@ -99,9 +99,11 @@ class Plastic(Law):
         found = self._pick(x, values, where, pulled, pushed, still)
         return found, a + where(found > q, found - q, q - found)
 
-    def rates(self, rate: Scalar, values: Values, where: Where) -> tuple[Scalar, Scalar]:
+    def rates(
+        self, motion: tuple[Scalar, Scalar], values: Values, where: Where, slack: bool
+    ) -> tuple[Scalar, Scalar]:
         """Return q' and a' [m/s] at the rate x' [m/s]."""
-        flow = (1.0 - values["hardening"]) * rate
+        flow = (1.0 - values["hardening"]) * motion[1]
         pulled, pushed = (where(values[name] > 0.5, flow, 0.0) for name in self.flags)
         return pulled + pushed, pulled - pushed
 

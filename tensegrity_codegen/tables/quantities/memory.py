@@ -14,6 +14,22 @@ MEMORY = (
         SOURCE,
     ),
     Quantity(
+        "relaxed_internal",
+        "z_oo",
+        "m",
+        ("n_internal",),
+        "Internal states at rest after infinite time: viscous members relaxed, others as settled_internal.",
+        "Zener 1948",
+    ),
+    Quantity(
+        "viscous_power",
+        "P_v",
+        "W",
+        (),
+        "What the dashpots of viscous members add to the total energy, zero or less.",
+        "Zener 1948",
+    ),
+    Quantity(
         "plastic_elongation",
         "q",
         "m",

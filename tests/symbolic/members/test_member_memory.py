@@ -8,9 +8,12 @@ import pytest
 
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.tables.laws.plastic import MARGIN_TIME, Plastic
+from tensegrity_codegen.tables.laws.viscous import Viscous
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.models import load
 from tests.plastic_cases import make_mass
+from tests.runtime.build import cable, spring
+from tests.viscous_cases import make_mass as make_viscous
 
 LAW, K = Plastic(), 1e4
 QUANTITIES = (
@@ -65,6 +68,40 @@ def test_expressions_are_those_of_the_law_and_of_compiled_functions(isotropic: f
         assert np.ravel(found["internal_rate"]) == pytest.approx(rates)
         assert found["plastic_power"].item() == pytest.approx(-50.0 * rates[1])
         assert found["plastic_work"].item() == pytest.approx(-50.0 * moving["accumulated"])
+
+
+@pytest.mark.parametrize("kind", [spring, cable])
+def test_expressions_of_viscous_members_are_those_of_the_law_and_of_compiled_functions(kind: Any) -> None:
+    structure = make_viscous(kind)
+    names: tuple[str, ...] = ("cable_margin",) if kind is cable else ()
+    names += ("member_tension", "elastic_energy", "node_residual", "relaxed_internal", "viscous_power")
+    names += ("energy_rate", "internal_rate", "acceleration", "state_jacobian", "total_energy")
+    compiled = load(structure, *names)
+    model = build_model(structure, ModelRequest(names))
+    symbols = [model.arguments[name].symbol for name in ("coordinate", "velocity", "internal")]
+    function = ca.Function("all", symbols, [ca.densify(model.expression(name)) for name in names])
+    law, slack, mu, random = Viscous(), kind is cable, 1e3, np.random.default_rng(5)
+    values = {"relaxation_time": 0.2, "relaxed_fraction": 0.3}
+    for x, rate, p in random.uniform([-0.02, -2.0, -0.02], [0.04, 2.0, 0.03], (60, 3)):
+        state = {"coordinate": [1.0 + x], "velocity": [rate], "internal": [p, 0.0]}
+        found = dict(zip(names, [item.toarray() for item in function(*state.values())], strict=True))
+        for name in names:
+            value = compiled.compute(name, **state)
+            plain = value.toarray() if hasattr(value, "toarray") else np.asarray(value)
+            assert found[name].ravel() == pytest.approx(plain.ravel(), rel=1e-13, abs=1e-13)
+        moving = values | {"viscous": p}
+        y, rest = (float(law.effective_elongation(x, item, np.where)) for item in (moving, values))
+        bounded = [max(mu * t, 0.0) if slack else mu * t for t in (y, rest)]
+        assert [found["member_tension"].item(), 8.0 - found["node_residual"].item()] == pytest.approx(bounded)
+        assert not slack or found["cable_margin"].item() == pytest.approx(x - p, abs=1e-15)
+        flow = float(law.rates((x, rate), moving, np.where, slack)[0])
+        lost = 0.2 * mu / 0.7 * flow**2
+        assert found["internal_rate"].ravel() == pytest.approx([flow, -lost])
+        assert found["viscous_power"].item() == pytest.approx(-lost) == found["energy_rate"].item()
+        at = max(x, p) if slack else x
+        assert found["elastic_energy"].item() == pytest.approx(float(law.energy(mu, at, moving, np.where)))
+        relaxed = 0.7 * (max(x, 0.0) if slack else x)
+        assert found["relaxed_internal"].ravel() == pytest.approx([relaxed, 0.0], abs=1e-15)
 
 
 def test_margins_change_sign_where_flow_begins_and_ends() -> None:
