@@ -89,7 +89,10 @@ def form(
         from tensegrity_codegen.pipeline.forming.form import form as find
         from tensegrity_codegen.report.tables import members_table
         from tensegrity_codegen.scene.write import write_scene
+        from tensegrity_codegen.sweeps.engines.threads import limit_threads
 
+        if least_load_path or any(goals.values()):
+            limit_threads()  # the matrices are too small for several: waiting for each other takes longer
         found = find(scene, **stated, **goals, least_load_path=least_load_path, compiler=compiler)
         if out is not None:
             write_scene(found.document, out, overwrite=overwrite)
