@@ -17,6 +17,8 @@ from site_pages.links import ROOT
 SOURCES = (ROOT / "tensegrity_codegen", ROOT / "templates")
 # Scenes that begin as stated, out of equilibrium, since their motion is the point; the others begin settled.
 MOVING = ("two_nodes", "icosahedron", "savin_prism", "superball_drop", "icosahedron_roll", "crawling_spine")
+# Scenes whose shape is found in the page, with the force densities where its sliders begin.
+FORMED = {"cable_net": ("edge=20000", "sagging=3000", "hogging=3000")}
 
 
 def write_live_pages(site: Path, cache: Path) -> list[str]:
@@ -53,6 +55,8 @@ def _page(site: Path, name: str) -> Path:
 
 
 def _list_words(name: str) -> list[str]:
+    if name in FORMED:
+        return ["form", *(word for density in FORMED[name] for word in ("--density", density))]
     return ["play", *([] if name in MOVING else ["--settle"])]
 
 

@@ -59,7 +59,8 @@ function pullSlider(app) {
   return sliderRow("pull", range, (value) => `${short(10 ** value, 2)} ×`, (value) => (app.pullStrength = 10 ** value));
 }
 
-function sliderRow(label, { low, high, value }, show, call) {
+/** A slider with its label and value; a double click sets the value of the scene. */
+export function sliderRow(label, { low, high, value }, show, call) {
   const row = document.createElement("label");
   const name = document.createElement("span");
   const input = document.createElement("input");

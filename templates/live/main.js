@@ -1,6 +1,7 @@
 // Start: a structure, a recorded motion, or a running model.
 
 import { buildDiagrams } from "live/diagrams";
+import { letForm } from "live/forming";
 import { exposeHook } from "live/hook";
 import { listenToKeys } from "live/keyboard";
 import { buildModel, readState } from "live/model";
@@ -29,6 +30,7 @@ export async function start(scene, buffers) {
   listenToPointer(app);
   const diagrams = buildDiagrams(app);
   readState(model, app.state, app.time);
+  if (scene.forming) letForm(app);
   app.colorBy(app.coloringName);
   app.stage.resize();
   update(app);

@@ -71,7 +71,8 @@ export function buildSaving(app) {
   byId("film").onclick = () => app.film();
 }
 
-function download(blob, name) {
+/** Let the reader save a file. */
+export function download(blob, name) {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(blob);
   link.download = name;

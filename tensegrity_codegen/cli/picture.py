@@ -1,5 +1,6 @@
 """Pictures and films for verbs: what is drawn, in which file, and what is said of it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +13,7 @@ from tensegrity_codegen.system.files import write_text
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 if TYPE_CHECKING:
+    from tensegrity_codegen.pipeline.forming.formed import Form
     from tensegrity_codegen.report.pictures.choices import PictureChoices
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
     from tensegrity_codegen.scene.subject import Subject
@@ -292,6 +294,17 @@ def play_live(
         "sliders": [slider["label"] for slider in running.data["engine"]["sliders"]],
     }
     return data, f"wrote {out} ({size / 1e6:.2g} MB)"
+
+
+def form_live(found: "Form", density: Mapping[str, float], out: Path, overwrite: bool) -> None:
+    """Write a page in which sliders move the force densities of a shape."""
+    from tensegrity_codegen.live.forming import add_forming
+    from tensegrity_codegen.live.live_page import render_live
+    from tensegrity_codegen.live.live_scene import build_live_scene
+    from tensegrity_codegen.live.three_module import find_three
+
+    shown = build_live_scene(found.structure, tension=found.member_tension)
+    write_text(render_live(add_forming(shown, found, density), *find_three()), out, overwrite=overwrite)
 
 
 def request_play(subject: "Subject", request: "ModelRequest", method: str = "auto") -> "ModelRequest":

@@ -14,6 +14,7 @@ from tensegrity_codegen.cli.options import (
     parse_member_values,
 )
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.picture import PAGE, form_live
 from tensegrity_codegen.cli.scene_files import check_result
 from tensegrity_codegen.cli.verb import Verb
 
@@ -58,7 +59,12 @@ def form(
     least_load_path: LoadPathOption = False,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Write the scene in this shape, with rest lengths (.toml)."),
+        typer.Option(
+            "--out",
+            "-o",
+            help="Write the scene in this shape, with rest lengths (.toml), or a page with a slider for each "
+            "force density (.html).",
+        ),
     ] = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
@@ -76,7 +82,7 @@ def form(
     """
     output = Output(printing.json, printing.all)
     with output.guard(scene):
-        check_result(out, ".toml", inputs=[scene], overwrite=overwrite)
+        check_result(out, ".toml", PAGE, inputs=[scene], overwrite=overwrite)
         stated: dict[str, Any] = {
             word: parse_member_values(texts or [], f"--{word}")
             for word, texts in (("density", density), ("force", force), ("length", length))
@@ -94,7 +100,9 @@ def form(
         if least_load_path or any(goals.values()):
             limit_threads()  # the matrices are too small for several: waiting for each other takes longer
         found = find(scene, **stated, **goals, least_load_path=least_load_path, compiler=compiler)
-        if out is not None:
+        if out is not None and out.suffix.lower() == PAGE:
+            form_live(found, stated["density"], out, overwrite)
+        elif out is not None:
             write_scene(found.document, out, overwrite=overwrite)
         data = {**found.as_evidence(), "out": None if out is None else str(out)}
         lines = [f"largest force that is not balanced: {found.residual:.3g} N"]
