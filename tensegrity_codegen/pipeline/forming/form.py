@@ -67,7 +67,7 @@ def form(
     length_range : mapping of str to (float, float), optional
         Least and largest length [m].
     least_load_path : bool
-        Whether the load path sum |t| l [N m] is minimised, in addition to what targets miss.
+        Whether the load path ``sum |t| l`` [N m] is minimised, in addition to what targets miss.
     compiler : str, optional
         C compiler.
 

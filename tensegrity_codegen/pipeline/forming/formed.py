@@ -60,7 +60,7 @@ class Form(ByName, Summarised):
 
     @property
     def load_path(self) -> float:
-        """Sum of |tension| length over all members [N m]."""
+        """Sum of ``|tension| length`` over all members [N m]."""
         return float(np.abs(self.member_tension) @ self.member_length)
 
     def as_evidence(self) -> dict[str, Any]:

@@ -81,12 +81,12 @@ def size_members(
 
     Notes
     -----
-    With force f and length l a member that yields has the mass density l |f| / yield_stress, a solid bar that
-    buckles 2 density l^2 sqrt(f / (pi E)); a bar has the larger of both (R. E. Skelton and M. C. de Oliveira,
-    "Tensegrity systems", 2009). Forces are those of the stated shape: A(x) t = load. A bar with an inner
-    radius in the scene is a tube of the same ratio of radii. The weight of members is not among the loads,
-    and joints and least sections are not looked at. The least mass is often one in which the loads balance
-    and no others would; `n_unstable` says where the structure would leave that balance.
+    With force f and length l a member that yields has the mass density ``l |f| / yield_stress``, a solid bar
+    that buckles 2 density l^2 sqrt(f / (pi E)); a bar has the larger of both (R. E. Skelton and M. C. de
+    Oliveira, "Tensegrity systems", 2009). Forces are those of the stated shape: A(x) t = load. A bar with an
+    inner radius in the scene is a tube of the same ratio of radii. The weight of members is not among the
+    loads, and joints and least sections are not looked at. The least mass is often one in which the loads
+    balance and no others would; `n_unstable` says where the structure would leave that balance.
 
     Examples
     --------

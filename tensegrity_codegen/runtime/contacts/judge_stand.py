@@ -55,7 +55,7 @@ class Stand:
     friction_needed : float
         Least coefficient with which forces of the feet exist; inf where none is enough.
     excess : float [N]
-        By how much |F| exceeds mu N at least; 0 or less where forces exist.
+        By how much ``|F|`` exceeds mu N at least; 0 or less where forces exist.
     motion : ndarray, shape (n_nodes, 3), or None
         Where no such forces exist, the proof: a rigid motion, with a power of the loads of 1 W [m/s], that
         moves each foot away from the ground at least mu times as fast as along it.
