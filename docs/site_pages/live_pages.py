@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -19,6 +20,9 @@ SOURCES = (ROOT / "tensegrity_codegen", ROOT / "templates")
 MOVING = ("two_nodes", "icosahedron", "savin_prism", "superball_drop", "icosahedron_roll", "crawling_spine")
 # Scenes whose shape is found in the page, with the force densities where its sliders begin.
 FORMED = {"cable_net": ("edge=20000", "sagging=3000", "hogging=3000")}
+
+# Scenes that no page can run: their pages show a recorded motion, of so long [s] and with so many samples.
+RECORDED = {"braced_frame": ("1", "501")}
 
 
 def write_live_pages(site: Path, cache: Path) -> list[str]:
@@ -57,17 +61,29 @@ def _page(site: Path, name: str) -> Path:
 def _list_words(name: str) -> list[str]:
     if name in FORMED:
         return ["form", *(word for density in FORMED[name] for word in ("--density", density))]
+    if name in RECORDED:
+        return ["show"]
     return ["play", *([] if name in MOVING else ["--settle"])]
 
 
 def _write_page(scene: Path, page: Path) -> int:
     verb, *options = _list_words(scene.stem)
     command = [verb, str(scene), *options, "--out", str(page), "--overwrite"]
-    done = subprocess.run(
-        [sys.executable, "-m", "tensegrity_codegen", *command], check=False, capture_output=True, text=True
-    )
+    with tempfile.TemporaryDirectory() as folder:
+        if scene.stem in RECORDED:
+            end, samples = RECORDED[scene.stem]
+            motion = str(Path(folder) / "motion.npz")
+            _run(["simulate", str(scene), "--t-end", end, "--samples", samples, "--out", motion])
+            command += ["--trajectory", motion]
+        done = _run(command)
     print(f"{scene.stem}: {done.stdout.strip() or done.stderr.strip()}", file=sys.stderr)
     return done.returncode
+
+
+def _run(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "tensegrity_codegen", *command], check=False, capture_output=True, text=True
+    )
 
 
 def _list_files(folder: Path) -> list[Path]:
