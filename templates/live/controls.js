@@ -65,7 +65,7 @@ export function sliderRow(label, { low, high, value }, show, call) {
   const name = document.createElement("span");
   const input = document.createElement("input");
   const output = document.createElement("output");
-  name.textContent = label;
+  name.textContent = name.title = label;
   Object.assign(input, { type: "range", min: low, max: high, step: "any", value });
   input.dataset.name = label;
   output.textContent = show(value);

@@ -50,9 +50,9 @@ export function letForm(app) {
   const times = (value) => `${short(value)} ×`;
   forming.groups.forEach(({ label, density }, k) =>
     add(label, tenfold, (value) => withUnit(density * 10 ** value, "N/m"), (value) => (factor.groups[k] = 10 ** value)));
-  add("all densities", tenfold, (value) => times(10 ** value), (value) => (factor.all = 10 ** value));
+  add("prestress", tenfold, (value) => times(10 ** value), (value) => (factor.all = 10 ** value));
   const once = { low: 0, high: 3, value: 1 };
-  if (heights.some((height) => height > base)) add("support heights", once, times, (value) => (factor.height = value));
+  if (heights.some((height) => height > base)) add("heights", once, times, (value) => (factor.height = value));
   if (load.some((value) => value !== 0)) add("loads", once, times, (value) => (factor.load = value));
   byId("controls-box").hidden = byId("formed").hidden = byId("rescale").hidden = false;
   app.rescale = () => widen(app, true);
@@ -121,18 +121,18 @@ function describe(app) {
   const axis = model.scene.up.indexOf(1);
   const height = (k) => formed.positions[3 * k + axis];
   const free = Array.from(model.nodeNames.keys()).filter((k) => !model.anchored[3 * k + axis]).sort((a, b) => height(a) - height(b));
-  const place = (k) => `${withUnit(height(k), "m")} at ${model.nodeNames[k]}`;
-  const force = (e) => `${withUnit(state.tension[e], "N")} in ${model.memberNames[e]}`;
+  const place = (k) => `${withUnit(height(k), "m")}, ${model.nodeNames[k]}`;
+  const force = (e) => `${withUnit(state.tension[e], "N")}, ${model.memberNames[e]}`;
   const order = Array.from(state.tension.keys()).sort((a, b) => state.tension[a] - state.tension[b]);
   const reactions = model.held.map((_, k) => Math.hypot(...state.reaction.slice(3 * k, 3 * k + 3)));
   const most = reactions.indexOf(Math.max(...reactions));
   const rows = [
     ["largest force", force(order.at(-1))],
     ["least force", force(order[0])],
-    ...(free.length ? [["highest free node", place(free.at(-1))], ["lowest free node", place(free[0])]] : []),
+    ...(free.length ? [["highest node", place(free.at(-1))], ["lowest node", place(free[0])]] : []),
     ["length in all", withUnit(state.length.reduce((sum, value) => sum + value, 0), "m", 4)],
   ];
-  if (most >= 0) rows.push(["largest reaction", `${withUnit(reactions[most], "N")} at ${model.nodeNames[model.held[most]]}`]);
+  if (most >= 0) rows.push(["reaction up to", `${withUnit(reactions[most], "N")}, ${model.nodeNames[model.held[most]]}`]);
   byId("form-problem").hidden = !formed.problem;
   byId("form-problem").textContent = formed.problem && `${formed.problem}; the last shape is shown.`;
   byId("form-facts").replaceChildren(...rows.flatMap(([term, value]) => {

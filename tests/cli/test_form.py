@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.cli.conftest import Run
+from tests.live.pages import GALLERY, require_three
 
 
 def write_arch(folder: Path) -> Path:
@@ -80,3 +81,13 @@ def test_wrong_input_is_code_2_and_leaves_nothing(
     assert ended.code == 2
     assert says in ended.err
     assert not (folder / "formed.toml").exists()
+
+
+def test_a_page_takes_the_place_of_the_scene(run: Run, folder: Path) -> None:
+    require_three()
+    words = ("--density", "cables=3000", "--density", "edge=20000")
+    page = folder / "net.html"
+    found = run.good("form", GALLERY / "cable_net.toml", *words, "-o", page, "--json").data
+    assert found["out"] == str(page)
+    groups = [{"label": "cables", "density": 3000.0}, {"label": "edge", "density": 20000.0}]
+    assert json.dumps({"groups": groups}, separators=(",", ":"))[1:-1] in page.read_text(encoding="utf-8")

@@ -80,9 +80,9 @@ def change(height: float, load: float) -> dict[str, Any]:
     [
         ({}, {}, 1.0, 1.0),
         ({"edge": 0.7, "sagging": -0.4}, {"edge": 10**0.7, "sagging": 10**-0.4}, 1.0, 1.0),
-        ({"hogging": -1, "support heights": 2.5, "loads": 0}, {"hogging": 0.1}, 2.5, 0.0),
-        ({"all densities": -0.5, "loads": 3, "edge1": 0.2}, {"all": 10**-0.5, "edge1": 10**0.2}, 1.0, 3.0),
-        ({"support heights": 0, "sagging": 1}, {"sagging": 10.0}, 0.0, 1.0),
+        ({"hogging": -1, "heights": 2.5, "loads": 0}, {"hogging": 0.1}, 2.5, 0.0),
+        ({"prestress": -0.5, "loads": 3, "edge1": 0.2}, {"all": 10**-0.5, "edge1": 10**0.2}, 1.0, 3.0),
+        ({"heights": 0, "sagging": 1}, {"sagging": 10.0}, 0.0, 1.0),
     ],
 )
 def test_the_page_finds_the_shapes_of_form(
