@@ -22,6 +22,9 @@ enum {
 #if WITH_MOTOR_EVENTS
   SCENE_EVENT_MOTOR = 256, /* the rate of a motor begins or ends to be limited */
 #endif
+#if WITH_RING_EVENTS
+  SCENE_EVENT_RING = 512, /* a cable sticks at a ring with friction or slips; which: the number of the ring */
+#endif
 #if WITH_YIELD_EVENTS
   SCENE_EVENT_YIELD = 128, /* a plastic member begins to flow or ends; which: twice its number among these, + 1 pushed */
 #endif

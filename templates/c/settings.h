@@ -19,6 +19,7 @@
 #define WITH_STICK_EVENTS 0       /* and where these stick */
 #define WITH_CONTACT_EVENTS 0     /* some of these three are */
 #define WITH_MOTOR_EVENTS 0       /* motors with a largest rate are watched */
+#define WITH_RING_EVENTS 0        /* rings with friction are watched */
 #define WITH_YIELD_EVENTS 0       /* plastic members are watched */
 #define WITH_SETTLING 0           /* internal states change at events */
 #define WITH_SET_STATES 0         /* some margins set internal states at their events */

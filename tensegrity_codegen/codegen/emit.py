@@ -35,6 +35,7 @@ from tensegrity_codegen.structure.ground_support import check_ground, has_contac
 from tensegrity_codegen.structure.memory import find_setting_events
 from tensegrity_codegen.structure.memory_support import check_memory
 from tensegrity_codegen.structure.ring_support import check_rings
+from tensegrity_codegen.structure.sliding import check_ring_friction
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError, suggest
@@ -144,10 +145,11 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     check_rings(structure, request)
     check_collision(structure, request)
     check_memory(structure, request)
+    check_ring_friction(structure, request)
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")
     lags = any(item.time_constant for item in structure.actuators)
-    remembers = structure.remembers.any() or bool(find_setting_events(structure))
+    remembers = structure.remembers.any() or bool(structure.sliding) or bool(find_setting_events(structure))
     is_bound = getattr(structure, "collision", None) or remembers or lags
     if request.emitter == AUTO and (is_bound or request.differentiates_motions):
         why = "the only emitter for collisions, static friction, memory and derivatives of motions"
@@ -269,6 +271,8 @@ def _find_called(
     of_states: tuple[str, ...] = ("state_derivative",) if model.frame.n_internal else ()
     if model.subject.remembers.any():
         of_states = (*of_states, "energy_rate")
+    if model.subject.sliding:
+        of_states = (*of_states, "energy_rate", "friction_power")
     if model.subject.yields.any():
         of_states = (*of_states, SETTLING, *PLASTIC_QUANTITIES)
     if model.subject.relaxes.any():

@@ -21,10 +21,12 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.ground_support import ANALYSES_WITHOUT_GROUND, check_analysis
 from tensegrity_codegen.structure.inertia_plan import find_massless
 from tensegrity_codegen.structure.memory_support import require_no_lag, require_no_memory
+from tensegrity_codegen.structure.sliding import require_no_ring_friction
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.request import ModelRequest
 
+ANALYSES_WITH_RING_FRICTION = ("simulate", "simulate_batch", "equilibrium", "linearize")
 BATCH_WIDTH = 8  # motions side by side where the request names no number
 MOST_PAIRS = 500  # of bars whose distances a plan reports without a limit of them
 BATCH_METHOD = "rk853"  # of batches, where no method is named
@@ -220,6 +222,8 @@ def find_needs(
     """
     check_choice(analysis, ANALYSES, "analysis", "for_")
     check_analysis(structure, analysis)
+    if analysis not in ANALYSES_WITH_RING_FRICTION:
+        require_no_ring_friction(structure, f"the analysis {analysis!r}")
     if analysis in ANALYSES_WITHOUT_GROUND:
         require_no_memory(structure, f"the analysis {analysis!r}")
         require_no_lag(structure, f"the analysis {analysis!r}")

@@ -46,6 +46,14 @@ def describe_structure(structure: Structure, request: ModelRequest | None = None
         for name, members in structure.groups.items()
         if members
     }
+    document["sliding"] = {
+        cable.name: {
+            "strands": [structure.member_name[e] for e in cable.members],
+            "friction": list(cable.friction),
+            "wrap_deg": list(cable.wrap_deg),
+        }
+        for cable in structure.sliding
+    }
     document["interference"] = asdict(structure.collision) if structure.collision else {}
     if structure.interference is not None:
         name = structure.member_name

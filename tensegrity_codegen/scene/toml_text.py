@@ -16,7 +16,18 @@ from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 _SECTIONS = (
-    *("model", "parameters", "classes", "shape", "nodes", "members", "bodies", "tendons", "groups"),
+    *(
+        "model",
+        "parameters",
+        "classes",
+        "shape",
+        "nodes",
+        "members",
+        "bodies",
+        "tendons",
+        "groups",
+        "sliding",
+    ),
     *("joint_friction", "interference", "ground", "loads", "inputs", "actuators", "sensors", "limits"),
 )
 _TABLES = ("classes", "bodies")  # one [section.name] table each

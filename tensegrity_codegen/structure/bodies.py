@@ -140,6 +140,8 @@ class BodySystem(WithMemberLaws, Summarised):
     distance from its middle towards B in the first column. Tendons follow the laws of `Structure`.
     """
 
+    sliding = ()  # cables with friction at rings: of structures alone
+
     name: str
     bodies: tuple[Body, ...]
     coordinate: FloatArray  # (n_coordinates,) [m, rad]

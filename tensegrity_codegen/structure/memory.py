@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.structure.ground import ENERGY_STATES
+from tensegrity_codegen.structure.sliding import name_rings
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.laws import LAWS
 from tensegrity_codegen.tables.laws.law import Law
-from tensegrity_codegen.tables.manifest import SET_STATES, VISCOUS_WORK
+from tensegrity_codegen.tables.manifest import SET_STATES, SLID_END, VISCOUS_WORK
 from tensegrity_codegen.tables.request import ModelRequest
 
 Names = tuple[str, ...]
@@ -73,6 +74,7 @@ MEMORY_KINDS = (
     MemoryKind(_name_bristles, "stick", _find_sliding),
     *(_find_kind(law) for law in LAWS if law.states),
     MemoryKind(lambda structure: tuple(item.state_name for item in structure.lagging_actuators.values())),
+    MemoryKind(lambda structure: name_rings(structure.sliding)),
     MemoryKind(_name_energies),
 )
 
@@ -115,7 +117,7 @@ def find_setting_events(structure: Any) -> Names:
 
 def is_constant(name: str) -> bool:
     """Return whether linear models do without an internal state: constant, or nothing depends on it."""
-    return name in (*ENERGY_STATES, VISCOUS_WORK) or name.endswith(CONSTANT_ENDS)
+    return name in (*ENERGY_STATES, VISCOUS_WORK) or name.endswith((*CONSTANT_ENDS, SLID_END))
 
 
 def lack_setting_events(subject: Any, request: ModelRequest) -> dict[str, bool]:

@@ -20,6 +20,7 @@ from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_laws import WithMemberLaws
 from tensegrity_codegen.structure.memory import name_internal_states
+from tensegrity_codegen.structure.sliding import SlidingCable
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.pickling import reduce_fields
@@ -109,6 +110,8 @@ class Structure(WithMemberLaws, Summarised):
     ring_nodes : tuple of tuple of int
         The rings (nodes) that each member slides through between its two ends, in order, without friction;
         empty where no member passes any. Its length is the sum of its strands, with one tension in all.
+    sliding : tuple of SlidingCable
+        Cables with friction at rings, each of several members that slide into one another.
 
     Notes
     -----
@@ -154,6 +157,7 @@ class Structure(WithMemberLaws, Summarised):
     ground: Ground | None = None
     collision: Collision | None = None  # force between bars that touch
     ring_nodes: tuple[tuple[int, ...], ...] = ()  # that each member passes between its ends; (): none does
+    sliding: tuple[SlidingCable, ...] = ()  # cables with friction at rings
 
     def headline(self) -> str:
         """Return the name of the scene."""

@@ -62,6 +62,7 @@ class SymbolicArguments:
         self.velocity = self._velocities()
         self.rest_rate: dict[int, Scalar] = {}  # of rest lengths that motors change, by member
         self.add_inputs()
+        self._add_slips()
 
     def member_values(self, e: int) -> dict[str, Scalar]:
         """Return what the law of member e takes: MEMBER_VALUES, and the internal states of its memory."""
@@ -108,6 +109,13 @@ class SymbolicArguments:
                 load = self.node_load[node]
                 for column, axis in enumerate(self.structure.axes):
                     load[column] = load[column] + u * item.direction[axis]
+
+    def _add_slips(self) -> None:
+        """Let what has slid through rings lengthen the strand behind each, and shorten the one before."""
+        for cable in self.structure.sliding:
+            for name, (before, behind) in zip(cable.state_names, cable.pairs, strict=True):
+                self.rest_length[before] = self.rest_length[before] - self.internal[name]
+                self.rest_length[behind] = self.rest_length[behind] + self.internal[name]
 
     def _argument(self, name: str) -> ModelArgument:
         nominal = nominal_value(self.structure, self.parameters, name)

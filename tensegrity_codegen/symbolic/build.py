@@ -7,6 +7,7 @@ from tensegrity_codegen.structure.collision import check_collision
 from tensegrity_codegen.structure.ground_support import check_ground
 from tensegrity_codegen.structure.memory_support import check_memory
 from tensegrity_codegen.structure.ring_support import check_rings
+from tensegrity_codegen.structure.sliding import check_ring_friction
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.columns import add_derivatives
 from tensegrity_codegen.symbolic.model import SymbolicModel
@@ -24,6 +25,7 @@ def build_model(structure: Structure | BodySystem, request: ModelRequest) -> Sym
     check_rings(structure, request)
     check_collision(structure, request)
     check_memory(structure, request)
+    check_ring_friction(structure, request)
     module = import_module(f"tensegrity_codegen.symbolic.formulations.{name}")
     model: SymbolicModel = getattr(module, f"build_{name}")(structure, request)
     if request.differentiates_motions:

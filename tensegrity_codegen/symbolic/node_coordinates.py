@@ -19,6 +19,7 @@ from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.members.member_memory import build_member_memories
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
 from tensegrity_codegen.symbolic.members.ring_cable import Pairs
+from tensegrity_codegen.symbolic.members.ring_friction import RingFriction
 from tensegrity_codegen.symbolic.memory import POWERS, Memory
 from tensegrity_codegen.symbolic.motors import Motors
 from tensegrity_codegen.symbolic.node_forces import build_node_forces
@@ -98,6 +99,8 @@ class NodeCoordinates:
         found: list[Memory] = [*self.node_forces, *build_member_memories(self.structure, self.members)]
         if self.structure.lagging_actuators:
             found.append(Motors(self.arguments))
+        if self.structure.sliding:
+            found.append(RingFriction(self.members.members, self.members.slips))
         return found
 
     def memory_quantities(self) -> dict[str, Callable[[], ca.SX]]:
@@ -105,7 +108,8 @@ class NodeCoordinates:
         if not self.memories:
             return {}
         found: dict[str, Callable[[], ca.SX]] = {"energy_rate": self.energy_rate}
-        for name in ("friction", "impact") if self.node_forces else ():
+        names = ("friction", "impact") if self.node_forces else ("friction",) * bool(self.structure.sliding)
+        for name in names:
             found[f"{name}_power"] = partial(self.powers.__getitem__, name)
         for part in self.memories:
             found |= part.builders()
@@ -157,8 +161,8 @@ class NodeCoordinates:
         """Return what damping of members adds to the total energy, -sum (t - t_undamped) l' [W]."""
         power = ca.SX(0.0)
         for e in self.members.damped:
-            law = self.members.laws[e]
-            power = power - (law.tension() - law.undamped_tension()) * law.rate
+            member = self.members.members[e]
+            power = power - member.damping_force * member.rate
         return power
 
     @cached_property
@@ -270,6 +274,9 @@ class NodeCoordinates:
 
     def tension_jacobian(self) -> ca.SX:
         """Return dt/dq of springs, sparse (n_members, n_coordinates) [N/m]."""
+        if self.structure.sliding:
+            tensions = ca.vertcat(*[member.tension for _, member in self.each_member()])
+            return ca.jacobian(tensions, self.arguments.symbols["coordinate"])
         return self.columns(Member.tension_gradient).T
 
     # Energies

@@ -58,16 +58,18 @@ EVENT_KINDS = {
     "stick": 32,
     "yield": 128,
     "motor": 256,
+    "ring": 512,
     "condition": 4,
 }
 
 # Those at which a force or its slope jumps: runs watch them by themselves.
-JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick", "yield", "motor")
+JUMP_KINDS = ("cable", "switch", "collision", "ground", "stick", "yield", "motor", "ring")
 
 # Kinds that set internal states, see structure/memory.py, and the word that the names of these end with.
 VISCOUS_WORK = "viscous_work"  # internal state: minus what viscous members have taken [J]
 SET_STATES = {"stick": "slips", "yield": "yields"}
 
+SLID_END = "_slid"  # of the names of internal states of rings with friction, behind the strand before it
 MOTOR_END = "_motor"  # of the names of internal states of actuators with a time constant
 
 # Fields of a manifest that stand in its file only where they hold something.
@@ -300,6 +302,11 @@ class Manifest:
     def motor_name(self) -> tuple[str, ...]:
         """Names of the actuators with a time constant, whose internal states follow the input."""
         return tuple(name.removesuffix(MOTOR_END) for name in self.internal_name if name.endswith(MOTOR_END))
+
+    @property
+    def ring_name(self) -> tuple[str, ...]:
+        """Names of the strands before each ring with friction; the next member is the strand behind it."""
+        return tuple(name.removesuffix(SLID_END) for name in self.internal_name if name.endswith(SLID_END))
 
     @property
     def needs_state_jacobian(self) -> bool:

@@ -386,6 +386,8 @@ def _list_events(log: "EventLog") -> list[str]:
         ("stick", -1): "slips",
         ("motor", 1): "is below its rate",
         ("motor", -1): "is at its rate",
+        ("ring", 1): "sticks at its end",
+        ("ring", -1): "slips at its end",
         ("yield", 1): "stops yielding",
         ("yield", -1): "yields",
         ("collision", 1): "press",

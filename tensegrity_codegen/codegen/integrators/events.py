@@ -10,6 +10,7 @@ import numpy as np
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
 from tensegrity_codegen.structure.memory import find_setting_events
+from tensegrity_codegen.structure.sliding import name_rings
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.manifest import (
     EVENT_KINDS,
@@ -31,11 +32,12 @@ EVENT_QUANTITIES = {
     "stick": "stick_margin",
     "yield": "yield_margin",
     "motor": "motor_margin",
+    "ring": "ring_margin",
 }
 # Kinds at which forces that depend on velocities do not jump; next to each other among EVENT_KINDS, those at
 # which contacts begin first.
 BEGINNINGS = ("collision", "ground")
-CONTINUOUS = (*BEGINNINGS, "stick", "yield", "motor")
+CONTINUOUS = (*BEGINNINGS, "stick", "yield", "motor", "ring")
 MOST_WATCHED = 400  # cables, switches and contacts whose events are watched without being asked for
 MOST_IN_SUCCESSION = 150  # events, each within a thousandth of a step of the one before
 
@@ -101,6 +103,7 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
     counts |= {
         "yield": 2 * int(subject.yields.sum()),
         "motor": sum(item.time_constant > 0 for item in subject.actuators),
+        "ring": len(name_rings(subject.sliding)),
     }
     if setting and sum(counts.values()) > MOST_WATCHED:
         counts = {kind: counts[kind] for kind in counts if kind in (*setting, "ground")}

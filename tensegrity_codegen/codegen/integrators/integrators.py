@@ -280,7 +280,7 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
         "WITH_EVENT_FORECAST": any([events.get("is_smooth"), events.get("n_contacts")]),
         **{
             f"WITH_{word.upper()}_EVENTS": any(kind["word"] == word for kind in events.get("kinds", ()))
-            for word in ("switch", "collision", "ground", "stick", "yield", "motor")
+            for word in ("switch", "collision", "ground", "stick", "yield", "motor", "ring")
         },
         "WITH_CONTACT_EVENTS": bool(events.get("n_contacts")),
         "WITH_SET_STATES": bool(events.get("n_slips")),

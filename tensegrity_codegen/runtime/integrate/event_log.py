@@ -43,8 +43,8 @@ class EventLog:
 
     direction: 1 where a cable goes taut, a member grows longer than where its law switches, bars part
     (contact) or begin to press each other (collision), a node touches the ground, its contact sticks, a
-    plastic member ends to flow, the rate of a motor ends to be limited or the condition becomes positive, -1
-    for the reverse.
+    plastic member ends to flow, the rate of a motor ends to be limited, a cable sticks at a ring or the
+    condition becomes positive, -1 for the reverse.
     count: how many there were, of which the first MAX_LOGGED are kept.
     """
 
@@ -66,6 +66,7 @@ class EventLog:
             "ground": manifest.contact_name,
             "stick": manifest.contact_name,
             "motor": manifest.motor_name,
+            "ring": manifest.ring_name,
             "yield": tuple(name.rsplit("_", 1)[0] for name in manifest.subjects_of("yield")),
             "condition": ("condition",),
         }

@@ -40,7 +40,7 @@ def build_actuators(
         refuse_members(members, rigid, problem, targets, (*place, "members"))
         named = (item.members,) if isinstance(item.members, str) else item.members
         own = np.isin(targets.member_name, named)
-        problem = "the rest length of a cable in segments has no actuator, but an input or a single segment"
+        problem = "the rest length of a cable in pieces has no actuator, but an input or a single piece"
         refuse_members(members, ~own & (targets.share != 1.0), problem, targets, (*place, "members"))
         limits = _find_range(item, key_path(targets.where, *place, "range"))
         rate = Actuator.rate if item.rate is None else item.rate

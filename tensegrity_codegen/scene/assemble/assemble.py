@@ -12,6 +12,7 @@ from tensegrity_codegen.scene.assemble.interference import build_collision, find
 from tensegrity_codegen.scene.assemble.limits import build_limits
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
 from tensegrity_codegen.scene.assemble.nodes import build_node_arrays, build_node_load, spread_vectors
+from tensegrity_codegen.scene.assemble.ring_friction import cut_at_rings
 from tensegrity_codegen.scene.assemble.segments import cut_cables
 from tensegrity_codegen.scene.assemble.targets import (
     Targets,
@@ -61,6 +62,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     )
     gravity = spread_vectors([scene.gravity], axes, [("gravity",)], where)[0]
     cut = cut_cables(node, member, parts.groups, gravity, axes, where)
+    cut, sliding = cut_at_rings(cut, scene, parts.members, where)
     node, member = cut.node, cut.member
     node["node_load"] = build_node_load(node["node_name"], loads, axes, where)
     targets = Targets(
@@ -85,6 +87,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
         inputs=(*acting, *(ActuatedInput(item.name, "rest_length", item.members) for item in actuators)),
         actuators=actuators,
         sensors=build_sensors(scene.sensors, targets),
+        sliding=sliding,
         **node,
         **member,
     )

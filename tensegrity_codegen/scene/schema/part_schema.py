@@ -11,11 +11,14 @@ from pydantic import (
 
 from tensegrity_codegen.scene.schema.ground_schema import Exponent, Restitution
 from tensegrity_codegen.scene.schema.schema_types import (
+    FRICTION,
+    WRAP,
     Anchored,
     MemberValues,
     Name,
     NotNegative,
     Number,
+    OfRings,
     Positive,
     Reference,
     References,
@@ -42,8 +45,18 @@ class Member(MemberValues):
     )
     nodes: Annotated[tuple[Reference, ...], Strict(False), Field(min_length=2)] = Field(
         description="The two nodes that the member joins; the member vector is first minus second. Of cables "
-        "also the nodes between the ends, rings through which the cable slides without friction, in order."
+        "also the nodes between the ends, rings through which the cable slides, in order."
     )
+
+
+class SlidingTable(Table):
+    """A cable with friction at rings, by its strands: members that slip into one another."""
+
+    strands: Annotated[tuple[Reference, ...], Strict(False), Field(min_length=2)] = Field(
+        description="Names of its strands in order, each from the node where the one before ends."
+    )
+    friction: OfRings = Field(description=f"{FRICTION[0].upper()}{FRICTION[1:]}.")
+    wrap_deg: OfRings = Field(0.0, description=f"{WRAP[0].upper()}{WRAP[1:]}.")
 
 
 class Node(Table):

@@ -40,6 +40,7 @@ from tensegrity_codegen.scene.schema.part_schema import (
     MemberClass,
     Node,
     RestLengthInput,
+    SlidingTable,
     TemperatureInput,
 )
 from tensegrity_codegen.scene.schema.schema_types import (
@@ -102,6 +103,9 @@ class Scene(Summarised, SceneParts):
     )
     tendons: dict[Name, Tendon] = Field(
         default_factory=dict, description="Cables between points of bodies, by name."
+    )
+    sliding: dict[Name, SlidingTable] = Field(
+        default_factory=dict, description="Cables with friction at rings by name, where strands are members."
     )
     joint_friction: Annotated[tuple[JointFrictionTable, ...], Strict(False)] = Field(
         (), description="Friction in the joints of bodies."

@@ -97,6 +97,16 @@ Section: TypeAlias = Annotated[
 ]
 
 
+# One number for all rings of a cable, or one for each.
+OfRings: TypeAlias = Annotated[
+    Annotated[NotNegative, Tag("@number")]
+    | Annotated[Annotated[tuple[NotNegative, ...], Strict(False), Field(min_length=1)], Tag("@list")],
+    Discriminator(lambda value: "@list" if isinstance(value, (list, tuple)) else "@number"),
+]
+FRICTION = "coefficient of friction at each ring, one number or one for each"
+WRAP = "angle that the cable turns at each ring [deg], as around a drum; 0 or left out: as the nodes say"
+
+
 class MemberValues(Table):
     """What a member class sets and a member may override."""
 
@@ -158,6 +168,8 @@ class MemberValues(Table):
     segments: Annotated[int, Field(ge=1, le=MOST_SEGMENTS)] | None = Field(
         None, description="Cables with mass only: number of equal pieces of a chain that sags; default 1."
     )
+    friction: OfRings | None = Field(None, description=f"Cables through rings only: {FRICTION}; default 0.")
+    wrap_deg: OfRings | None = Field(None, description=f"Cables with friction only: {WRAP}.")
     density: Positive | None = Field(
         None, description="Bars only: density [kg/m3]; needs radius; mass = density * section * length."
     )

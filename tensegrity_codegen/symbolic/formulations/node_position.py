@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 
 from tensegrity_codegen.structure.memory_support import require_no_memory
+from tensegrity_codegen.structure.sliding import require_no_ring_friction
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.interference import build_bar_quantities
@@ -99,7 +100,7 @@ class _NodePosition(NodeCoordinates):
         )
 
     def state_jacobian(self) -> ca.SX:
-        if self.structure.remembers.any() or self.structure.lagging_actuators:
+        if self.structure.remembers.any() or self.structure.lagging_actuators or self.structure.sliding:
             return ca.jacobian(self.state_derivative(), self.state())
         n = self.map.n_coordinates
         stiffness = self.assembled({e: member.position_block() for e, member in self.each_member()})
@@ -123,11 +124,12 @@ class _NodePosition(NodeCoordinates):
     def rest_length_jacobian(self) -> ca.SX:
         if self.structure.relaxes.any():
             require_no_memory(self.structure, "rest_length_jacobian", "use input_jacobian")
+        require_no_ring_friction(self.structure, "rest_length_jacobian", "use input_jacobian")
         pull = ca.mtimes(self.inverse_mass, self.columns(Member.rest_pull))
         return below_zeros(pull, len(self.structure.internal_name))
 
     def input_jacobian(self) -> ca.SX:
-        if self.structure.lagging_actuators or self.structure.relaxes.any():
+        if self.structure.lagging_actuators or self.structure.relaxes.any() or self.structure.sliding:
             return ca.jacobian(self.state_derivative(), self.arguments.symbols["input"])
         force = self.map.node_columns(self._pulls_of_inputs(), len(self.structure.inputs))
         return below_zeros(ca.mtimes(self.inverse_mass, force), len(self.structure.internal_name))

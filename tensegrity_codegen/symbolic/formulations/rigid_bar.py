@@ -199,7 +199,7 @@ class _RigidBar(NodeCoordinates):
         return self.free_acceleration() - self.constraints.move(self.motion.jacobian, self.multipliers)
 
     def input_jacobian(self) -> ca.SX:
-        if self.structure.lagging_actuators or self.structure.relaxes.any():
+        if self.structure.lagging_actuators or self.structure.relaxes.any() or self.structure.sliding:
             return ca.jacobian(self.state_derivative(), self.arguments.symbols["input"])
         return by_inputs(self.acceleration(), self.arguments)
 

@@ -84,6 +84,15 @@ class Member:
         return build_law(self.length, self.rate, self.values, self.tension_only)
 
     @property
+    def damping_force(self) -> Scalar:
+        """Part of the tension that damping adds [N]."""
+        return self.law.tension() - self.law.undamped_tension()
+
+    def margin(self) -> Scalar:
+        """Return the length [m] while which is positive a cable pulls."""
+        return self.law.margin()
+
+    @property
     def strands(self) -> "tuple[Member, ...]":
         """Its straight parts: here itself."""
         return (self,)

@@ -19,6 +19,7 @@ from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw
 from tensegrity_codegen.symbolic.members.ring_cable import RingCable
+from tensegrity_codegen.symbolic.members.ring_friction import RingSlip, SlidingStrand
 
 Scalar = Any
 Vector = list[Scalar]
@@ -50,7 +51,20 @@ class MemberSet:
     @cached_property
     def members(self) -> list[Member]:
         """All members, in the order of the structure."""
-        return [self._member(e) for e in range(self.structure.n_members)]
+        members = [self._member(e) for e in range(self.structure.n_members)]
+        for slip in self.slips:
+            for e, strand in zip(slip.cable.members, slip.slide(), strict=True):
+                members[e] = strand
+        return members
+
+    @cached_property
+    def slips(self) -> list[RingSlip]:
+        """The slip of each cable with friction at rings."""
+        found = []
+        for cable in self.structure.sliding:
+            strands = [SlidingStrand(*self._values(e)) for e in cable.members]
+            found.append(RingSlip(cable, strands))
+        return found
 
     @cached_property
     def lengths(self) -> list[Scalar]:
@@ -87,7 +101,7 @@ class MemberSet:
 
     def cable_margin(self) -> ca.SX:
         """Return the margins of the members that pull only, (n_tension_only, 1) [m]."""
-        return ca.vertcat(ca.SX(0, 1), *[law.margin() for law in self.laws if law.tension_only])
+        return ca.vertcat(ca.SX(0, 1), *[item.margin() for item in self.members if item.tension_only])
 
     def switch_margin(self) -> ca.SX:
         """Return the margins of the switches of laws that have one, (n_switches, 1) [m]."""
@@ -132,11 +146,15 @@ class MemberSet:
         return force
 
     def _member(self, e: int) -> Member:
-        values = (
+        values = self._values(e)
+        return RingCable(*values, self.strands[e]) if e in self.strands else Member(*values)
+
+    def _values(self, e: int) -> tuple[Any, ...]:
+        """Return the fields of member e."""
+        return (
             self.vectors[e],
             self.vector_rates[e],
             self.arguments.member_values(e),
             bool(self.structure.tension_only[e]),
             {name: ca.SX(float(getattr(self.structure, name)[e])) for name in SECTION_VALUES},
         )
-        return RingCable(*values, parts=self.strands[e]) if e in self.strands else Member(*values)

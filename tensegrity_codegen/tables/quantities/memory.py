@@ -2,6 +2,7 @@
 
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
+CAPSTAN = "Euler 1769"
 SOURCE = "Simo and Hughes 1998"
 
 MEMORY = (
@@ -54,6 +55,23 @@ MEMORY = (
         "Margins of motors with a time constant, rate tau - |command - u|: a rate is not limited while its "
         "margin is positive; 1 without a limit.",
         "Linear systems",
+    ),
+    Quantity(
+        "ring_margin",
+        "g_r",
+        "m",
+        ("n_rings",),
+        "Margins of rings with friction: a cable sticks at a ring while its margin is positive; negative "
+        "where both strands are slack.",
+        CAPSTAN,
+    ),
+    Quantity(
+        "ring_ratio",
+        "E",
+        "1",
+        ("n_rings",),
+        "Largest ratio of the tensions at both sides of each ring with friction, exp(mu theta).",
+        CAPSTAN,
     ),
     Quantity(
         "plastic_work",

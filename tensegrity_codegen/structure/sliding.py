@@ -1,0 +1,77 @@
+"""Cables that slide through rings with friction: members, of which each slips into the next."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.manifest import SLID_END
+from tensegrity_codegen.tables.request import ModelRequest
+
+MOST_RINGS = 12  # of one cable with friction: the code for them grows with their square
+
+
+@dataclass(frozen=True)
+class SlidingCable:
+    """A cable that slides through rings with friction.
+
+    Attributes
+    ----------
+    name : str
+        Name of the cable, and of the group of its strands.
+    strand_name : tuple of str
+        Names of its strands.
+    members : tuple of int
+        Indices of its strands, from its first node to its last.
+    friction : tuple of float [1]
+        Coefficient of friction mu at each ring between two of them.
+    wrap_deg : tuple of float [deg]
+        Angle that the cable turns at each ring; 0: as the nodes say.
+    """
+
+    name: str
+    strand_name: tuple[str, ...]
+    members: tuple[int, ...]
+    friction: tuple[float, ...]
+    wrap_deg: tuple[float, ...]
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the internal states: the rest length that has slid through each ring [m]."""
+        return tuple(f"{name}{SLID_END}" for name in self.strand_name[:-1])
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """Strands before and behind each ring."""
+        return list(pairwise(self.members))
+
+
+def name_rings(sliding: Sequence[SlidingCable]) -> tuple[str, ...]:
+    """Return the names of the internal states of all rings with friction, cable by cable."""
+    return tuple(name for cable in sliding for name in cable.state_names)
+
+
+def require_no_ring_friction(subject: Any, what: str, hint: str = "leave friction out") -> None:
+    """Raise FormulationError for cables with friction at rings; what: names what does not know them."""
+    if subject.sliding:
+        raise FormulationError(
+            f"friction at rings is not supported here: {what}",
+            where=f"{subject.name}: members.{subject.sliding[0].name}.friction",
+            allowed="motions and equilibria, in node positions or with rigid bars",
+            hint=hint,
+        )
+
+
+def check_ring_friction(subject: Any, request: ModelRequest) -> None:
+    """Raise FormulationError for a request that cables with friction at rings cannot serve."""
+    foreign = {
+        f"formulation {request.formulation!r}": request.formulation not in ("node_position", "rigid_bar"),
+        "rigid bars with correction": request.options.get("correction", "none") != "none",
+        f"emitter {request.emitter!r}": request.emitter not in ("auto", "unrolled"),
+        "solvers in C": bool(request.solvers),
+        "energy that is kept": bool(request.keep),
+    }
+    for what, is_wanted in foreign.items():
+        if is_wanted:
+            require_no_ring_friction(subject, what)

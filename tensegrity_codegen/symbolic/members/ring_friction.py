@@ -1,0 +1,239 @@
+"""Friction of cables at rings: what slips from one strand into the next, as expressions.
+
+T_k = a_k - c rho_k',  a_k = t_k + d_k,  t_k = mu_k max(0, l_k - rho_k),  rho_k' = v_(k-1) - v_k
+v_k = 0 while 1 / E_k <= T_(k+1) / T_k <= E_k,  E_k = exp(mu theta_k),  else the ratio is at that limit
+
+k: strands of a cable, and the ring behind each; v_k: rate of the rest length that slides through it, the
+rate of an internal state s_k, so that rho_k = rho_k(0) + s_(k-1) - s_k and the sum is kept; theta_k: angle
+that the cable turns (Euler 1769, capstan). d = c l' t / sqrt(t^2 + (c l')^2) is the damping, which never
+exceeds the elastic tension: forces are continuous where strands go slack. c acts on rho' too; where a strand
+gives material away less of it as it goes slack, so that a slack strand gives freely. So the flows follow from
+the state, without jumps: events are kinks, and while a cable slips its tensions are exactly at the limit.
+
+The equations are solved exactly, strand by strand. chi_k(x), the flow v_k at which T_k = x, is piecewise
+linear and rises; with phi_k(x), the flow at which T_(k+1) = x,
+
+phi_k(x) = max(0, chi_k(x / E_k)) + min(0, chi_k(x E_k)),  chi_(k+1)(x) = phi_k(x) + (x - a_(k+1)) / c
+
+Each ring adds two corners, each strand one at a. The last strand has chi(T) = 0 (no flow); going back, T_k
+is the root of chi_k where its ring sticks, or at the limit of its neighbour.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from math import radians
+from typing import Any
+
+import casadi as ca
+
+from tensegrity_codegen.structure.sliding import SlidingCable
+from tensegrity_codegen.symbolic.geometry import dot, member_vector
+from tensegrity_codegen.symbolic.members.member import Member
+from tensegrity_codegen.symbolic.memory import Memory
+
+Scalar = Any
+
+SLACK_STRAIN = 1e-4  # of a strand, below which it has less damping on what it gives away
+SLACK_MARGIN = 1e-6  # of the rest length of a strand: margin of a ring between slack ones
+LEAST_DAMPING = 1e-3  # of it, when slack
+
+
+@dataclass(frozen=True)
+class SlidingStrand(Member):
+    """A strand of a cable with friction at rings; slide: rate of its rest length by slip [m/s]."""
+
+    slide: Scalar = 0.0
+
+    @cached_property
+    def elastic(self) -> Scalar:
+        """Tension without damping and slip [N]."""
+        return self.law.static_tension()
+
+    @cached_property
+    def damping_force(self) -> Scalar:
+        """Part of the tension that damping of the length adds [N]."""
+        push = self.law.damping * self.rate
+        size = self.elastic * self.elastic + push * push
+        share = ca.if_else(size > 0, self.elastic / ca.sqrt(ca.if_else(size > 0, size, 1)), 0)
+        return push * share
+
+    @cached_property
+    def giving(self) -> Scalar:
+        """Damping on what the strand gives away [N s/m]."""
+        small = SLACK_STRAIN * self.axial_stiffness
+        return self.law.damping * ((self.elastic + LEAST_DAMPING * small) / (self.elastic + small))
+
+    @property
+    def stuck_tension(self) -> Scalar:
+        """Tension as long as nothing slips [N]."""
+        return self.elastic + self.damping_force
+
+    @cached_property
+    def tension(self) -> Scalar:
+        """Tension [N]."""
+        return self.stuck_tension - ca.if_else(self.slide > 0, self.law.damping, self.giving) * self.slide
+
+    @cached_property
+    def density(self) -> Scalar:
+        """Tension over the length [N/m]."""
+        return self.tension / self.length
+
+    def margin(self) -> Scalar:
+        """Return l - rho [m]."""
+        return self.law.extension
+
+
+@dataclass(frozen=True)
+class Flow:
+    """A rising piecewise linear function of x >= 0: start + slope x + sum of bend max(0, x - corner)."""
+
+    start: Scalar
+    slope: Scalar
+    corners: tuple[tuple[Scalar, Scalar], ...] = ()  # corner, bend
+
+    def at(self, x: Scalar) -> Scalar:
+        """Return the value."""
+        bends = (bend * ca.fmax(x - corner, 0.0) for corner, bend in self.corners)
+        return sum(bends, self.start + self.slope * x)
+
+    def find_root(self) -> tuple[Scalar, Scalar, Scalar]:
+        """Return the x at which it is zero, 0 where it starts above, the last corner before, the slope there.
+
+        Corners count as before by the sign of the function there, whatever rounding does to the root.
+        """
+        below = ca.SX(0.0)
+        for corner, _ in self.corners:
+            below = ca.fmax(below, ca.if_else(self.at(corner) <= 0, corner, 0))
+        slope = sum((ca.if_else(corner <= below, bend, 0) for corner, bend in self.corners), self.slope)
+        return ca.fmax(below - self.at(below) / slope, 0.0), below, slope
+
+    def through(self, ratio: Scalar, root: Scalar, below: Scalar, slope: Scalar) -> "Flow":
+        """Return the flow over the tension behind a ring, whose largest ratio of tensions is given.
+
+        root, below, slope: as `find_root` returns them.
+        """
+        moved = [
+            (ca.if_else(corner > below, corner * ratio, corner / ratio),
+             ca.if_else(corner > below, bend / ratio, bend * ratio))
+            for corner, bend in self.corners
+        ]  # fmt: skip
+        own = ((root / ratio, -ratio * slope), (root * ratio, slope / ratio))
+        return Flow(self.start, self.slope * ratio, (*moved, *own))
+
+    def beside(self, strand: SlidingStrand) -> "Flow":
+        """Return it with what a strand takes in added."""
+        slope, tension = 1.0 / strand.law.damping, strand.stuck_tension
+        corners = (*self.corners, (tension, 1.0 / strand.giving - slope))
+        return Flow(self.start - tension * slope, self.slope + slope, corners)
+
+
+@dataclass(frozen=True)
+class RingSlip:
+    """The slip of one cable at all of its rings; strands: as if nothing slipped."""
+
+    cable: SlidingCable
+    strands: Sequence[SlidingStrand]
+
+    @cached_property
+    def ratios(self) -> list[Scalar]:
+        """Largest ratio of the tensions at both sides of each ring, exp(mu theta)."""
+        values = zip(pairwise(self.strands), self.cable.friction, self.cable.wrap_deg, strict=True)
+        return [
+            ca.exp(friction * (ca.SX(radians(wrap)) if wrap else _find_angle(before, behind)))
+            for (before, behind), friction, wrap in values
+        ]
+
+    @cached_property
+    def solution(self) -> tuple[list[Scalar], list[Scalar]]:
+        """Flow through each ring [m/s], and the margin by which it sticks [m]."""
+        flow = Flow(ca.SX(0.0), ca.SX(0.0)).beside(self.strands[0])
+        alone: list[Scalar] = []  # tension of each strand with all rings behind it stuck
+        for ratio, strand in zip(self.ratios, self.strands[1:], strict=True):
+            found = flow.find_root()
+            alone.append(found[0])
+            flow = flow.through(ratio, *found).beside(strand)
+        tension, onward = flow.find_root()[0], ca.SX(0.0)
+        flows, margins = [], []
+        for k in reversed(range(len(self.ratios))):
+            ratio, free, strand = self.ratios[k], alone[k], self.strands[k + 1]
+            missing = strand.stuck_tension - tension
+            room = ca.fmin(ratio * tension - free, ratio * free - tension)
+            taken = missing / ca.if_else(missing > 0, strand.law.damping, strand.giving)
+            onward = ca.if_else(room >= 0, 0, onward + taken)
+            flows.append(onward)
+            margins.append(self._find_margin(k, room, tension + free))
+            tension = ca.fmin(ca.fmax(free, tension / ratio), tension * ratio)
+        return flows[::-1], margins[::-1]
+
+    def _find_margin(self, k: int, room: Scalar, both: Scalar) -> Scalar:
+        """Return the margin of ring k [m]; room: of the tensions, whose sum is both [N].
+
+        That is a length, room / mu, with a little of room / both: where both strands go slack it stays
+        negative, as it is while they are.
+        """
+        law = self.strands[k].law
+        least = SLACK_MARGIN * law.rest_length
+        part = ca.if_else(both > 0, room / ca.if_else(both > 0, both, 1), -1)
+        return room / law.mu + least * part
+
+    def slide(self) -> list[SlidingStrand]:
+        """Return the strands as they slip."""
+        flows = [ca.SX(0.0), *self.solution[0], ca.SX(0.0)]
+        both = zip(self.strands, pairwise(flows), strict=True)
+        return [replace(strand, slide=before - behind) for strand, (before, behind) in both]
+
+
+class RingFriction(Memory):
+    """All cables of a structure with friction at rings."""
+
+    def __init__(self, members: Sequence[Member], slips: Sequence[RingSlip]) -> None:
+        self.members, self.slips = members, slips
+
+    def stored_energy(self) -> Scalar:
+        """Return 0: what strands store is their strain energy."""
+        return ca.SX(0.0)
+
+    def powers(self) -> Mapping[str, Scalar]:
+        """Return minus what slip takes [W], -(T - t - d) l' - (t + t^2 / (2 EA)) rho' of all strands.
+
+        Where the tensions do not change that is v times the difference of T at both sides of a ring, and of
+        t^2 / (2 EA), by which the material strains as it comes under the tension of the other side.
+        """
+        power = ca.SX(0.0)
+        for slip in self.slips:
+            for e in slip.cable.members:
+                strand: Any = self.members[e]
+                moved = strand.elastic + strand.elastic**2 / (2.0 * strand.axial_stiffness)
+                power = power - (strand.tension - strand.stuck_tension) * strand.rate - moved * strand.slide
+        return {"friction": power}
+
+    def internal_rates(self) -> Mapping[str, Scalar]:
+        """Return the flows through all rings [m/s]."""
+        return {
+            name: flow
+            for slip in self.slips
+            for name, flow in zip(slip.cable.state_names, slip.solution[0], strict=True)
+        }
+
+    def builders(self) -> dict[str, Callable[[], ca.SX]]:
+        """Return the builders of margins and largest ratios of tensions, ring by ring."""
+        return {
+            "ring_margin": lambda: ca.vertcat(*[item for slip in self.slips for item in slip.solution[1]]),
+            "ring_ratio": lambda: ca.vertcat(*[item for slip in self.slips for item in slip.ratios]),
+        }
+
+
+def _find_angle(before: Member, behind: Member) -> Scalar:
+    """Return the angle between two strands [rad], 0 straight on and pi folded back; exact near both."""
+    one, other = before.direction(), behind.direction()
+    apart = member_vector(one, other)
+    along = [x + y for x, y in zip(one, other, strict=True)]
+    return 2.0 * ca.atan2(_find_size(apart), _find_size(along))
+
+
+def _find_size(vector: Sequence[Scalar]) -> Scalar:
+    """Return the length of a vector; its derivative is 0 where it is 0."""
+    square = dot(list(vector), list(vector))
+    return ca.if_else(square > 0, ca.sqrt(ca.if_else(square > 0, square, 1)), 0)

@@ -1,0 +1,68 @@
+"""Slip at rings with friction: the equations of the capstan hold for any tensions and numbers of rings."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from tensegrity_codegen.structure.sliding import SlidingCable
+from tensegrity_codegen.symbolic.members.ring_friction import RingSlip
+
+GIVING = 0.01  # of the damping, on what a strand gives away
+
+
+def make_cable(n: int) -> tuple[RingSlip, list[Any]]:
+    """Return a cable with n rings, and symbols of tensions without slip and of E."""
+    pull, ratio = ca.SX.sym("a", n + 1), ca.SX.sym("E", n)
+    damping = [ca.SX(2.0 + k) for k in range(n + 1)]
+    strands: list[Any] = [
+        SimpleNamespace(
+            law=SimpleNamespace(damping=damping[k], mu=100.0, rest_length=1.0),
+            stuck_tension=pull[k],
+            giving=GIVING * damping[k],
+        )
+        for k in range(n + 1)
+    ]
+    names, rows = tuple(f"c_{k}" for k in range(n + 1)), tuple(range(n + 1))
+    slip = RingSlip(SlidingCable("c", names, rows, (0.1,) * n, (90.0,) * n), strands)
+    vars(slip)["ratios"] = [ratio[k] for k in range(n)]
+    return slip, [pull, ratio]
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 6])
+def test_flows_solve_the_equations_of_the_capstan(n: int) -> None:
+    """T = a - c rho' and a hundredth of c on what a strand gives; ratios within E, or at it with flow."""
+    slip, symbols = make_cable(n)
+    flows, margins = slip.solution
+    solve = ca.Function("f", symbols, [ca.vertcat(*flows), ca.vertcat(*margins)])
+    rng = np.random.default_rng(n)
+    seen = set()
+    for _ in range(1500):
+        pull = np.maximum(1.0 + rng.choice([1.0, 0.05]) * rng.normal(size=n + 1), 0.0)
+        ratio = 1.0 + rng.choice([0.02, 2.0]) * rng.random(n)
+        found, margin = (np.array(item).ravel() for item in solve(pull, ratio))
+        flow = np.concatenate([[0.0], found, [0.0]])
+        slide = flow[:-1] - flow[1:]
+        tension = pull - (2.0 + np.arange(n + 1)) * np.where(slide > 0, slide, GIVING * slide)
+        before, behind = tension[:-1], tension[1:]
+        assert (tension >= -1e-12).all()
+        assert (behind <= ratio * before + 1e-10).all()
+        assert (before <= ratio * behind + 1e-10).all()
+        forth, back = found > 0, found < 0
+        assert behind[forth] == pytest.approx((ratio * before)[forth], abs=1e-10)
+        assert before[back] == pytest.approx((ratio * behind)[back], abs=1e-10)
+        assert ((found == 0) == (margin >= 0))[tension[1:] > 0].all()
+        seen |= set(np.sign(found).tolist())
+    assert seen == {-1.0, 0.0, 1.0}
+
+
+def test_a_strand_cannot_hold_more_than_the_capstan_says() -> None:
+    """10 N and mu 0.3 over 1.5 turns hold up to 169.020241717 N."""
+    slip, (pull, _) = make_cable(1)
+    slip = RingSlip(SlidingCable("c", ("c_1", "c_2"), (0, 1), (0.3,), (540.0,)), slip.strands)
+    assert float(slip.ratios[0]) == pytest.approx(16.9020241717, rel=1e-10)
+    flow = ca.Function("f", [pull], [slip.solution[0][0]])
+    assert [float(flow([10.0, end])) > 0 for end in (169.020241716, 169.020241718)] == [False, True]
+    assert [float(flow([end, 10.0])) < 0 for end in (169.020241716, 169.020241718)] == [False, True]
