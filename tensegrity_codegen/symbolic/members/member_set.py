@@ -147,9 +147,9 @@ class MemberSet:
 
     def _member(self, e: int) -> Member:
         values = self._values(e)
-        return RingCable(*values, self.strands[e]) if e in self.strands else Member(*values)
+        return RingCable(*values, parts=self.strands[e]) if e in self.strands else Member(*values)
 
-    def _values(self, e: int) -> tuple[Any, ...]:
+    def _values(self, e: int) -> tuple[Vector, Vector, dict[str, Scalar], bool, dict[str, Scalar]]:
         """Return the fields of member e."""
         return (
             self.vectors[e],
