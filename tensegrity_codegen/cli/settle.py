@@ -14,6 +14,7 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length, find_input_force
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.segments import find_chains
+from tensegrity_codegen.structure.sliding import slip_rest_lengths
 from tensegrity_codegen.system.errors import ConvergenceError
 
 if TYPE_CHECKING:
@@ -48,7 +49,8 @@ def settle_scene(
     values = read_inputs(inputs, structure, output)
     found, data = _settle(output, structure, request, _Loads(structure, added, values), **options)
     data |= {"held_load": held, "inputs": values, "out": None}
-    actuated = structure.with_changes(rest_length=add_inputs_to_rest_length(structure, values))
+    rest = add_inputs_to_rest_length(structure, values)
+    actuated = structure.with_changes(rest_length=slip_rest_lengths(structure.sliding, rest, found.slid))
     if out is not None and found.is_found:
         write_scene(_describe_settled(actuated, request, found), out, overwrite=overwrite)
         data["out"] = str(out)
@@ -94,7 +96,7 @@ def _report(
 ) -> None:
     """Print the equilibrium: nodes, members, residual, motion."""
     from tensegrity_codegen.report.tables import feet_table, members_table, nodes_table, segments_table
-    from tensegrity_codegen.runtime.contacts.rest_memory import describe_plastic
+    from tensegrity_codegen.runtime.contacts.rest_memory import describe_plastic, describe_slip
     from tensegrity_codegen.structure.member_limits import describe_tensions, summarise_tensions
     from tensegrity_codegen.structure.outline import outline_tendons
 
@@ -117,6 +119,7 @@ def _report(
         f"{found.status}: {'; but '.join(['; '.join(said), *flaws])}",
         *(tables if found.is_found else []),  # else those of no equilibrium would hide the reason
         *describe_plastic(found.plastic_elongation),
+        *describe_slip(found.slid),
         f"largest residual {found.residual:.3g} N of largest member force {found.largest_force:.6g} N; "
         f"smallest eigenvalue {found.smallest_eigenvalue:.6g} {unit}",
         *(_describe_motion(found) if found.is_found else []),
@@ -165,6 +168,8 @@ class _Loads:
 
         if not found.is_found:
             return Snap(None, reason="no equilibrium was found")
+        if found.slid:
+            return Snap(None, reason="paths do not know friction at rings")
         # On the ground the loads have grown already; without its weight a chain has no stiffness.
         if found.feet is not None or self.has_chains:
             return Snap(None)

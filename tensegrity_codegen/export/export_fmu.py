@@ -244,6 +244,7 @@ def _check_ground(structure: Subject) -> None:
     """Raise FormulationError for internal states that events set, which importers cannot follow."""
     require_no_memory(structure, "a functional mock-up unit", "leave {key} out")
     require_no_lag(structure, "a functional mock-up unit")
+    require_no_ring_friction(structure, "a functional mock-up unit")
     ground = getattr(structure, "ground", None)
     if ground is not None and ground.has_static_friction:
         raise refuse_ground(

@@ -115,6 +115,7 @@ def _list_losses(structure: Structure) -> list[str]:
         ((loose & (structure.damping > 0)).any(), "cables keep their damping while slack"),
         (structure.has_switch.any(), "bilinear members have the slope before their switch only"),
         (structure.yields.any(), "plastic members stay elastic"),
+        (bool(structure.sliding), "cables stick at rings with friction, and do not slip"),
         (structure.relaxes.any(), "viscous members keep their stiffness at once, and do not relax"),
         (
             any(item.rest_length_gain for item in structure.inputs),

@@ -9,7 +9,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tensegrity_codegen.runtime.contacts.rest_memory import RELAXED_QUANTITIES, REST_QUANTITIES
+from tensegrity_codegen.runtime.contacts.rest_memory import (
+    RELAXED_QUANTITIES,
+    REST_QUANTITIES,
+    RING_QUANTITIES,
+)
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD, CONTROL_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
@@ -79,7 +83,8 @@ def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[s
     turning = isinstance(structure, BodySystem) and structure.has_unpotential_load
     more = ("unpotential_force",) if turning else REST_QUANTITIES if structure.yields.any() else ()
     relaxed = RELAXED_QUANTITIES if structure.relaxes.any() else ()
-    return (*of_formulation(request.formulation), *more, *relaxed)
+    rings = RING_QUANTITIES if structure.sliding else ()
+    return (*of_formulation(request.formulation), *more, *relaxed, *rings)
 
 
 def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.pipeline.analyses import equilibrium_quantities, find_needs
 from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.sliding import slip_rest_lengths
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.request import ModelRequest
@@ -150,7 +151,10 @@ def find_settled(
     settled: Subject
     if isinstance(subject, Structure):
         still = np.zeros_like(subject.node_position)
-        settled = subject.with_changes(node_position=found.node_position, node_velocity=still)
+        rest = slip_rest_lengths(subject.sliding, subject.rest_length, found.slid)
+        settled = subject.with_changes(
+            node_position=found.node_position, node_velocity=still, rest_length=rest
+        )
     else:
         settled = subject.with_changes(coordinate=found.coordinate, velocity=np.zeros_like(found.coordinate))
     return settled, found

@@ -1,10 +1,11 @@
 """Cables that slide through rings with friction: members, of which each slips into the next."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import SLID_END
 from tensegrity_codegen.tables.request import ModelRequest
@@ -52,6 +53,17 @@ def name_rings(sliding: Sequence[SlidingCable]) -> tuple[str, ...]:
     return tuple(name for cable in sliding for name in cable.state_names)
 
 
+def slip_rest_lengths(
+    sliding: Sequence[SlidingCable], rest_length: FloatArray, slid: Mapping[str, float]
+) -> FloatArray:
+    """Return rest lengths (n_members,) [m] with what has slipped; slid: by the strand before each ring."""
+    rest = rest_length.copy()
+    for cable in sliding:
+        for name, (before, behind) in zip(cable.strand_name[:-1], cable.pairs, strict=True):
+            rest[[before, behind]] += [-slid.get(name, 0.0), slid.get(name, 0.0)]
+    return rest
+
+
 def require_no_ring_friction(subject: Any, what: str, hint: str = "leave friction out") -> None:
     """Raise FormulationError for cables with friction at rings; what: names what does not know them."""
     if subject.sliding:
@@ -71,6 +83,8 @@ def check_ring_friction(subject: Any, request: ModelRequest) -> None:
         f"emitter {request.emitter!r}": request.emitter not in ("auto", "unrolled"),
         "solvers in C": bool(request.solvers),
         "energy that is kept": bool(request.keep),
+        "live pages, and a pull that changes with time": bool(request.driven),
+        "single precision": request.precision != "double",
     }
     for what, is_wanted in foreign.items():
         if is_wanted:

@@ -17,6 +17,7 @@ ALONG_THE_WAY = (
     *("yield_margin", "settled_internal", "plastic_elongation"),
 )
 REST_QUANTITIES = ("settled_internal", "yield_margin", "plastic_elongation")  # that statics need besides
+RING_QUANTITIES = ("ring_excess",)  # of cables with friction at rings
 RELAXED_QUANTITIES = ("relaxed_internal",)  # the same of viscous members
 ROUNDING = 1e-13  # of the largest flow
 MOST_SHOWN = 6
@@ -96,10 +97,14 @@ class RestMemory:
             self.start[k - 1 : k + 1] = states[k - 1 : k + 1]
 
 
-def name_plastic(names: Sequence[str], internal: FloatArray | None) -> dict[str, float]:
-    """Return the plastic elongations [m] among internal states (n_internal,), by member."""
+def name_plastic(
+    names: Sequence[str], internal: FloatArray | None, ends: str = "_plastic"
+) -> dict[str, float]:
+    """Return the plastic elongations [m] among internal states (n_internal,), by member.
+
+    ends: of the names of the states that are chosen.
+    """
     values = [] if internal is None else internal.tolist()
-    ends = "_plastic"
     return {
         name.removesuffix(ends): value
         for name, value in zip(names, values, strict=bool(values))
@@ -113,6 +118,14 @@ def describe_plastic(elongation: Mapping[str, float]) -> list[str]:
     shown = ", ".join(f"{name} {value:.6g} m" for name, value in flowed[:MOST_SHOWN])
     more = f" and {len(flowed) - MOST_SHOWN} more members" if len(flowed) > MOST_SHOWN else ""
     return [f"plastic elongations at the end: {shown}{more}"] if flowed else []
+
+
+def describe_slip(slid: Mapping[str, float]) -> list[str]:
+    """Return a line on what has slipped at rings, the most first; none where nothing has."""
+    moved = sorted((item for item in slid.items() if item[1]), key=lambda item: -abs(item[1]))
+    shown = ", ".join(f"behind {name} {value:.6g} m" for name, value in moved[:MOST_SHOWN])
+    more = f" and at {len(moved) - MOST_SHOWN} more rings" if len(moved) > MOST_SHOWN else ""
+    return [f"slipped through rings: {shown}{more}"] if moved else []
 
 
 def find_rest_memory(model: Model, arguments: Mapping[str, Any]) -> RestMemory | None:

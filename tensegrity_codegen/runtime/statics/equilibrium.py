@@ -20,6 +20,7 @@ from tensegrity_codegen.runtime.statics.methods import METHODS, Method, follow_r
 from tensegrity_codegen.runtime.statics.newton import Outcome, Progress, find_minimum
 from tensegrity_codegen.runtime.statics.on_ground import find_on_ground
 from tensegrity_codegen.runtime.statics.relaxation import find_relaxed
+from tensegrity_codegen.runtime.statics.ring_slip import slip_until_held
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, check_switch, check_whole, is_number
@@ -41,6 +42,7 @@ PROBLEMS: Mapping[str, type[StaticProblem]] = {
     "bodies": BodyProblem,
 }
 
+RING_TOLERANCE = 1e-12  # of equilibria with friction at rings, between slips
 RELAXATION_TOLERANCE = 1e-4  # tolerance at which relaxation hands over to Newton's method
 RELAXATION_STEPS = 40  # relaxation steps allowed for each allowed iteration
 
@@ -168,7 +170,15 @@ def find_equilibrium(
             def search(begin: Point) -> tuple[str, Outcome]:
                 return _search(problem, begin, tolerance, max_iterations, method, follow)
 
-            if problem.contacts is None:
+            used: str
+            if model.manifest.ring_name:
+                used, closest = method, min(tolerance, RING_TOLERANCE)
+                outcome = slip_until_held(
+                    problem,
+                    point,
+                    lambda begin: _search(problem, begin, closest, max_iterations, method, follow)[1],
+                )
+            elif problem.contacts is None:
                 used, outcome = search(point)
             else:
                 used = method

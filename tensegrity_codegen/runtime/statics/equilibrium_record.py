@@ -24,6 +24,7 @@ from tensegrity_codegen.system.summaries import (
     describe_number,
     describe_range,
 )
+from tensegrity_codegen.tables.manifest import SLID_END
 
 # Residual over largest force up to which a start counts as an equilibrium that is left.
 START_RESIDUAL_TOLERANCE = 1e-3
@@ -249,6 +250,11 @@ class Equilibrium(ByName, Summarised):
         """Plastic elongations of members by name [m]; empty where none is plastic."""
         return name_plastic(self.internal_name, self.internal)
 
+    @property
+    def slid(self) -> dict[str, float]:
+        """Rest lengths that have slipped through rings with friction, by the strand before each [m]."""
+        return name_plastic(self.internal_name, self.internal, SLID_END)
+
     def as_evidence(self) -> dict[str, Any]:
         """Return the scalar results by name, JSON-ready, for reports and errors."""
         names = (
@@ -259,6 +265,8 @@ class Equilibrium(ByName, Summarised):
         more: dict[str, Any] = {} if self.feet is None else {"contacts": self.feet.as_evidence()}
         if self.plastic_elongation:
             more["plastic_elongation"] = self.plastic_elongation
+        if self.slid:
+            more["slid"] = self.slid
         if self.segments:
             more["segments"] = [asdict(item) for item in self.segments]
         limits = more | {"limits": None if self.members is None else self.members.as_evidence()}

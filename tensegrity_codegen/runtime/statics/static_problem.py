@@ -11,6 +11,7 @@ from tensegrity_codegen.runtime.contacts.contacts import Contacts
 from tensegrity_codegen.runtime.contacts.rest_memory import (
     RELAXED_QUANTITIES,
     REST_QUANTITIES,
+    RING_QUANTITIES,
     find_rest_memory,
 )
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values
@@ -90,6 +91,7 @@ class StaticProblem:
         check_parameter_values(model.manifest, self.arguments)
         needed = self.list_needed_quantities(model)
         needed += REST_QUANTITIES if model.manifest.subjects_of("yield") else ()
+        needed += RING_QUANTITIES if model.manifest.ring_name else ()
         needed += RELAXED_QUANTITIES if VISCOUS_WORK in model.manifest.internal_name else ()
         require_quantities(model, needed, "an equilibrium needs")
         pairs = np.array(model.manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2)
@@ -101,9 +103,9 @@ class StaticProblem:
         self.contacts: Contacts | None = None
         self.memory = find_rest_memory(model, self.arguments)
         if model.manifest.contact_name:
-            if self.memory is not None:
+            if self.memory is not None or model.manifest.ring_name:
                 raise FormulationError(
-                    "equilibria on the ground know neither members with memory nor motors with a lag",
+                    "equilibria on the ground know no memory of members, lags of motors or friction at rings",
                     where=model.manifest.name,
                     hint="simulate the motion with damping until it rests",
                 )
@@ -146,10 +148,26 @@ class StaticProblem:
         value = self.model.compute(quantity, coordinate=coordinate, **given)
         return self.contacts.complete(quantity, value, coordinate, position)
 
+    @property
+    def internal(self) -> FloatArray:
+        """The internal states that members come from, (n_internal,)."""
+        if self.memory is not None:
+            return self.memory.begun
+        return np.array(self._given.get("internal", self.model.nominal("internal")), dtype=np.float64)
+
+    def put_internal(self, states: FloatArray) -> None:
+        """Let members come from these internal states (n_internal,)."""
+        self._given["internal"] = states
+        if self.memory is not None:
+            self.memory.begun = self.memory.start = states
+        self.forget()
+
     def settle(self, coordinate: FloatArray) -> FloatArray | None:
         """Return the internal states of members at `coordinate`, (n_internal,); None where they have none."""
         given = {**self._given, "coordinate": coordinate}
-        return None if self.memory is None else self.memory.settle(given)
+        if self.memory is not None:
+            return self.memory.settle(given)
+        return self.internal if self.model.manifest.ring_name else None
 
     def forget(self) -> None:
         """Drop what is kept of the last configuration: loads or contacts have changed."""

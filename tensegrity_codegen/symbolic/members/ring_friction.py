@@ -178,6 +178,15 @@ class RingSlip:
         part = ca.if_else(both > 0, room / ca.if_else(both > 0, both, 1), -1)
         return room / law.mu + least * part
 
+    def excess(self) -> list[Scalar]:
+        """Return what tensions at rest are beyond the limit, behind each ring and before it [N]."""
+        tensions = pairwise(strand.elastic for strand in self.strands)
+        both = [
+            (behind - ratio * before, before - ratio * behind)
+            for ratio, (before, behind) in zip(self.ratios, tensions, strict=True)
+        ]
+        return [value for pair in both for value in pair]
+
     def slide(self) -> list[SlidingStrand]:
         """Return the strands as they slip."""
         flows = [ca.SX(0.0), *self.solution[0], ca.SX(0.0)]
@@ -218,10 +227,10 @@ class RingFriction(Memory):
         }
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
-        """Return the builders of margins and largest ratios of tensions, ring by ring."""
+        """Return the builders of margins, and of what tensions are beyond their limits."""
         return {
             "ring_margin": lambda: ca.vertcat(*[item for slip in self.slips for item in slip.solution[1]]),
-            "ring_ratio": lambda: ca.vertcat(*[item for slip in self.slips for item in slip.ratios]),
+            "ring_excess": lambda: ca.vertcat(*[item for slip in self.slips for item in slip.excess()]),
         }
 
 

@@ -66,11 +66,12 @@ MEMORY = (
         CAPSTAN,
     ),
     Quantity(
-        "ring_ratio",
-        "E",
-        "1",
-        ("n_rings",),
-        "Largest ratio of the tensions at both sides of each ring with friction, exp(mu theta).",
+        "ring_excess",
+        "F_r",
+        "N",
+        ("n_ring_sides",),
+        "Rings with friction at rest, ring by ring: T behind - exp(mu theta) T before, and the reverse; none is "
+        "positive where friction holds the cable.",
         CAPSTAN,
     ),
     Quantity(

@@ -1,0 +1,144 @@
+"""Equilibria of cables with friction at rings: material slips until the capstan holds it everywhere.
+
+s_k, what slips through ring k, stays at its start where 1 / E <= T_(k+1) / T_k <= E, and else goes so far
+that the ratio of the tensions is at that limit: no farther than it has to, on a straight way from the start.
+For given s the strands are plain members, and the equilibrium of these is sought. With f and b, what the tensions
+exceed the limit by to either side, and any a > 0, s is a zero of
+
+s - max(0, s + a f) - min(0, s - a b)
+
+(B. Alart and A. Curnier, Computer Methods in Applied Mechanics and Engineering 92, 1991, for contacts), found
+by Newton's method, with differences of equilibria for derivatives.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.runtime.statics.newton import Outcome
+from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.tables.manifest import SLID_END
+
+FOUND = ("converged", "rounding_limited")
+ACCURACY = 1e-10  # of the largest tension: how near to the capstan's limit rings come
+PROBE = 1e-6  # of the longest member: slip by which derivatives are found
+MOST_ITERATIONS = 40
+LEAST_PART = 1 / 64  # of a step of Newton's method
+NO_RESISTANCE = 1e-3  # of what is beyond the limit: change of that by a slip as long as the longest member
+LARGEST_SLIP = 0.2  # of the longest member, in one step
+
+
+@dataclass(frozen=True)
+class _State:
+    """An equilibrium with so much slip (n_rings,) [m].
+
+    excess: (n_rings, 2) [N], what tensions are beyond the limit, behind each ring and before it.
+    """
+
+    slid: FloatArray
+    outcome: Outcome
+    excess: FloatArray
+
+    def find_gap(self, slope: float) -> tuple[FloatArray, Any]:
+        """Return what is to be zero, (n_rings,) [m], and which way each ring slips, 0: it sticks."""
+        forth, back = self.slid + self.excess[:, 0] * slope, self.slid - self.excess[:, 1] * slope
+        side = np.where(forth > 0, 1, np.where(back < 0, -1, 0))
+        return self.slid - np.maximum(0.0, forth) - np.minimum(0.0, back), side
+
+    def pull(self, side: Any) -> FloatArray:
+        """Return the excess on the side to which each ring slips, against the slip [N]."""
+        return np.where(side >= 0, -self.excess[:, 0], self.excess[:, 1])
+
+
+def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Point], Outcome]) -> Outcome:
+    """Return the equilibrium from a start, its cables held by friction at all rings.
+
+    search: returns the equilibrium from a point with rings that stick. What has slipped is left in the
+    internal states of the problem.
+    """
+    names = problem.model.manifest.internal_name
+    row = np.array([k for k, name in enumerate(names) if name.endswith(SLID_END)])
+    begun, spent = problem.internal, 0
+
+    def settle(slid: FloatArray, near: Point) -> _State | None:
+        """Return the equilibrium with so much slip, None where none is found."""
+        nonlocal spent
+        states = begun.copy()
+        states[row] += slid
+        problem.put_internal(states)
+        point = problem.find_point(near.coordinate)
+        outcome = None if point is None else search(point)
+        if outcome is None:
+            return None
+        spent += outcome.iterations
+        if outcome.status not in FOUND:
+            return None
+        excess = np.array(problem.compute("ring_excess", outcome.point.coordinate)).reshape(-1, 2)
+        return _State(slid, outcome, excess)
+
+    state = settle(np.zeros(len(row)), start)
+    if state is None:
+        return search(start)
+    size = float(np.max(problem.compute("member_length", state.outcome.point.coordinate)))
+    slope = PROBE * size / max(state.outcome.point.largest_force, 1e-300)
+    for _ in range(MOST_ITERATIONS):
+        point = state.outcome.point
+        gap, side = state.find_gap(slope)
+        if np.abs(gap).max() <= ACCURACY * slope * point.largest_force:
+            settle(state.slid, point)
+            return replace(state.outcome, iterations=spent)
+        step, compliance = _find_step(state, side, PROBE * size, settle)
+        if step is None:
+            break
+        if compliance:
+            slope = compliance
+            gap = state.find_gap(slope)[0]
+        part, largest = 1.0, float(np.abs(step).max())
+        step = step * min(1.0, LARGEST_SLIP * size / largest) if largest > 0 else step
+        while True:
+            found = settle(state.slid + part * step, point)
+            if (
+                found is not None
+                and np.abs(found.find_gap(slope)[0]).max() < (1 - 0.1 * part) * np.abs(gap).max()
+            ):
+                break
+            part /= 2
+            if part < LEAST_PART:
+                break
+        if found is None:
+            break
+        state = found
+    message = "material slips through rings, and no state was found in which friction holds it"
+    return replace(state.outcome, status="stalled", iterations=spent, message=message)
+
+
+def _find_step(
+    state: _State, side: Any, probe: float, settle: Callable[..., _State | None]
+) -> tuple[Any, float]:
+    """Return Newton's step of all rings, (n_rings,) [m], and a compliance, 0 where none slips [m/N].
+
+    The step is None where an equilibrium beside was not found, or slip does not change the tensions.
+    """
+    step, slips = np.where(side == 0, -state.slid, 0.0), np.flatnonzero(side)
+    pull = state.pull(side)
+    wanted = -pull[slips]
+    matrix = np.zeros((len(slips), len(side)))
+    for k in np.flatnonzero((side != 0) | (step != 0)):
+        direction = np.zeros(len(side))
+        direction[k] = probe if side[k] >= 0 else -probe
+        beside = settle(state.slid + direction, state.outcome.point)
+        if beside is None:
+            return None, 0.0
+        matrix[:, k] = (beside.pull(side) - pull)[slips] / direction[k]
+    wanted = wanted - matrix @ step
+    if (
+        slips.size
+        and np.abs(matrix).max() * np.abs(state.outcome.point.longest) < NO_RESISTANCE * np.abs(pull).max()
+    ):
+        return None, 0.0
+    step[slips] = np.linalg.lstsq(matrix[:, slips], wanted, rcond=None)[0]
+    stiffest = float(np.abs(matrix[np.arange(len(slips)), slips]).max(initial=0.0))
+    return step, 1.0 / stiffest if stiffest > 0 else 0.0
