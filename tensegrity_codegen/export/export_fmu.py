@@ -33,6 +33,7 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.structure.memory_support import require_no_lag, require_no_memory
+from tensegrity_codegen.structure.sliding import require_no_ring_friction
 from tensegrity_codegen.system.checks import (
     check_instance,
     check_names,

@@ -2,8 +2,8 @@
 
 s_k, what slips through ring k, stays at its start where 1 / E <= T_(k+1) / T_k <= E, and else goes so far
 that the ratio of the tensions is at that limit: no farther than it has to, on a straight way from the start.
-For given s the strands are plain members, and the equilibrium of these is sought. With f and b, what the tensions
-exceed the limit by to either side, and any a > 0, s is a zero of
+For given s the strands are plain members, and the equilibrium of these is sought. With f and b, what the
+tensions exceed the limit by to either side, and any a > 0, s is a zero of
 
 s - max(0, s + a f) - min(0, s - a b)
 

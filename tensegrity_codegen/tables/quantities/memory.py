@@ -70,8 +70,8 @@ MEMORY = (
         "F_r",
         "N",
         ("n_ring_sides",),
-        "Rings with friction at rest, ring by ring: T behind - exp(mu theta) T before, and the reverse; none is "
-        "positive where friction holds the cable.",
+        "Rings with friction at rest, ring by ring: T behind - exp(mu theta) T before, and the reverse; none "
+        "is positive where friction holds the cable.",
         CAPSTAN,
     ),
     Quantity(
