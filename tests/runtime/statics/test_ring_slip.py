@@ -1,4 +1,4 @@
-"""Equilibria of cables with friction at rings: the capstan, against equations written anew, and what fails."""
+"""Equilibria of cables with friction at rings: the capstan, equations written anew, what fails."""
 
 from math import exp, pi
 from typing import Any
@@ -21,7 +21,7 @@ CABLE = {"kind": "cable", "axial_stiffness": STIFFNESS, "damping": 1.0}
 
 
 def ring_scene(friction: float, side: float = 20.0, **keys: Any) -> dict[str, Any]:
-    """A ring on a cable between two anchors 2 m apart, pulled down by 50 N and aside (the physics' numbers)."""
+    """A ring on a cable between two anchors 2 m apart, pulled down by 50 N and aside."""
     nodes = {
         "a": {"position": [0.0, 0.0], "anchored": True},
         "b": {"position": [2.0, 0.0], "anchored": True},
