@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from tensegrity_codegen.scene.write import write_scene
 from tests.cli.conftest import Run
 from tests.runtime.statics.test_ring_slip import ring_scene

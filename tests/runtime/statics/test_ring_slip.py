@@ -200,7 +200,7 @@ def test_a_ring_that_friction_cannot_hold_is_said_to_slip_on() -> None:
 
 def test_the_ground_and_load_paths_are_refused() -> None:
     scene = ring_scene(0.1)
-    with pytest.raises(FormulationError, match="friction at rings is not supported here: .*load_path"):
+    with pytest.raises(FormulationError, match=r"friction at rings is not supported here: .*load_path"):
         compile_scene(scene, for_="load_path")
     ground = {"normal": [0, 1], "stiffness": 1e4}
     nodes = {**scene["nodes"], "b": {"position": [2.0, 0.0], "anchored": True}}
