@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.runtime.contacts.ring_slip import slip_until_held
 from tensegrity_codegen.runtime.model.arrays import to_array
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_double, require_model
@@ -20,7 +21,6 @@ from tensegrity_codegen.runtime.statics.methods import METHODS, Method, follow_r
 from tensegrity_codegen.runtime.statics.newton import Outcome, Progress, find_minimum
 from tensegrity_codegen.runtime.statics.on_ground import find_on_ground
 from tensegrity_codegen.runtime.statics.relaxation import find_relaxed
-from tensegrity_codegen.runtime.statics.ring_slip import slip_until_held
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, check_switch, check_whole, is_number
