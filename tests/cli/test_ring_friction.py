@@ -6,7 +6,7 @@ import pytest
 
 from tensegrity_codegen.scene.write import write_scene
 from tests.cli.conftest import Run
-from tests.runtime.contacts.test_ring_slip import ring_scene
+from tests.runtime.statics.test_ring_slip import ring_scene
 
 
 def test_the_verb_writes_the_scene_as_it_slipped(run: Run, folder: Path) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from tensegrity_codegen.runtime.accuracy.integrate import join_runs
-from tensegrity_codegen.runtime.statics.methods import follow_residual
+from tensegrity_codegen.runtime.statics.newton import follow_residual
 from tensegrity_codegen.system.progress import watched_passes, work_pass
 
 

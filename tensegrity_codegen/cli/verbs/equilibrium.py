@@ -9,8 +9,8 @@ from tensegrity_codegen.cli.inputs import InputOption
 from tensegrity_codegen.cli.options import CompilerOption, PrintOptions, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.runtime.statics.methods import Method
 from tensegrity_codegen.system.files import check_ending, check_output
+from tensegrity_codegen.tables.static_methods import Method
 
 LoadOption = Annotated[
     list[str] | None,

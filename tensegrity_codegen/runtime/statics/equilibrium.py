@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.runtime.contacts.ring_slip import slip_until_held
 from tensegrity_codegen.runtime.model.arrays import to_array
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_double, require_model
@@ -17,10 +16,10 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import (
     record_outcome,
     record_without_forces,
 )
-from tensegrity_codegen.runtime.statics.methods import METHODS, Method, follow_residual
-from tensegrity_codegen.runtime.statics.newton import Outcome, Progress, find_minimum
+from tensegrity_codegen.runtime.statics.newton import Outcome, Progress, find_minimum, follow_residual
 from tensegrity_codegen.runtime.statics.on_ground import find_on_ground
 from tensegrity_codegen.runtime.statics.relaxation import find_relaxed
+from tensegrity_codegen.runtime.statics.ring_slip import slip_until_held
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, check_switch, check_whole, is_number
@@ -34,6 +33,7 @@ from tensegrity_codegen.system.errors import (
 from tensegrity_codegen.system.progress import SETTLING, work_pass
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.precision import PRECISIONS
+from tensegrity_codegen.tables.static_methods import METHODS, Method
 
 # By the kind of static problem of the formulation.
 PROBLEMS: Mapping[str, type[StaticProblem]] = {

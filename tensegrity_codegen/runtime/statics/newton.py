@@ -18,6 +18,7 @@ from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.system.progress import SETTLING, describe_pass
 
 Progress = Callable[[int, float], None]
 
@@ -275,3 +276,25 @@ class _Search:
             moved = trial.coordinate - self.point.coordinate
             return float((self.point.residual + trial.residual) @ moved) / 2
         return self.point.energy - trial.energy
+
+
+def follow_residual(also: Progress | None) -> Progress:
+    """Return the progress function of a search, which says at which iteration it is, and how far off.
+
+    Parameters
+    ----------
+    also : callable, optional
+        Called with the iteration and the largest node residual [N].
+
+    Returns
+    -------
+    callable
+        To be called with the iteration and the largest node residual [N].
+    """
+
+    def progress(iteration: int, residual: float) -> None:
+        if also is not None:
+            also(iteration, residual)
+        describe_pass(f"{SETTLING}: iteration {iteration:,}, residual {residual:.3g} N")
+
+    return progress

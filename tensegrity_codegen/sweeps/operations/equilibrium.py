@@ -12,7 +12,6 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import check_search_options
-from tensegrity_codegen.runtime.statics.methods import Method
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.tasks.at_point import COORDINATE, find_case_equilibria
 from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes
@@ -28,6 +27,7 @@ from tensegrity_codegen.sweeps.tasks.quantities import (
 )
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.static_methods import Method
 
 DEFAULT_RESULTS = (
     *("node_position", "member_tension", "smallest_eigenvalue", "displacement", "change", "residual"),

@@ -26,10 +26,10 @@ from tensegrity_codegen.runtime.statics.equilibrium import (
     find_equilibrium,
 )
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.runtime.statics.methods import Method
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.tables.static_methods import Method
 
 
 def find_equilibria(
