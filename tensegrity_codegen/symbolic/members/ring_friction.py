@@ -230,6 +230,7 @@ class RingFriction(Memory):
         """Return the builders of margins, and of what tensions are beyond their limits."""
         return {
             "ring_margin": lambda: ca.vertcat(*[item for slip in self.slips for item in slip.solution[1]]),
+            "ring_ratio": lambda: ca.vertcat(*[item for slip in self.slips for item in slip.ratios]),
             "ring_excess": lambda: ca.vertcat(*[item for slip in self.slips for item in slip.excess()]),
         }
 

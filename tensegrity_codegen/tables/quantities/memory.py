@@ -66,6 +66,14 @@ MEMORY = (
         CAPSTAN,
     ),
     Quantity(
+        "ring_ratio",
+        "E",
+        "1",
+        ("n_rings",),
+        "Largest ratio of the tensions at both sides of each ring with friction, exp(mu theta).",
+        CAPSTAN,
+    ),
+    Quantity(
         "ring_excess",
         "F_r",
         "N",
