@@ -60,7 +60,23 @@ def cut_at_rings(
                 "a cable of this name has friction already", where=place, given=name, allowed="another name"
             )
         found[name] = (place, table.strands, table.friction, table.wrap_deg)
+    _refuse_shared(found)
     return parts, tuple(_build(name, values, parts) for name, values in found.items())
+
+
+def _refuse_shared(found: Mapping[str, Values]) -> None:
+    """Raise DuplicateNameError for a strand of two cables."""
+    owner: dict[str, str] = {}
+    for name, (place, strands, *_) in found.items():
+        for strand in dict.fromkeys(strands):
+            if strand in owner:
+                raise DuplicateNameError(
+                    f"the strand belongs to the cable {owner[strand]!r} already",
+                    where=f"{place}.strands",
+                    given=strand,
+                    allowed="strands of no other cable",
+                )
+            owner[strand] = name
 
 
 def _find_stated(scene: Scene, members: Mapping[str, Member], where: str) -> dict[str, tuple[Any, Any]]:
