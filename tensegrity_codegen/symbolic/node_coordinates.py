@@ -158,11 +158,10 @@ class NodeCoordinates:
         return sum(self.powers.values(), self.damping_power())
 
     def damping_power(self) -> Scalar:
-        """Return what damping of members adds to the total energy, -sum (t - t_undamped) l' [W]."""
+        """Return what damping of members adds to the total energy [W]."""
         power = ca.SX(0.0)
         for e in self.members.damped:
-            member = self.members.members[e]
-            power = power - member.damping_force * member.rate
+            power = power - self.members.members[e].damping_loss()
         return power
 
     @cached_property

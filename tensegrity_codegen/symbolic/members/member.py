@@ -83,10 +83,9 @@ class Member:
         """Law at the present length, rate and rest length."""
         return build_law(self.length, self.rate, self.values, self.tension_only)
 
-    @property
-    def damping_force(self) -> Scalar:
-        """Part of the tension that damping adds [N]."""
-        return self.law.tension() - self.law.undamped_tension()
+    def damping_loss(self) -> Scalar:
+        """Return what damping takes, (t - t_undamped) l' [W]."""
+        return (self.law.tension() - self.law.undamped_tension()) * self.rate
 
     def margin(self) -> Scalar:
         """Return the length [m] while which is positive a cable pulls."""

@@ -80,6 +80,10 @@ class SlidingStrand(Member):
         """Tension over the length [N/m]."""
         return self.tension / self.length
 
+    def damping_loss(self) -> Scalar:
+        """Return what damping takes, (T - t) (l' - rho') [W]: nothing of material that only travels."""
+        return (self.tension - self.elastic) * (self.rate - self.slide)
+
     def margin(self) -> Scalar:
         """Return l - rho [m]."""
         return self.law.extension
@@ -205,17 +209,17 @@ class RingFriction(Memory):
         return ca.SX(0.0)
 
     def powers(self) -> Mapping[str, Scalar]:
-        """Return minus what slip takes [W], -(T - t - d) l' - (t + t^2 / (2 EA)) rho' of all strands.
+        """Return minus what slip takes [W], -(T + t^2 / (2 EA)) rho' of all strands.
 
-        Where the tensions do not change that is v times the difference of T at both sides of a ring, and of
-        t^2 / (2 EA), by which the material strains as it comes under the tension of the other side.
+        That is v times the difference of T at both sides of a ring, and of t^2 / (2 EA), by which the
+        material strains as it comes under the tension of the other side.
         """
         power = ca.SX(0.0)
         for slip in self.slips:
             for e in slip.cable.members:
                 strand: Any = self.members[e]
-                moved = strand.elastic + strand.elastic**2 / (2.0 * strand.axial_stiffness)
-                power = power - (strand.tension - strand.stuck_tension) * strand.rate - moved * strand.slide
+                moved = strand.tension + strand.elastic**2 / (2.0 * strand.axial_stiffness)
+                power = power - moved * strand.slide
         return {"friction": power}
 
     def internal_rates(self) -> Mapping[str, Scalar]:
