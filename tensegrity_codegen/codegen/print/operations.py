@@ -143,7 +143,7 @@ def print_text(operation: int, operands: Sequence[Text], precision: Precision) -
         truth = _truth(operation, a, b, f)
         return Text(f"({truth}) ? 1.0{f} : 0.0{f}", CONDITIONAL, count, truth)
     own, left, right = PRECEDENCES.get(operation, FUNCTION)
-    first = _as_truth(a, f) if operation == ca.OP_IF_ELSE_ZERO else a.within(left)
+    first = as_truth(a, f) if operation == ca.OP_IF_ELSE_ZERO else a.within(left)
     second = b.within(right)
     if own in (SUM, PRODUCT) and second.startswith("-"):
         second = f"({second})"
@@ -153,12 +153,12 @@ def print_text(operation: int, operands: Sequence[Text], precision: Precision) -
 def _truth(operation: int, a: Text, b: Text, f: str) -> str:
     if operation in COMPARISONS:
         return OPERATIONS[operation].format(a=a.within(SUM), b=b.within(SUM))
-    first, second = _as_truth(a, f), _as_truth(b, f)
+    first, second = as_truth(a, f), as_truth(b, f)
     if operation != ca.OP_NOT:
         first, second = (f"({text})" if "&&" in text or "||" in text else text for text in (first, second))
     return OPERATIONS[operation].format(a=first, b=second)
 
 
-def _as_truth(value: Text, f: str) -> str:
-    """Return a number as a condition: whether it is not zero."""
+def as_truth(value: Text, f: str) -> str:
+    """Return a number as a condition: whether it is not zero; f: what literals end in."""
     return value.truth or f"{value.within(SUM)} != 0.0{f}"

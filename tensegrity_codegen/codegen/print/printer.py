@@ -1,7 +1,8 @@
 """CasADi SX functions as C: a `const` of its own for each value that is read more than once.
 
 What is read once stands where it is read, as long as lines stay short: the compiler sees the same tree of
-operations. A value keeps the number of its CasADi instruction (`t12`) or the name that it is given.
+operations. A value keeps the number of its CasADi instruction (`t12`) or the name that it is given. Long
+parts that only matter under a condition stand in an `if`; what they give is zero otherwise.
 
     const double length_bar1 = sqrt(x_bar1 * x_bar1 + y_bar1 * y_bar1 + coordinate[8] * coordinate[8]);
 """
@@ -14,8 +15,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.codegen.print.blocks import find_guards
 from tensegrity_codegen.codegen.print.instructions import Instruction, read_instructions
-from tensegrity_codegen.codegen.print.operations import BINARY, Text, count_reads, print_text
+from tensegrity_codegen.codegen.print.operations import BINARY, Text, as_truth, count_reads, print_text
 from tensegrity_codegen.tables.precision import PRECISIONS, Precision, check_precision
 
 Place = Callable[[str, int], str]
@@ -91,7 +93,9 @@ def print_body(
     instructions = read_instructions(function)
     where, uses = f"a constant of {function.name()}", _uses(instructions)
     names = annotations or Annotations()
-    return _Body(instructions, inputs, outputs, precision, place, names, where, uses).print()
+    body = _Body(instructions, inputs, outputs, precision, place, names, where, uses)
+    body.guards = find_guards(instructions)
+    return body.print()
 
 
 def print_columns(
@@ -149,6 +153,9 @@ class _Body:
     linear: frozenset[int] = frozenset()  # instructions that stand in the loop over columns
     before: int = 0  # entries of the result that stand before columns
     in_loop: list[str] = field(default_factory=list)
+    guards: Mapping[int, int] = field(default_factory=dict)  # operation in a block -> its condition
+    block: set[int] = field(default_factory=set)  # operations of the present block
+    in_block: list[str] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
     value: dict[int, Text] = field(default_factory=dict)
     reads: set[int] = field(default_factory=set)
@@ -156,6 +163,10 @@ class _Body:
 
     def print(self) -> PrintedBody:
         for k, item in enumerate(self.instructions):
+            if self._is_chosen(k) and item.operands[1] not in self.value:
+                self._put_block(self.guards[item.operands[1]])
+            if k in self.guards:
+                continue
             for operand in item.operands if k in self.linear else ():
                 if operand not in self.linear and self.value[operand].operations:
                     self._keep(operand)  # computed once, before the loop
@@ -174,10 +185,37 @@ class _Body:
                 fits = comment and len(text) + len(comment) <= LONGEST_LINE
                 self.lines.append(f"{text} /* {comment} */" if fits else text)
             else:
-                self.value[k] = self._express(item)
-                if not self._is_read_soon(k):
-                    self._keep(k)
+                self._evaluate(k)
         return PrintedBody(tuple(self.lines), frozenset(self.reads))
+
+    def _evaluate(self, k: int) -> None:
+        item, chosen = self.instructions[k], self._is_chosen(k)
+        self.value[k] = self.value[item.operands[1]] if chosen else self._express(item)
+        if self._leaves_block(k) or not (chosen or self._is_read_soon(k)):
+            self._keep(k)
+
+    def _is_chosen(self, k: int) -> bool:
+        """Whether it is what a block gives, or zero, chosen outside of that block."""
+        item = self.instructions[k]
+        own = self.guards.get(item.operands[1]) if item.operation == ca.OP_IF_ELSE_ZERO else None
+        return own is not None and own != self.guards.get(k)
+
+    def _leaves_block(self, k: int) -> bool:
+        return k in self.block and not self.block.issuperset(self.uses[k])
+
+    def _put_block(self, condition: int) -> None:
+        """Print all that waits for a condition and whose operands are there."""
+        for k, own in self.guards.items():
+            if own == condition and k not in self.value:
+                operands = self.instructions[k].operands
+                if all(operand in self.value or operand in self.block for operand in operands):
+                    self.block.add(k)
+        self.in_block = []
+        for k in sorted(self.block):
+            self._evaluate(k)
+        truth = as_truth(self.value[condition], self.precision.suffix)
+        self.lines += (f"if ({truth}) {{", *(f"  {line}" for line in self.in_block), "}")
+        self.block = set()
 
     def _put_columns(self, result: int, entry: int, source: int) -> None:
         """Give the columns of a result their values; what depends on no seed is zero."""
@@ -211,7 +249,12 @@ class _Body:
         kind, lines = (
             ("column_lanes", self.in_loop) if k in self.linear else (self.precision.c_type, self.lines)
         )
-        lines.append(f"const {kind} {name} = {self.value[k].text};")
+        if self._leaves_block(k):
+            lines.append(f"{kind} {name} = {print_number(0.0, self.precision)};")
+            self.in_block.append(f"{name} = {self.value[k].text};")
+        else:
+            lines = self.in_block if k in self.block else lines
+            lines.append(f"const {kind} {name} = {self.value[k].text};")
         self.value[k] = Text(name)
 
     def _is_read_soon(self, k: int) -> bool:
