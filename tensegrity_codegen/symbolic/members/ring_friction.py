@@ -21,15 +21,15 @@ is the root of chi_k where its ring sticks, or at the limit of its neighbour.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import pairwise
-from math import radians
+from functools import cached_property, reduce
+from itertools import combinations, pairwise
+from math import expm1, radians
 from typing import Any
 
 import casadi as ca
 
 from tensegrity_codegen.structure.sliding import SlidingCable
-from tensegrity_codegen.symbolic.geometry import dot, member_vector
+from tensegrity_codegen.symbolic.geometry import dot
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.memory import Memory
 
@@ -37,27 +37,42 @@ Scalar = Any
 
 SLACK_STRAIN = 1e-4  # of a strand, below which it has less damping on what it gives away
 SLACK_MARGIN = 1e-6  # of the rest length of a strand: margin of a ring between slack ones
+SURE = 1.0 - 1e-6  # times what a ring holds: less by more than any rounding
 LEAST_DAMPING = 1e-3  # of it, when slack
 
 
 @dataclass(frozen=True)
 class SlidingStrand(Member):
-    """A strand of a cable with friction at rings; slide: rate of its rest length by slip [m/s]."""
+    """A strand of a cable with friction at rings.
+
+    slide: rate of its rest length by slip [m/s], 0 unless the cable moves, as RingSlip has it.
+    """
 
     slide: Scalar = 0.0
+    moves: Scalar = 1.0
 
     @cached_property
+    def stretch(self) -> Scalar:
+        """Tension without damping and slip, times the rest length [N m]."""
+        return self.law.axial_stiffness / 2.0 * (self.extension + ca.fabs(self.extension))
+
+    @property
     def elastic(self) -> Scalar:
         """Tension without damping and slip [N]."""
-        return self.law.static_tension()
+        return self.stretch / self.law.rest_length
 
     @cached_property
+    def stuck_density(self) -> Scalar:
+        """Tension over the length as long as nothing slips [N/m]: (t + d) / l as one quotient."""
+        push = self.law.damping * dot(self.vector, self.vector_rate) * self.law.rest_length
+        size = (self.stretch * self.length) ** 2 + push * push
+        root = ca.sqrt(ca.if_else(size > 0, size, 1))
+        return self.stretch * (root + push) / (self.law.rest_length * root * self.length)
+
+    @property
     def damping_force(self) -> Scalar:
         """Part of the tension that damping of the length adds [N]."""
-        push = self.law.damping * self.rate
-        size = self.elastic * self.elastic + push * push
-        share = ca.if_else(size > 0, self.elastic / ca.sqrt(ca.if_else(size > 0, size, 1)), 0)
-        return push * share
+        return self.stuck_tension - self.elastic
 
     @cached_property
     def giving(self) -> Scalar:
@@ -65,20 +80,25 @@ class SlidingStrand(Member):
         small = SLACK_STRAIN * self.axial_stiffness
         return self.law.damping * ((self.elastic + LEAST_DAMPING * small) / (self.elastic + small))
 
-    @property
+    @cached_property
     def stuck_tension(self) -> Scalar:
         """Tension as long as nothing slips [N]."""
-        return self.elastic + self.damping_force
+        return self.stuck_density * self.length
+
+    @cached_property
+    def lost(self) -> Scalar:
+        """Part of the tension that slip takes [N]."""
+        return ca.if_else(self.slide > 0, self.law.damping, self.giving) * self.slide
 
     @cached_property
     def tension(self) -> Scalar:
         """Tension [N]."""
-        return self.stuck_tension - ca.if_else(self.slide > 0, self.law.damping, self.giving) * self.slide
+        return self.stuck_tension - ca.if_else(self.moves, self.lost, 0)
 
     @cached_property
     def density(self) -> Scalar:
         """Tension over the length [N/m]."""
-        return self.tension / self.length
+        return self.stuck_density - ca.if_else(self.moves, self.lost / self.length, 0)
 
     def damping_loss(self) -> Scalar:
         """Return what damping takes, (T - t) (l' - rho') [W]: nothing of material that only travels."""
@@ -150,6 +170,28 @@ class RingSlip:
         ]
 
     @cached_property
+    def limits(self) -> list[tuple[Scalar, Scalar]]:
+        """Less than (E - 1)^2 at each ring, without exponentials and roots: what divided by what."""
+        values = zip(pairwise(self.strands), self.cable.friction, self.cable.wrap_deg, strict=True)
+        return [
+            (SURE * ca.SX(expm1(friction * radians(wrap))) ** 2, ca.SX(1.0))
+            if wrap
+            else _bound_limit(friction, *ends)
+            for ends, friction, wrap in values
+        ]
+
+    @cached_property
+    def moves(self) -> Scalar:
+        """Whether a ring may slip; 0: all stick, as (a_(k+1) - a_k)^2 <= limit min(a_k, a_(k+1))^2 says."""
+        pulls = [strand.stuck_tension for strand in self.strands]
+        sticks = [
+            (behind - before) ** 2 * square <= limit * end**2
+            for (before, behind), (limit, square) in zip(pairwise(pulls), self.limits, strict=True)
+            for end in (before, behind)
+        ]
+        return ca.logic_not(reduce(ca.logic_and, sticks))
+
+    @cached_property
     def solution(self) -> tuple[list[Scalar], list[Scalar]]:
         """Flow through each ring [m/s], and the margin by which it sticks [m]."""
         flow = Flow(ca.SX(0.0), ca.SX(0.0)).beside(self.strands[0])
@@ -166,18 +208,21 @@ class RingSlip:
             room = ca.fmin(ratio * tension - free, ratio * free - tension)
             taken = missing / ca.if_else(missing > 0, strand.law.damping, strand.giving)
             onward = ca.if_else(room >= 0, 0, onward + taken)
-            flows.append(onward)
-            margins.append(self._find_margin(k, room, tension + free))
+            flows.append(ca.if_else(self.moves, onward, 0))
+            margins.append(self._find_margin(k, free, tension))
             tension = ca.fmin(ca.fmax(free, tension / ratio), tension * ratio)
         return flows[::-1], margins[::-1]
 
-    def _find_margin(self, k: int, room: Scalar, both: Scalar) -> Scalar:
-        """Return the margin of ring k [m]; room: of the tensions, whose sum is both [N].
+    def _find_margin(self, k: int, before: Scalar, behind: Scalar) -> Scalar:
+        """Return the margin of ring k [m]; before, behind: tensions unless all rings stick for sure [N].
 
         That is a length, room / mu, with a little of room / both: where both strands go slack it stays
         negative, as it is while they are.
         """
-        law = self.strands[k].law
+        law, ratio = self.strands[k].law, self.ratios[k]
+        before = ca.if_else(self.moves, before, self.strands[k].stuck_tension)
+        behind = ca.if_else(self.moves, behind, self.strands[k + 1].stuck_tension)
+        room, both = ca.fmin(ratio * behind - before, ratio * before - behind), before + behind
         least = SLACK_MARGIN * law.rest_length
         part = ca.if_else(both > 0, room / ca.if_else(both > 0, both, 1), -1)
         return room / law.mu + least * part
@@ -195,7 +240,7 @@ class RingSlip:
         """Return the strands as they slip."""
         flows = [ca.SX(0.0), *self.solution[0], ca.SX(0.0)]
         both = zip(self.strands, pairwise(flows), strict=True)
-        return [replace(strand, slide=before - behind) for strand, (before, behind) in both]
+        return [replace(strand, slide=before - behind, moves=self.moves) for strand, (before, behind) in both]
 
 
 class RingFriction(Memory):
@@ -239,15 +284,23 @@ class RingFriction(Memory):
         }
 
 
+def _bound_limit(friction: float, before: Member, behind: Member) -> tuple[Scalar, Scalar]:
+    """Return what is below (E - 1)^2 at a ring: what divided by what.
+
+    2 w + w^2 / 3 <= theta^2 with w = 1 - cos(theta), and y + 7 y^2 / 12 <= (exp(x) - 1)^2 with y = x^2: the
+    first terms of series of positive ones.
+    """
+    length, square = before.length * behind.length, friction**2
+    turn = SURE * length - dot(before.vector, behind.vector)
+    return turn * (2.0 * square * length + (square / 3.0 + square**2 * (7.0 / 3.0)) * turn), length * length
+
+
 def _find_angle(before: Member, behind: Member) -> Scalar:
-    """Return the angle between two strands [rad], 0 straight on and pi folded back; exact near both."""
-    one, other = before.direction(), behind.direction()
-    apart = member_vector(one, other)
-    along = [x + y for x, y in zip(one, other, strict=True)]
-    return 2.0 * ca.atan2(_find_size(apart), _find_size(along))
+    """Return the angle between two strands [rad], 0 straight on and pi folded back; exact near both.
 
-
-def _find_size(vector: Sequence[Scalar]) -> Scalar:
-    """Return the length of a vector; its derivative is 0 where it is 0."""
-    square = dot(list(vector), list(vector))
-    return ca.if_else(square > 0, ca.sqrt(ca.if_else(square > 0, square, 1)), 0)
+    The root of the area between them has the derivative 0 where it is 0.
+    """
+    pairs = list(zip(before.vector, behind.vector, strict=True))
+    square = sum(((x * w - y * v) ** 2 for (x, v), (y, w) in combinations(pairs, 2)), ca.SX(0.0))
+    area = ca.if_else(square > 0, ca.sqrt(ca.if_else(square > 0, square, 1)), 0)
+    return ca.atan2(area, dot(before.vector, behind.vector))

@@ -28,6 +28,7 @@ def make_cable(n: int) -> tuple[RingSlip, list[Any]]:
     names, rows = tuple(f"c_{k}" for k in range(n + 1)), tuple(range(n + 1))
     slip = RingSlip(SlidingCable("c", names, rows, (0.1,) * n, (90.0,) * n), strands)
     vars(slip)["ratios"] = [ratio[k] for k in range(n)]
+    vars(slip)["limits"] = [(0.9 * (ratio[k] - 1.0) ** 2, 1.0) for k in range(n)]
     return slip, [pull, ratio]
 
 
@@ -66,3 +67,48 @@ def test_a_strand_cannot_hold_more_than_the_capstan_says() -> None:
     flow = ca.Function("f", [pull], [slip.solution[0][0]])
     assert [float(flow([10.0, end])) > 0 for end in (169.020241716, 169.020241718)] == [False, True]
     assert [float(flow([end, 10.0])) < 0 for end in (169.020241716, 169.020241718)] == [False, True]
+
+
+def make_strands(*vectors: list[float]) -> list[Any]:
+    """Return strands of these vectors [m], which are all that limits depend on."""
+    return [SimpleNamespace(vector=list(map(ca.SX, d)), length=ca.SX(np.linalg.norm(d))) for d in vectors]
+
+
+@pytest.mark.parametrize("friction", [0.01, 0.1, 0.5, 3.0])
+@pytest.mark.parametrize("n_axes", [2, 3])
+def test_quick_limits_are_below_those_of_the_capstan(n_axes: int, friction: float) -> None:
+    """Below (E - 1)^2 at all angles; with moderate friction and turns by more than half of it."""
+    for angle in (0.0, 1e-9, 1e-3, 0.1, 0.5, 1.0, 2.0, 3.0, np.pi):
+        turned = [0.7 * np.cos(angle), 0.7 * np.sin(angle), 0.0]
+        strands = make_strands([2.0, 0.0, 0.0][:n_axes], turned[:n_axes])
+        slip = RingSlip(SlidingCable("c", ("c_1", "c_2"), (0, 1), (friction,), (0.0,)), strands)
+        assert float(slip.ratios[0]) == pytest.approx(np.exp(friction * angle), rel=1e-14)
+        ((top, bottom),) = slip.limits
+        limit, exact = float(top / bottom), np.expm1(friction * angle) ** 2
+        assert limit < exact or angle == 0.0 >= limit
+        if friction <= 0.5 and 0.01 < angle <= 1.0:
+            assert limit > 0.6 * exact
+    ((top, bottom),) = RingSlip(SlidingCable("c", ("c_1", "c_2"), (0, 1), (0.3,), (540.0,)), strands).limits
+    assert float(top / bottom) == pytest.approx((16.9020241717 - 1.0) ** 2, rel=2e-6)
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_a_cable_that_sticks_for_sure_gives_the_same_results(n: int) -> None:
+    """Flows and margins without the quick answer are zero there too, and positive, the same to rounding."""
+    (slip, symbols), (exact, same) = make_cable(n), make_cable(n)
+    vars(exact)["moves"] = ca.SX(1.0)
+    results = [
+        ca.Function("f", given, [ca.vertcat(*item.solution[0]), ca.vertcat(*item.solution[1]), item.moves])
+        for item, given in ((slip, symbols), (exact, same))
+    ]
+    rng, counts = np.random.default_rng(n), [0, 0]
+    for _ in range(600):
+        pull = 1.0 + rng.choice([0.1, 0.01, 0.0]) * rng.normal(size=n + 1)
+        ratio = 1.0 + 0.2 * rng.random(n)
+        (flow, margin, moves), (flow_of_all, margin_of_all, _) = (
+            [np.array(part).ravel() for part in solve(pull, ratio)] for solve in results
+        )
+        counts[int(moves.item())] += 1
+        assert flow.tolist() == flow_of_all.tolist()
+        assert margin == pytest.approx(margin_of_all, rel=1e-9, abs=1e-15)
+    assert min(counts) > 100
