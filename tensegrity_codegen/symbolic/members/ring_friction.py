@@ -15,8 +15,9 @@ linear and rises; with phi_k(x), the flow at which T_(k+1) = x,
 
 phi_k(x) = max(0, chi_k(x / E_k)) + min(0, chi_k(x E_k)),  chi_(k+1)(x) = phi_k(x) + (x - a_(k+1)) / c
 
-Each ring adds two corners, each strand one at a. The last strand has chi(T) = 0 (no flow); going back, T_k
-is the root of chi_k where its ring sticks, or at the limit of its neighbour.
+so phi_k(x) is chi_k at that point from x / E_k to x E_k which is next to its root, and zero where the root
+lies there. Each ring adds two corners, each strand one at a. The last strand has chi(T) = 0 (no flow); going back,
+T_k is the root of chi_k where its ring sticks, or at the limit of its neighbour.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -111,46 +112,54 @@ class SlidingStrand(Member):
 
 @dataclass(frozen=True)
 class Flow:
-    """A rising piecewise linear function of x >= 0: start + slope x + sum of bend max(0, x - corner)."""
+    """chi of a strand, piecewise linear and rising; before: that of the strand before, ratio: E of the ring.
 
-    start: Scalar
-    slope: Scalar
-    corners: tuple[tuple[Scalar, Scalar], ...] = ()  # corner, bend
+    It is evaluated strand by strand: sums of slopes, which grow with E of all rings, would cancel each other.
+    """
+
+    strand: SlidingStrand
+    before: "Flow | None" = None
+    ratio: Scalar = 1.0
 
     def at(self, x: Scalar) -> Scalar:
-        """Return the value."""
-        bends = (bend * ca.fmax(x - corner, 0.0) for corner, bend in self.corners)
-        return sum(bends, self.start + self.slope * x)
+        """Return the value at a tension [m/s]."""
+        given = x - self.strand.stuck_tension
+        own = given / ca.if_else(given < 0, self.strand.law.damping, self.strand.giving)
+        if self.before is None:
+            return own
+        root, least, most = self.before.root, x / self.ratio, x * self.ratio
+        onward = self.before.at(ca.fmin(ca.fmax(root, least), most))
+        return own + ca.if_else(ca.logic_and(least <= root, root <= most), 0, onward)
 
-    def find_root(self) -> tuple[Scalar, Scalar, Scalar]:
-        """Return the x at which it is zero, 0 where it starts above, the last corner before, the slope there.
+    @cached_property
+    def corners(self) -> list[Scalar]:
+        """Tensions at which the slope changes [N]."""
+        own = [self.strand.stuck_tension]
+        if self.before is None:
+            return own
+        root, ratio = self.before.root, self.ratio
+        moved = [ca.if_else(item > root, item * ratio, item / ratio) for item in self.before.corners]
+        return [*own, root / ratio, root * ratio, *moved]
 
-        Corners count as before by the sign of the function there, whatever rounding does to the root.
-        """
-        below = ca.SX(0.0)
-        for corner, _ in self.corners:
-            below = ca.fmax(below, ca.if_else(self.at(corner) <= 0, corner, 0))
-        slope = sum((ca.if_else(corner <= below, bend, 0) for corner, bend in self.corners), self.slope)
-        return ca.fmax(below - self.at(below) / slope, 0.0), below, slope
+    @cached_property
+    def most(self) -> Scalar:
+        """A tension at which it is not negative [N]."""
+        own = 2.0 * self.strand.stuck_tension
+        return own if self.before is None else own + self.before.most
 
-    def through(self, ratio: Scalar, root: Scalar, below: Scalar, slope: Scalar) -> "Flow":
-        """Return the flow over the tension behind a ring, whose largest ratio of tensions is given.
-
-        root, below, slope: as `find_root` returns them.
-        """
-        moved = [
-            (ca.if_else(corner > below, corner * ratio, corner / ratio),
-             ca.if_else(corner > below, bend / ratio, bend * ratio))
-            for corner, bend in self.corners
-        ]  # fmt: skip
-        own = ((root / ratio, -ratio * slope), (root * ratio, slope / ratio))
-        return Flow(self.start, self.slope * ratio, (*moved, *own))
-
-    def beside(self, strand: SlidingStrand) -> "Flow":
-        """Return it with what a strand takes in added."""
-        slope, tension = 1.0 / strand.law.damping, strand.stuck_tension
-        corners = (*self.corners, (tension, 1.0 / strand.giving - slope))
-        return Flow(self.start - tension * slope, self.slope + slope, corners)
+    @cached_property
+    def root(self) -> Scalar:
+        """The tension at which it is zero [N], on the line between the corners next to it."""
+        below, above = ca.SX(0.0), self.most
+        low, high = self.at(below), self.at(above)
+        for corner in self.corners:
+            value = self.at(corner)
+            is_below = ca.logic_and(value <= 0, corner >= below)
+            is_above = ca.logic_and(value > 0, corner < above)
+            below, low = ca.if_else(is_below, corner, below), ca.if_else(is_below, value, low)
+            above, high = ca.if_else(is_above, corner, above), ca.if_else(is_above, value, high)
+        rise = high - low
+        return below - low * (above - below) / ca.if_else(rise > 0, rise, 1)
 
 
 @dataclass(frozen=True)
@@ -194,13 +203,12 @@ class RingSlip:
     @cached_property
     def solution(self) -> tuple[list[Scalar], list[Scalar]]:
         """Flow through each ring [m/s], and the margin by which it sticks [m]."""
-        flow = Flow(ca.SX(0.0), ca.SX(0.0)).beside(self.strands[0])
+        flow = Flow(self.strands[0])
         alone: list[Scalar] = []  # tension of each strand with all rings behind it stuck
         for ratio, strand in zip(self.ratios, self.strands[1:], strict=True):
-            found = flow.find_root()
-            alone.append(found[0])
-            flow = flow.through(ratio, *found).beside(strand)
-        tension, onward = flow.find_root()[0], ca.SX(0.0)
+            alone.append(flow.root)
+            flow = Flow(strand, flow, ratio)
+        tension, onward = flow.root, ca.SX(0.0)
         flows, margins = [], []
         for k in reversed(range(len(self.ratios))):
             ratio, free, strand = self.ratios[k], alone[k], self.strands[k + 1]

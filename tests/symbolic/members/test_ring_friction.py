@@ -59,6 +59,27 @@ def test_flows_solve_the_equations_of_the_capstan(n: int) -> None:
     assert seen == {-1.0, 0.0, 1.0}
 
 
+@pytest.mark.parametrize(
+    ("n", "total", "most"), [(1, 12.0, 1e-11), (2, 24.0, 1e-11), (4, 24.0, 1e-13), (12, 40.0, 1e-13)]
+)
+def test_large_ratios_of_several_rings_do_not_spoil_the_flows(n: int, total: float, most: float) -> None:
+    """The equations hold to rounding, which one ring enlarges by its E, not by the product over all rings."""
+    slip, symbols = make_cable(n)
+    solve = ca.Function("f", symbols, [ca.vertcat(*slip.solution[0])])
+    ratio, rng = np.full(n, np.exp(total / n)), np.random.default_rng(n)
+    n_slips = 0
+    for spread in (0.05, 1.0, 5.0) * 100:
+        pull = 8.0 * np.exp(spread * rng.normal(size=n + 1)) * (rng.random(n + 1) > 0.15)
+        flow = np.array(solve(pull, ratio)).ravel()
+        slide = -np.diff(np.concatenate([[0.0], flow, [0.0]]))
+        tension = pull - (2.0 + np.arange(n + 1)) * np.where(slide > 0, slide, GIVING * slide)
+        above, below = tension[1:] - ratio * tension[:-1], tension[:-1] - ratio * tension[1:]
+        wrong = np.where(flow > 0, np.abs(above), np.where(flow < 0, np.abs(below), np.maximum(above, below)))
+        assert max(wrong.max(), -tension.min()) <= most * pull.max()
+        n_slips += np.count_nonzero(flow)
+    assert n_slips > 20
+
+
 def test_a_strand_cannot_hold_more_than_the_capstan_says() -> None:
     """10 N and mu 0.3 over 1.5 turns hold up to 169.020241717 N."""
     slip, (pull, _) = make_cable(1)
