@@ -1,4 +1,4 @@
-"""Which operations of straight-line code are needed only under a condition, and may stand in an `if`.
+"""Blocks of straight-line code: operations that are needed only under a condition may stand in an `if`.
 
 An operation is guarded by a condition if everything that reads it is guarded by that, or chooses it or zero
 by that condition. Blocks cost jumps, which a core may foresee wrongly: a condition has them only where it

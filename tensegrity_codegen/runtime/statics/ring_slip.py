@@ -87,7 +87,8 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
     for _ in range(MOST_ITERATIONS):
         point = state.outcome.point
         gap, side = state.find_gap(slope)
-        if np.abs(gap).max() <= ACCURACY * slope * point.largest_force:
+        rounding = problem.rounding_floor(problem.stiffness(point.coordinate), point)
+        if np.abs(gap).max() <= slope * max(ACCURACY * point.largest_force, rounding):
             settle(state.slid, point)
             return replace(state.outcome, iterations=spent)
         step, compliance = _find_step(state, side, PROBE * size, settle)

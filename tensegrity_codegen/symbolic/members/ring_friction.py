@@ -39,6 +39,7 @@ Scalar = Any
 SLACK_STRAIN = 1e-4  # of a strand, below which it has less damping on what it gives away
 SLACK_MARGIN = 1e-6  # of the rest length of a strand: margin of a ring between slack ones
 SURE = 1.0 - 1e-6  # times what a ring holds: less by more than any rounding
+HELD = 1.0 - 1e-9  # of the limit, up to which equilibria go, so that their rings stick for sure
 LEAST_DAMPING = 1e-3  # of it, when slack
 
 
@@ -69,11 +70,6 @@ class SlidingStrand(Member):
         size = (self.stretch * self.length) ** 2 + push * push
         root = ca.sqrt(ca.if_else(size > 0, size, 1))
         return self.stretch * (root + push) / (self.law.rest_length * root * self.length)
-
-    @property
-    def damping_force(self) -> Scalar:
-        """Part of the tension that damping of the length adds [N]."""
-        return self.stuck_tension - self.elastic
 
     @cached_property
     def giving(self) -> Scalar:
@@ -239,7 +235,7 @@ class RingSlip:
         """Return what tensions at rest are beyond the limit, behind each ring and before it [N]."""
         tensions = pairwise(strand.elastic for strand in self.strands)
         both = [
-            (behind - ratio * before, before - ratio * behind)
+            (behind - HELD * ratio * before, before - HELD * ratio * behind)
             for ratio, (before, behind) in zip(self.ratios, tensions, strict=True)
         ]
         return [value for pair in both for value in pair]

@@ -73,7 +73,7 @@ def test_two_masses_over_a_ring_accelerate_as_the_capstan_says(wrap_deg: float) 
     model = simulator(make_atwood(0.05, wrap_deg, 1e8, **pull), "rodas", more=more)
     motion = move(model, np.linspace(0.0, 0.5, 11), "rodas", 1e-9)
     assert motion.status == "ok"
-    assert compute(model, "acceleration", motion)[-1] == pytest.approx([ATWOOD, -ATWOOD], rel=1e-7)
+    assert compute(model, "acceleration", motion)[-1] == pytest.approx([ATWOOD, -ATWOOD], rel=5e-7)
     assert motion.velocity[-1] == pytest.approx([0.5 * ATWOOD, -0.5 * ATWOOD], rel=1e-5)
     tension = motion.member_tension
     assert motion.internal is not None
