@@ -16,8 +16,8 @@ linear and rises; with phi_k(x), the flow at which T_(k+1) = x,
 phi_k(x) = max(0, chi_k(x / E_k)) + min(0, chi_k(x E_k)),  chi_(k+1)(x) = phi_k(x) + (x - a_(k+1)) / c
 
 so phi_k(x) is chi_k at that point from x / E_k to x E_k which is next to its root, and zero where the root
-lies there. Each ring adds two corners, each strand one at a. The last strand has chi(T) = 0 (no flow); going back,
-T_k is the root of chi_k where its ring sticks, or at the limit of its neighbour.
+lies there. Each ring adds two corners, each strand one at a. The last strand has chi(T) = 0 (no flow); going
+back, T_k is the root of chi_k where its ring sticks, or at the limit of its neighbour.
 """
 
 from collections.abc import Callable, Mapping, Sequence
