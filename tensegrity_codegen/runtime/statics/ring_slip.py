@@ -23,7 +23,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import SLID_END
 
 FOUND = ("converged", "rounding_limited")
-ACCURACY = 1e-10  # of the largest tension: how near to the capstan's limit rings come
+ACCURACY = 2e-11  # of the largest tension: how near to the capstan's limit rings come
 PROBE = 1e-6  # of the longest member: slip by which derivatives are found
 MOST_ITERATIONS = 40
 LEAST_PART = 1 / 64  # of a step of Newton's method

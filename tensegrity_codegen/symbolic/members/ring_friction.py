@@ -39,7 +39,7 @@ Scalar = Any
 SLACK_STRAIN = 1e-4  # of a strand, below which it has less damping on what it gives away
 SLACK_MARGIN = 1e-6  # of the rest length of a strand: margin of a ring between slack ones
 SURE = 1.0 - 1e-6  # times what a ring holds: less by more than any rounding
-HELD = 1.0 - 1e-9  # of the limit, up to which equilibria go, so that their rings stick for sure
+HELD = 1.0 - 1e-10  # of the limit, up to which equilibria go, so that their rings stick for sure
 LEAST_DAMPING = 1e-3  # of it, when slack
 
 
