@@ -1,5 +1,6 @@
 """Slip at rings with friction: the equations of the capstan hold for any tensions and numbers of rings."""
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,6 +8,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.sliding import SlidingCable
 from tensegrity_codegen.symbolic.members.ring_friction import RingSlip
 
@@ -133,3 +137,24 @@ def test_a_cable_that_sticks_for_sure_gives_the_same_results(n: int) -> None:
         assert flow.tolist() == flow_of_all.tolist()
         assert margin == pytest.approx(margin_of_all, rel=1e-9, abs=1e-15)
     assert min(counts) > 100
+
+
+def test_generated_code_solves_for_flows_only_where_a_ring_may_slip() -> None:
+    """One block in the accelerations; exponentials and angles stand in it alone, and nothing else jumps."""
+    nodes = {
+        "a": {"position": [0.0, 0.0, 0.0], "anchored": True},
+        "ring": {"position": [1.0, 0.0, -0.5], "mass": 1.0},
+        "b": {"position": [2.0, 0.0, 0.0], "mass": 1.0},
+    }
+    cable = {"kind": "cable", "nodes": ["a", "ring", "b"], "axial_stiffness": 100.0, "damping": 1.0}
+    scene = {"name": "one", "nodes": nodes, "members": {"c": {**cable, "friction": 0.2}}}
+    structure, request = assemble(parse_scene(scene, "scene"), "scene")
+    (text,) = [text for name, text in emit(structure, request).files.items() if name == "one.c"]
+    kernel = text[text.index("static void acceleration_kernel") :].partition("\n}\n")[0]
+    found = re.fullmatch(r"(.*?)\n  if \([^{]*\) {\n(.*?)\n  }\n(.*)", kernel, re.DOTALL)
+    assert found is not None
+    before, block, behind = found.groups()
+    for word in ("exp(", "atan2(", "fmax("):
+        assert word in block
+        assert word not in before + behind
+    assert "if (" not in behind
