@@ -1,15 +1,121 @@
-"""Program memory and stack of a generated library, as its compiler reports them."""
+"""Program memory and stack of a generated library: what its compiler reports, along chains of calls."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from graphlib import TopologicalSorter
 from pathlib import Path
 
-from tensegrity_codegen.codegen.compilation.call_depth import deepest_stack
+import numpy as np
+import scipy
+
 from tensegrity_codegen.codegen.compilation.compile import object_size, stack_use
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.targets import find_target
+
+_COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
+_STRING = re.compile(r'"(?:[^"\\\n]|\\.)*"' + r"|'(?:[^'\\\n]|\\.)*'")
+_LINKAGE = re.compile(r'extern\s*""\s*\{')
+_ATTRIBUTE = re.compile(r"__(?:attribute__|declspec)\s*\(\(?[^()]*(?:\([^()]*\))?[^()]*\)?\)")
+_DEFINE = re.compile(r"#\s*define\s+(\w+)")
+_WORD = re.compile(r"[A-Za-z_]\w*")
+
+
+def find_mentions(sources: Iterable[str]) -> dict[str, frozenset[str]]:
+    """Return what each function, macro and initialised variable of C sources mentions.
+
+    Parameters
+    ----------
+    sources : iterable of str
+        Texts of C files.
+
+    Returns
+    -------
+    dict of str to frozenset of str
+        Name of a definition -> all words in its body. A call is such a word; so is a function whose address
+        is taken, or a macro.
+    """
+    found: dict[str, set[str]] = {}
+    for source in sources:
+        text = _LINKAGE.sub("", _STRING.sub('""', _COMMENT.sub(" ", source))).replace("\\\n", " ")
+        rest = []
+        for line in text.split("\n"):
+            if line.lstrip().startswith("#"):
+                macro = _DEFINE.match(line.lstrip())
+                if macro is not None:
+                    found.setdefault(macro[1], set()).update(_WORD.findall(line)[2:])
+            else:
+                rest.append(line)
+        for head, body in _find_blocks("\n".join(rest)):
+            name = _name(head)
+            if name:
+                found.setdefault(name, set()).update(_WORD.findall(body))
+    return {name: frozenset(words) for name, words in found.items()}
+
+
+def _find_blocks(text: str) -> Iterable[tuple[str, str]]:
+    """Return what stands before, and within, each pair of outermost braces."""
+    depth = start = opened = 0
+    for at, letter in ((match.start(), match[0]) for match in re.finditer(r"[{};]", text)):
+        if letter == "{":
+            opened = at if depth == 0 else opened
+            depth += 1
+        elif letter == "}":
+            depth = max(0, depth - 1)
+            if depth == 0:
+                yield text[start:opened], text[opened:at]
+                start = at + 1
+        elif depth == 0:
+            start = at + 1
+
+
+def _name(head: str) -> str:
+    """Return the name that a definition with this beginning has; empty for types."""
+    head = _ATTRIBUTE.sub(" ", head)
+    pattern = r"(\w+)\s*(?:\[[^=]*)?=" if "=" in head else r"(\w+)\s*\("
+    found = re.search(pattern, head)
+    return found[1] if found else ""
+
+
+def deepest_stack(frames: Mapping[str, int], sources: Iterable[str]) -> dict[str, int]:
+    """Return the bytes of stack that each function takes at most, with all that it calls.
+
+    Parameters
+    ----------
+    frames : mapping of str to int
+        Function -> bytes of its own frame; functions that the compiler has inlined are missing, or 0.
+    sources : iterable of str
+        Texts of the C files in which they are defined. Functions of other libraries count nothing.
+
+    Returns
+    -------
+    dict of str to int
+        Function -> bytes along the longest chain of calls. In a circle of calls each function counts once.
+    """
+    own: dict[str, int] = {}
+    for name, size in frames.items():
+        bare = name.partition(".")[0]  # "solve.constprop.0" is a copy of "solve"
+        own[bare] = max(size, own.get(bare, 0))
+    mentions = find_mentions(sources)
+    names = sorted(mentions.keys() | own.keys())
+    at = {name: place for place, name in enumerate(names)}
+    calls = [(at[name], at[word]) for name, words in mentions.items() for word in words if word in at]
+    ends = np.array(calls, dtype=np.int64).reshape(-1, 2)
+    graph = scipy.sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(at), len(at)))
+    _, label = scipy.sparse.csgraph.connected_components(graph, connection="strong")
+    circle = np.asarray(label).tolist()
+    count = 1 + max(circle, default=-1)
+    weight = np.bincount(circle, weights=[own.get(name, 0) for name in names], minlength=count)
+    below: list[set[int]] = [set() for _ in range(count)]
+    for caller, called in calls:
+        if circle[caller] != circle[called]:
+            below[circle[caller]].add(circle[called])
+    deepest: dict[int, int] = {}
+    for one in TopologicalSorter(dict(enumerate(below))).static_order():  # what is called comes first
+        deepest[one] = int(weight[one]) + max((deepest[other] for other in below[one]), default=0)
+    return {name: deepest[circle[at[name.partition(".")[0]]]] for name in frames}
 
 
 @dataclass(frozen=True)

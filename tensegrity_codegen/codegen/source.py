@@ -21,10 +21,9 @@ from tensegrity_codegen.codegen.compilation.machine import INSTRUCTION_SETS
 from tensegrity_codegen.codegen.emitter import Bodies, WantedFunction, result_size
 from tensegrity_codegen.codegen.integrators.integrators import integrator_context, motion_settings
 from tensegrity_codegen.codegen.integrators.solvers import solver_context
-from tensegrity_codegen.codegen.print.banner import BANNER
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
 from tensegrity_codegen.codegen.print.printer import print_numbers
-from tensegrity_codegen.codegen.print.render import render
+from tensegrity_codegen.codegen.print.render import BANNER, render
 from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
 from tensegrity_codegen.codegen.prune import PrunedFunction
 from tensegrity_codegen.tables.formulations import find_formulation

@@ -1,12 +1,20 @@
 """Emitter `unrolled`: every wanted function as straight-line C.
 
-For scenes of up to about a hundred members: code and compile time grow with the structure.
+For scenes of up to about a hundred members: code and compile time grow with the structure. Values and results
+have names: two instructions of different functions that apply the same operations to the same entries of
+arguments have the same key, so that a value is found by what it is computed of.
 """
 
-from tensegrity_codegen.codegen.annotate import NamedValues
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
 from tensegrity_codegen.codegen.batch import write_lanes
 from tensegrity_codegen.codegen.emitter import Bodies, Emitter
-from tensegrity_codegen.codegen.print.printer import print_body, print_columns
+from tensegrity_codegen.codegen.print.identifiers import name_local, plain_comment
+from tensegrity_codegen.codegen.print.instructions import Instruction, read_instructions
+from tensegrity_codegen.codegen.print.printer import Annotations, print_body, print_columns
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.codegen.prune import PrunedFunction, is_offered, prune
 from tensegrity_codegen.structure.bodies import BodySystem
@@ -17,6 +25,106 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.precision import Precision
 from tensegrity_codegen.tables.quantities import OF_COLUMNS
 from tensegrity_codegen.tables.request import ModelRequest
+
+# Quantities of members whose values get names in straight-line code, and what these names begin with.
+MEMBER_PREFIXES = {"member_length": "length", "member_tension": "tension", "force_density": "force_density"}
+COMMUTATIVE = frozenset({ca.OP_ADD, ca.OP_MUL})
+
+
+class NamedValues:
+    """The values of a model that have names: components, lengths, tensions and force densities of members."""
+
+    def __init__(self, model: SymbolicModel) -> None:
+        self.model = model
+        self._keys: dict[tuple[object, ...], int] = {}
+        self._named: dict[int, tuple[str, str]] = {}  # key -> name, heading
+        names = list(model.arguments)
+        symbols = [argument.symbol for argument in model.arguments.values()]
+        axes = tuple("xyz"[axis] for axis in model.frame.axes)
+        named = {"member_vector": axes} | {name: (prefix,) for name, prefix in MEMBER_PREFIXES.items()}
+        for quantity, prefixes in named.items():
+            if not is_offered(model, quantity):
+                continue
+            function = ca.Function("named_values", symbols, [ca.densify(model.expression(quantity))])
+            instructions = read_instructions(function)
+            keys = self._find_keys(instructions, names)
+            for item in instructions:
+                if item.operation == ca.OP_OUTPUT and instructions[item.operands[0]].is_operation:
+                    self._add(keys[item.operands[0]], prefixes, item.place[1])
+
+    def annotate(self, function: PrunedFunction) -> Annotations:
+        """Return names, headings and comments of the body of a function."""
+        instructions = read_instructions(function.function)
+        taken = {*function.arguments, function.quantity.name}
+        found = {
+            k: self._named[key]
+            for k, key in enumerate(self._find_keys(instructions, function.arguments))
+            if key in self._named and self._named[key][0] not in taken
+        }
+        return Annotations(
+            name={k: name for k, (name, _) in found.items()},
+            heading={k: heading for k, (_, heading) in found.items()},
+            entry=self.find_entries(function),
+        )
+
+    def find_entries(self, function: PrunedFunction) -> dict[int, str]:
+        """Return entry of the result -> whose it is, as a comment."""
+        rows = [self._labels(dimension) for dimension in function.quantity.shape]
+        if not rows or not all(rows):
+            return {}
+        pattern = function.pattern
+        if pattern is not None:
+            if pattern.shape != tuple(map(len, rows)):
+                return {}
+            columns = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.column_start)).tolist()
+            places = zip(pattern.row.tolist(), columns, strict=True)
+            return {k: plain_comment(f"{rows[0][i]}, {rows[1][j]}") for k, (i, j) in enumerate(places)}
+        labels = list(rows[0]) if len(rows) == 1 else [f"{a} {b}" for a in rows[0] for b in rows[1]]
+        if len(labels) != function.shape[0] * function.shape[1]:
+            return {}
+        return {k: plain_comment(label) for k, label in enumerate(labels)}
+
+    def _labels(self, dimension: str) -> Sequence[str]:
+        frame = self.model.frame
+        rates = tuple(f"rate of {name}" for name in frame.coordinate_name)
+        labels: dict[str, Sequence[str]] = {
+            "n_nodes": frame.node_name,
+            "n_members": frame.member_name,
+            "n_axes": ["xyz"[axis] for axis in frame.axes],
+            "n_coordinates": frame.coordinate_name,
+            "n_states": (*frame.coordinate_name, *rates),
+            "n_inputs": frame.input_name,
+            "n_tension_only": [frame.member_name[e] for e in np.flatnonzero(self.model.subject.tension_only)],
+        }
+        return labels.get(dimension, ())
+
+    def _add(self, key: int, prefixes: Sequence[str], entry: int) -> None:
+        member, part = divmod(entry, len(prefixes))
+        frame = self.model.frame
+        name = frame.member_name[member]
+        heading = plain_comment(name)
+        if member < len(frame.connectivity):
+            first, last = frame.connectivity[member]
+            rings = frame.ring_nodes[member] if frame.ring_nodes else ()
+            passed = [frame.node_name[node] for node in (first, *rings, last)]
+            heading = plain_comment(f"{name}: {' to '.join(passed)}")
+        self._named.setdefault(key, (name_local(prefixes[part], name, member), heading))
+
+    def _find_keys(self, instructions: Sequence[Instruction], names: Sequence[str]) -> list[int]:
+        """Return one number for each instruction, the same for the same operations on the same arguments."""
+        found: list[int] = []
+        for item in instructions:
+            operands = [found[k] for k in item.operands]
+            if item.operation in COMMUTATIVE:
+                operands.sort()
+            key: tuple[object, ...] = (item.operation, *operands)
+            if item.operation == ca.OP_INPUT:
+                key = (item.operation, names[item.place[0]], item.place[1])
+            elif item.operation == ca.OP_CONST:
+                key = (item.operation, item.value.hex())
+            found.append(self._keys.setdefault(key, len(self._keys)))
+        return found
+
 
 MOST_MEMBERS = 400
 MOST_OPERATIONS = 150_000

@@ -7,8 +7,7 @@ from typing import Any
 
 from tensegrity_codegen.codegen.casadi_interface.derivatives import TOO_LONG
 from tensegrity_codegen.codegen.compilation.flags import find_flags
-from tensegrity_codegen.codegen.print.banner import BANNER
-from tensegrity_codegen.codegen.print.render import render
+from tensegrity_codegen.codegen.print.render import BANNER, render
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.tables.manifest import C_API_VERSION, Manifest
 from tensegrity_codegen.tables.quantities import PARAMETERS

@@ -1,5 +1,15 @@
-"""CasADi's instruction list as single static assignment: each operation names the ones it takes up."""
+"""CasADi's instruction list as single static assignment, and the order in which its operations are printed.
 
+Each operation names the ones it takes up.
+
+Compilers keep the order of long straight-line code more or less (gcc does not schedule before it gives out
+registers), and cores look a few hundred operations ahead. So operations are issued here as an idealised core
+would: each as soon as its operands are there, the one first from which the longest way leads to a result;
+where more values are alive than registers hold, the one first that ends most lives. None passes another that
+stands LOOK_AHEAD places before it. The operations stay the same, and so do all results, to the bit.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -41,3 +51,87 @@ def read_instructions(function: ca.Function) -> list[Instruction]:
             found.append(Instruction(operation, tuple(work[place] for place in source)))
         work[target[0]] = k
     return found
+
+
+# Cycles until a result is there, and for which the divider is taken: about those of current x86 cores.
+LATENCY = {ca.OP_SQRT: 20, ca.OP_DIV: 13, ca.OP_INV: 13, ca.OP_OUTPUT: 1}
+OTHERS = 4
+OCCUPIED = {ca.OP_SQRT: 8, ca.OP_DIV: 4, ca.OP_INV: 4}
+A_CYCLE = 3  # operations
+REGISTERS = 26  # of 32; some stay for constants
+LOOK_AHEAD = 800
+
+
+def order_instructions(instructions: Sequence[Instruction]) -> list[int]:
+    """Return indices of all operations and outputs in the order in which they are to be printed."""
+    return _Order(instructions).run()
+
+
+class _Order:
+    def __init__(self, instructions: Sequence[Instruction]) -> None:
+        self.printed = [
+            k for k, item in enumerate(instructions) if item.is_operation or item.operation == ca.OP_OUTPUT
+        ]
+        self.operation = [item.operation for item in instructions]
+        self.operands = [
+            tuple({k for k in item.operands if instructions[k].is_operation}) for item in instructions
+        ]
+        self.readers: list[list[int]] = [[] for _ in instructions]
+        for k in self.printed:
+            for operand in self.operands[k]:
+                self.readers[operand].append(k)
+        self.way = [0] * len(instructions)  # cycles from here to the end
+        for k in reversed(self.printed):
+            self.way[k] = self._latency(k) + max((self.way[r] for r in self.readers[k]), default=0)
+        self.unread = [len(readers) for readers in self.readers]
+        self.waits_for = [len(operands) for operands in self.operands]
+        self.ready_at = [0] * len(instructions)
+        self.alive = 0
+
+    def _latency(self, k: int) -> int:
+        return LATENCY.get(self.operation[k], OTHERS)
+
+    def run(self) -> list[int]:
+        """Issue operations cycle by cycle."""
+        order: list[int] = []
+        issued = set[int]()
+        ready: list[int] = []
+        cycle = divider = first = entered = 0
+        while len(order) < len(self.printed):
+            while first < len(self.printed) and self.printed[first] in issued:
+                first += 1
+            while entered < min(first + LOOK_AHEAD, len(self.printed)):
+                ready += [self.printed[entered]] if not self.waits_for[self.printed[entered]] else []
+                entered += 1
+            limit = self.printed[entered - 1]
+            for _ in range(A_CYCLE):
+                free = [
+                    k
+                    for k in ready
+                    if self.ready_at[k] <= cycle and (divider <= cycle or self.operation[k] not in OCCUPIED)
+                ]
+                if not free:
+                    break
+                best = max(free, key=self._merit)
+                ready.remove(best)
+                order.append(best)
+                issued.add(best)
+                divider = max(divider, cycle + OCCUPIED.get(self.operation[best], 0))
+                ready += [k for k in self._issue(best, cycle) if k <= limit]
+            cycle += 1
+        return order
+
+    def _issue(self, k: int, cycle: int) -> list[int]:
+        """Note that k runs; return what waited for nothing else."""
+        for operand in self.operands[k]:
+            self.unread[operand] -= 1
+            self.alive -= self.unread[operand] == 0
+        self.alive += bool(self.readers[k])
+        for reader in self.readers[k]:
+            self.waits_for[reader] -= 1
+            self.ready_at[reader] = max(self.ready_at[reader], cycle + self._latency(k))
+        return [reader for reader in self.readers[k] if not self.waits_for[reader]]
+
+    def _merit(self, k: int) -> tuple[int, int, int]:
+        ends = sum(self.unread[operand] == 1 for operand in self.operands[k]) - bool(self.readers[k])
+        return (ends if self.alive >= REGISTERS else 0, self.way[k], -k)

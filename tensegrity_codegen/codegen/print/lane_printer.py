@@ -13,9 +13,8 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from tensegrity_codegen.codegen.print.instructions import Instruction, read_instructions
+from tensegrity_codegen.codegen.print.instructions import Instruction, order_instructions, read_instructions
 from tensegrity_codegen.codegen.print.operations import ARITHMETIC, print_operation
-from tensegrity_codegen.codegen.print.order import order_instructions
 from tensegrity_codegen.codegen.print.printer import print_number
 from tensegrity_codegen.tables.precision import PRECISIONS, Precision
 

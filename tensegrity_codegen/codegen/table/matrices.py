@@ -22,11 +22,10 @@ from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups, check_entries, find_groups
 from tensegrity_codegen.codegen.table.members.member_loops import MemberLoop, member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import Stage, loop
-from tensegrity_codegen.codegen.table.members.text import Statements
+from tensegrity_codegen.codegen.table.members.stage import Stage, Statements, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.mix_rows import MixRows
-from tensegrity_codegen.codegen.table.modules.blocks import ModuleBlocks
+from tensegrity_codegen.codegen.table.modules.columns import ModuleBlocks
 from tensegrity_codegen.structure.assembly import ABSENT
 from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.manifest import Pattern

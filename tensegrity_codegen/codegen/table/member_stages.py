@@ -12,7 +12,7 @@ from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.sinks import AddToNodes
 from tensegrity_codegen.codegen.table.members.stage import Stage, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
-from tensegrity_codegen.codegen.table.modules.blocks import ModuleBlocks
+from tensegrity_codegen.codegen.table.modules.columns import ModuleBlocks
 from tensegrity_codegen.codegen.table.modules.forces import ModuleForces
 from tensegrity_codegen.structure.assembly import MemberGroup
 

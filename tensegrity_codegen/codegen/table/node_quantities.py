@@ -15,8 +15,7 @@ from tensegrity_codegen.codegen.table.members.external import ExternalForce, mas
 from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.sinks import AddToNodes
-from tensegrity_codegen.codegen.table.members.stage import loop
-from tensegrity_codegen.codegen.table.members.text import Statements
+from tensegrity_codegen.codegen.table.members.stage import Statements, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.mixed import AddCablesToNodes
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel

@@ -4,8 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
-from tensegrity_codegen.codegen.table.members.stage import Stage
-from tensegrity_codegen.codegen.table.members.text import in_precision
+from tensegrity_codegen.codegen.table.members.stage import Stage, in_precision
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.tables.manifest import Pattern
 from tensegrity_codegen.tables.quantities import ARGUMENTS

@@ -1,6 +1,6 @@
 """The manifest's list of optional parts of a C source, and their reasons."""
 
-from tensegrity_codegen.codegen.source_parts import list_parts
+from tensegrity_codegen.codegen.build_manifest import list_parts
 from tensegrity_codegen.tables.manifest import IntegratorSpec, SourcePart
 from tensegrity_codegen.tables.request import ModelRequest
 

@@ -4,9 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen.print import order
-from tensegrity_codegen.codegen.print.instructions import Instruction, read_instructions
-from tensegrity_codegen.codegen.print.order import order_instructions
+from tensegrity_codegen.codegen.print import instructions as order
+from tensegrity_codegen.codegen.print.instructions import Instruction, order_instructions, read_instructions
 from tests.cases import thorough
 
 
