@@ -15,12 +15,13 @@ from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import (
     Block,
     Chapter,
-    Command,
     Figure,
     Page,
     Paragraph,
     Remark,
     Section,
+    as_sentence,
+    command_section,
     diagram_figure,
 )
 from tensegrity_codegen.report.pages.page_film import draw_motion, draw_tensions
@@ -57,8 +58,8 @@ def build_analysis_page(
     """
     rows = tuple((text_cell(name), text_cell(value)) for name, value in describe_counts(found))
     table = Table("What was found", (Column("what", numeric=False), Column("value", numeric=False)), rows)
-    blocks: list[Block] = [Paragraph(_sentence(found.message))]
-    blocks += [Remark("differs", _sentence(text)) for text in found.warnings]
+    blocks: list[Block] = [Paragraph(as_sentence(found.message))]
+    blocks += [Remark("differs", as_sentence(text)) for text in found.warnings]
     sections = (
         Section("verdict", "all", "Verdict", "plain", STATUS[found.status], (*blocks, table)),
         _singular_values(found),
@@ -67,7 +68,7 @@ def build_analysis_page(
         *_mechanisms(found, structure),
         *_modes(found, structure),
         _members(found, member_name),
-        *_again(command),
+        *([command_section(command)] if command else []),
     )
     counts = ", ".join(
         (describe_count(len(structure.node_name), "node"), describe_count(len(member_name), "member"))
@@ -80,11 +81,6 @@ def build_analysis_page(
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/analyse.md."),
         summary_heads=("part", "what", "result"),
     )
-
-
-def _again(command: str) -> Iterator[Section]:
-    if command:
-        yield Section("command", "again", "Command", "plain", "makes this page", (Command(command),))
 
 
 def _singular_values(found: Analysis) -> Section:
@@ -125,7 +121,7 @@ def _prestress(found: Analysis, structure: Structure) -> Section:
     )
     figure = Figure(
         draw_picture(picture, "prestress"),
-        _sentence(text),
+        as_sentence(text),
         f"The structure, {text}",
         {"tension": tension.tolist()},
     )
@@ -252,7 +248,3 @@ def _cell(value: float, spec: str) -> Cell:
     if math.isinf(value):
         return text_cell("∞")
     return number_cell(float(value), spec)
-
-
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}."

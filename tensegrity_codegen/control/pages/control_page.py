@@ -21,7 +21,16 @@ from tensegrity_codegen.control.pages.control_studies import (
 )
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.joined_series import join_names
-from tensegrity_codegen.report.pages.page import Block, Chapter, Command, Page, Paragraph, Remark, Section
+from tensegrity_codegen.report.pages.page import (
+    Block,
+    Chapter,
+    Page,
+    Paragraph,
+    Remark,
+    Section,
+    as_sentence,
+    command_section,
+)
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
@@ -64,12 +73,12 @@ def build_control_page(study: ControlStudy, model: CompiledModel, structure: Str
         _limits(study),
         _draws(study),
         _design(study),
-        Section("command", "again", "Command", "plain", "makes this page", (Command(command),)),
+        command_section(command),
     )
     return Page(
         subject=f"Feedback control of {structure.name}",
         title=describe_control_finding(study, bound),
-        lead=f"{LEAD[study.status]} {_sentence(study.message)} The end is the last {study.last:.3g} of "
+        lead=f"{LEAD[study.status]} {as_sentence(study.message)} The end is the last {study.last:.3g} of "
         f"{format_short(study.t_end)} s; errors are the largest of {count} draw{'s' * (count != 1)} of the "
         f"disturbances. Diagrams show the "
         f"worst draw, number {study.worst_draw} (counted from 0).",
@@ -103,8 +112,8 @@ def _outcome(study: ControlStudy) -> Section:
         "Loops", tuple(columns[k] for k in shown), tuple(tuple(row[k] for k in shown) for row in rows), note
     )
     blocks: list[Block] = [table]
-    blocks += [Remark("differs", _sentence(text)) for text in study.warnings]
-    blocks += [Paragraph(_sentence(text)) for text in describe_facts(study)]
+    blocks += [Remark("differs", as_sentence(text)) for text in study.warnings]
+    blocks += [Paragraph(as_sentence(text)) for text in describe_facts(study)]
     return Section("outcome", "all", "Outcome", "plain", study.message, tuple(blocks))
 
 
@@ -215,10 +224,6 @@ def _design(study: ControlStudy) -> Section:
     return Section(
         "design", "design", "Design", "plain", size, (Table("Regulator and estimator", columns, rows),)
     )
-
-
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}."
 
 
 # What a study of feedback found, in one sentence of numbers: the headline of its page.

@@ -12,12 +12,13 @@ from tensegrity_codegen.report.pages.joined_series import choose_looks, joined_f
 from tensegrity_codegen.report.pages.page import (
     Block,
     Chapter,
-    Command,
     Figure,
     Page,
     Paragraph,
     Remark,
     Section,
+    as_sentence,
+    command_section,
 )
 from tensegrity_codegen.report.pages.page_film import draw_motion, draw_tensions
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
@@ -57,7 +58,7 @@ def build_plan_page(found: PlanResult, structure: Structure, limits: Limits, com
         _outcome(found),
         *_proof(found, structure),
         *path,
-        *_again(command),
+        *([command_section(command)] if command else []),
     )
     counts = (
         f"{describe_count(len(found.node_name), 'node')}, "
@@ -84,18 +85,13 @@ def _outcome(found: PlanResult) -> Section:
         for k, name in enumerate(found.target_name)
     )
     heads = (Column("target", numeric=False), Column("start"), Column("reached"), Column("goal"))
-    blocks: list[Block] = [Paragraph(_sentence(found.message))]
-    blocks += [Remark("differs", _sentence(text)) for text in found.warnings]
+    blocks: list[Block] = [Paragraph(as_sentence(found.message))]
+    blocks += [Remark("differs", as_sentence(text)) for text in found.warnings]
     blocks.append(Table("Targets", (*heads, Column("unit", numeric=False)), rows))
-    blocks += [Paragraph(_sentence(text)) for text in describe_extremes(found)]
+    blocks += [Paragraph(as_sentence(text)) for text in describe_extremes(found)]
     if found.time is not None and found.n_steps:
         blocks.append(Paragraph(f"The plan takes {format_short(float(found.time[-1]))} s."))
     return Section("outcome", "all", "Outcome", "plain", STATUS[found.status], tuple(blocks))
-
-
-def _again(command: str) -> Iterator[Section]:
-    if command:
-        yield Section("command", "again", "Command", "plain", "makes this page", (Command(command),))
 
 
 def _ends(found: PlanResult, row: int) -> tuple[float | None, float | None]:
@@ -216,10 +212,6 @@ def _proof(found: PlanResult, structure: Structure) -> Iterator[Section]:
     yield Section("proof", "proof", "Why there is no plan", "plain", text, tuple(blocks))
 
 
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}."
-
-
 # Sections of the page of a plan about its limits: tensions, clearance, stability, what binds.
 
 
@@ -323,7 +315,7 @@ def _binding(found: PlanResult) -> Section:
         "What binds",
         "plain",
         text,
-        tuple(blocks) or (Paragraph(_sentence(text)),),
+        tuple(blocks) or (Paragraph(as_sentence(text)),),
     )
 
 

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 from markupsafe import Markup, escape
 from pydantic import TypeAdapter, ValidationError
 
@@ -17,6 +16,7 @@ from tensegrity_codegen.report.number_text import lower_indices
 from tensegrity_codegen.report.pages.diagram import Diagram, draw_diagram
 from tensegrity_codegen.report.pages.page_table import HINT_WIDTHS, Table
 from tensegrity_codegen.report.pages.picture import THEME, Picture, draw_picture
+from tensegrity_codegen.system.files import plain
 
 if TYPE_CHECKING:
     import jinja2
@@ -207,6 +207,16 @@ def diagram_figure(name: str, diagram: Diagram, caption: str, alt: str) -> Figur
     return Figure(draw_picture(draw_diagram(diagram), name), caption, alt, diagram.as_dict())
 
 
+def command_section(command: str) -> Section:
+    """Return the section with the command line that makes the page."""
+    return Section("command", "again", "Command", "plain", "makes this page", (Command(command),))
+
+
+def as_sentence(text: str) -> str:
+    """Return a message as a sentence: its first letter a capital one, and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}."
+
+
 def _section_dict(section: Section) -> dict[str, Any]:
     """Return a section in JSON's types."""
     return {
@@ -245,7 +255,7 @@ KINDS: dict[str, type[Any]] = {
 
 def section_as_json(section: Section) -> dict[str, Any]:
     """Return all of a section in JSON's types, pictures included."""
-    text = json.dumps(dataclasses.asdict(section), allow_nan=False, default=_plain)
+    text = json.dumps(dataclasses.asdict(section), allow_nan=False, default=plain)
     result: dict[str, Any] = json.loads(text)
     return result
 
@@ -263,11 +273,6 @@ def read_section(data: Any) -> Section | None:
 @functools.cache
 def _adapter(kind: str) -> TypeAdapter[Any]:
     return TypeAdapter(KINDS[kind])
-
-
-def _plain(value: Any) -> Any:
-    """Return NumPy's numbers and arrays in JSON's types."""
-    return np.asarray(value).tolist()
 
 
 @functools.cache

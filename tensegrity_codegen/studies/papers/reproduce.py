@@ -9,8 +9,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.page import CAUSES, Chapter, Entry, Page, Section, render_page
 from tensegrity_codegen.studies.papers.lin.chapter import build_lin_chapter
@@ -19,6 +17,7 @@ from tensegrity_codegen.studies.papers.sk.chapter import build_sk_chapter
 from tensegrity_codegen.studies.study import hash_run, make_folder
 from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.system.extras import require_plot
+from tensegrity_codegen.system.files import plain
 from tensegrity_codegen.system.journal import Journal, Resumption
 from tensegrity_codegen.system.output_folder import write_folder
 from tensegrity_codegen.system.progress import ProgressFunction, part_of
@@ -108,7 +107,7 @@ def reproduce(
     key = hash_run("reproduce", str(quick))
     journal = Journal(target / JOURNAL_NAME, key, fresh=fresh, notice=notice)
     page = build_page(names, quick=quick, progress=progress, journal=journal)
-    text = json.dumps(page.as_dict(), ensure_ascii=False, allow_nan=False, default=_plain)
+    text = json.dumps(page.as_dict(), ensure_ascii=False, allow_nan=False, default=plain)
     files = {PAGE_NAME: render_page(page).encode("utf-8"), DATA_NAME: f"{text}\n".encode()}
     write_folder(target, files, overwrite=overwrite)
     return Reproduction(target / PAGE_NAME, target / DATA_NAME, page)
@@ -208,8 +207,3 @@ def _lead(chapters: Sequence[Chapter]) -> str:
         f"{', '.join(counts)}. Where one differs, the page says where and why. {KINDS}"
         + (f" Largest errors: {errors}." if errors else "")
     )
-
-
-def _plain(value: Any) -> Any:
-    """Return NumPy's numbers and arrays in JSON's types."""
-    return np.asarray(value).tolist()

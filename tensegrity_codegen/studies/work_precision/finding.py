@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from tensegrity_codegen.studies.work_precision.measure import Row
 from tensegrity_codegen.studies.work_precision.scene_report import SceneReport
+from tensegrity_codegen.system.summaries import describe_count
 
 WANTED = 1e-6  # the error of the headline [m], where methods reach it
 MOST_SCENES = 2  # that a headline names one by one
@@ -93,10 +94,10 @@ def describe_rows(reports: Sequence[SceneReport]) -> str:
     own = {row.contender for row in rows if row.group == "own"}
     peers = {row.program for row in rows if row.group == "peer"}
     failed = sum(not row.is_good for row in rows)
-    others = f" and {_count(len(peers), 'other program')}" if peers else ", and no other program"
+    others = f" and {describe_count(len(peers), 'other program')}" if peers else ", and no other program"
     return (
-        f"{_count(len(rows), 'run')} of {_count(len(own), 'method')} of ours{others}, on "
-        f"{_count(len(reports), 'scene')}; {failed:,} did not reach the end."
+        f"{describe_count(len(rows), 'run')} of {describe_count(len(own), 'method')} of ours{others}, on "
+        f"{describe_count(len(reports), 'scene')}; {failed:,} did not reach the end."
     )
 
 
@@ -134,7 +135,3 @@ def _range(values: Sequence[float]) -> str:
 def _factor(value: float) -> str:
     """Return a factor in two digits, whole from 10 on."""
     return f"{value:.1f}" if value < 9.95 else f"{value:,.0f}"
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number:,} {word}{'' if number == 1 else 's'}"

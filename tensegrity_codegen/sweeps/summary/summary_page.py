@@ -14,6 +14,7 @@ from tensegrity_codegen.report.pages.page import (
     Paragraph,
     Remark,
     Section,
+    command_section,
 )
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.sweeps.summary.figures import (
@@ -28,6 +29,7 @@ from tensegrity_codegen.sweeps.summary.finding import describe_finding, describe
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.statistics import describe_distribution, is_difference_clear
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
+from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
 
 MOST_KEYS = 2  # over which each result is drawn, unless keys are chosen
@@ -52,10 +54,10 @@ def build_summary_page(summary: SweepSummary, command: str) -> Page:
         *_over_keys(summary),
         *build_causes(summary),
         *_worst(summary),
-        Section("command", "again", "Command", "plain", "makes this page", (Command(command),)),
+        command_section(command),
     )
     method = METHODS.get(results.method, results.method)
-    count = f"{_count(results.count, 'case')}, {_count(len(results.keys), 'key')}, {method}."
+    count = f"{describe_count(results.count, 'case')}, {describe_count(len(results.keys), 'key')}, {method}."
     return Page(
         subject=f"Sweep of {results.scene}",
         title=describe_finding(summary),
@@ -143,7 +145,7 @@ def _varied(summary: SweepSummary) -> Section:
             )
         )  # fmt: skip
     seed = "" if results.seed is None else f", seed {results.seed}"
-    text = f"{_count(len(results.keys), 'key')}: {METHODS.get(results.method, results.method)}{seed}"
+    text = f"{describe_count(len(results.keys), 'key')}: {METHODS.get(results.method, results.method)}{seed}"
     blocks: list[Block] = [Table("Keys", columns, tuple(rows))] if rows else []
     options = ", ".join(
         f"{name} {value}" for name, value in results.options.items() if value not in (None, "")
@@ -241,17 +243,13 @@ def _worst(summary: SweepSummary) -> Iterator[Section]:
         Paragraph("These commands write the scene of each case and run it alone:"),
         *(Command("\n".join(item.commands)) for item in summary.worst),
     ]
-    text = f"{_count(len(rows), 'case')}, each with the commands that run it alone"
+    text = f"{describe_count(len(rows), 'case')}, each with the commands that run it alone"
     yield Section("worst", "cases", "Worst cases", "plain", text, tuple(blocks))
 
 
 def join_lines(message: str) -> str:
     """Return the lines of a message in one: "no rest length; given: 5; allowed: below 3"."""
     return "; ".join(line.strip() for line in message.splitlines() if line.strip())
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def build_causes(summary: SweepSummary) -> Iterator[Section]:

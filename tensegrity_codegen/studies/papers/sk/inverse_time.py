@@ -24,6 +24,7 @@ from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, diagram_figure
 from tensegrity_codegen.report.pages.page_table import Table, make_table
 from tensegrity_codegen.system.errors import TensegrityError
+from tensegrity_codegen.system.files import plain
 
 # Method of the study -> its name here, its name in the paper's legend.
 METHODS = {
@@ -159,18 +160,6 @@ def measure_inverse_times(nodes: Iterable[int]) -> dict[str, Any]:
     return result
 
 
-def _plain(value: Any) -> Any:
-    """Return dictionaries and arrays in JSON's types."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    return np.asarray(value).tolist()
-
-
-def _main(arguments: list[str]) -> None:
-
-    sys.stdout.write(json.dumps(_plain(compare_inverse_times(int(word) for word in arguments))) + "\n")
-
-
 def inverse_section(nodes: Sequence[int]) -> Section:
     """Return the section with the times of all methods for these numbers of nodes."""
     data = measure_inverse_times(nodes)
@@ -252,4 +241,4 @@ def _table(data: dict[str, Any], largest: int) -> Table:
 
 
 if __name__ == "__main__":
-    _main(sys.argv[1:])
+    sys.stdout.write(json.dumps(compare_inverse_times(map(int, sys.argv[1:])), default=plain) + "\n")

@@ -25,12 +25,6 @@ from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 
-# Generated expressions evaluated in another floating-point type, operation by operation.
-#
-# The same operations in the same order as the generated C, each rounded to the type: what C code with another
-# `double` would compute.
-
-
 OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: np.add,
