@@ -33,8 +33,7 @@ from tensegrity_codegen.sweeps.operations.equilibrium import FindEquilibrium
 from tensegrity_codegen.sweeps.operations.evaluate import Evaluate
 from tensegrity_codegen.sweeps.operations.simulate import Simulate
 from tensegrity_codegen.sweeps.store.contents import StoreContents
-from tensegrity_codegen.sweeps.store.create import create_store
-from tensegrity_codegen.sweeps.store.store import SweepStore
+from tensegrity_codegen.sweeps.store.store import SweepStore, create_store
 from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
 from tensegrity_codegen.system.provenance import name_processor
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.codegen.alternatives import find_alternatives
 from tensegrity_codegen.codegen.build_manifest import build_manifest
 from tensegrity_codegen.codegen.casadi_interface.acados import build_acados
 from tensegrity_codegen.codegen.casadi_interface.derivatives import (
@@ -16,7 +15,13 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import (
     list_derivative_parts,
     needed_stiffness,
 )
-from tensegrity_codegen.codegen.choose_emitter import AUTO, EmitterChoice, choose_emitter, find_facts
+from tensegrity_codegen.codegen.choose_emitter import (
+    AUTO,
+    EmitterChoice,
+    choose_emitter,
+    find_alternatives,
+    find_facts,
+)
 from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
 from tensegrity_codegen.codegen.integrators.columns import check_jumps, list_derivative_quantities
 from tensegrity_codegen.codegen.integrators.energy_keeping import KEPT_QUANTITIES, check_keep

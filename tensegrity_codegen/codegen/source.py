@@ -14,8 +14,9 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import (
     MOST_ENTRIES,
     NO_DERIVATIVES,
     Derivatives,
+    casadi_context,
+    casadi_pattern,
 )
-from tensegrity_codegen.codegen.casadi_interface.functions import casadi_context, casadi_pattern
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.machine import INSTRUCTION_SETS
 from tensegrity_codegen.codegen.emitter import Bodies, WantedFunction, result_size

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
-from tensegrity_codegen.export.shapes import read_shapes
+from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource, read_shapes
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.extras import CAD, import_extra
 

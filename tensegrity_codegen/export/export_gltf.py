@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
-from tensegrity_codegen.export.shapes import Shapes, read_shapes
+from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource, Shapes, read_shapes
 from tensegrity_codegen.scene.formats.import_gltf import BINARY, JSON, LINES, MAGIC
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError

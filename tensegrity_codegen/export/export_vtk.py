@@ -11,9 +11,8 @@ from xml.etree.ElementTree import Element, indent, tostring
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
+from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource, Shapes, read_shapes
 from tensegrity_codegen.export.rigid_parts import add, number, write_elements
-from tensegrity_codegen.export.shapes import Shapes, read_shapes
 from tensegrity_codegen.system.errors import OutputError
 
 

@@ -1,6 +1,7 @@
 """The formats that scenes are exported to.
 
-A format is a module `export_*.py` of this folder that defines its `Exporter` as `EXPORTER`.
+A format is a module `export_*.py` of this folder that defines its `Exporter` as `EXPORTER`. Several of them
+write shapes: positions, tensions and loads at the start of a scene, or over a simulated motion.
 """
 
 from collections.abc import Callable, Mapping
@@ -10,7 +11,17 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any
 
+import numpy as np
+
+from tensegrity_codegen.report.loads import compute_loads, describe_other_loads
+from tensegrity_codegen.report.pictures.draw import find_rigid, outline_motion
+from tensegrity_codegen.report.pictures.shown import find_rest_tension
+from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.outline import outline_bodies, outline_tendons, split_at_rings
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, OutputError, check_choice
 from tensegrity_codegen.system.files import check_ending, check_output, replaced
 from tensegrity_codegen.system.output_folder import check_folder, write_folder
@@ -175,3 +186,43 @@ def write_export(
         if exported.files:
             write_folder(out.with_suffix(""), exported.files, inputs=(source.path,), overwrite=overwrite)
         return exported
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """One shape, or those of a motion.
+
+    structure: nodes and members, of bodies the tendons, bars, and edges of rigid bodies, of cables through
+    rings their strands; time (n_t,) [s]; node_position, node_load (n_t, n_nodes, 3) [m, N]; member_tension
+    (n_t, n_members) [N], NaN where unknown; notes: what these arrays do not say.
+    """
+
+    structure: Structure
+    time: FloatArray
+    node_position: FloatArray
+    node_load: FloatArray
+    member_tension: FloatArray
+    notes: tuple[str, ...]
+
+
+def read_shapes(source: ExportSource, trajectory: Path | None = None) -> Shapes:
+    """Return the stated shape of a scene, or those of a result file of the verb `simulate`.
+
+    Raises what `read_trajectory` raises.
+    """
+    subject = source.structure
+    structure, motion, notes = outline_bodies(subject), None, []
+    if trajectory is None:
+        time, position = np.zeros(1), structure.node_position[None]
+        tension = find_rest_tension(subject, find_rigid(subject, source.request))[None]
+    else:
+        motion = outline_motion(read_trajectory(trajectory, outline_tendons(subject)), structure)
+        time, position, tension = motion.time, motion.node_position, motion.member_tension
+        if motion.status != "ok":
+            notes.append(f"the motion is {motion.headline()}")
+    if isinstance(subject, BodySystem):
+        notes.append("bodies are drawn: bars and edges of rigid bodies are members without a tension")
+    other = describe_other_loads(subject, motion)
+    load, tension = compute_loads(subject, motion), structure.strands.spread(tension)
+    notes += [other] if other else []
+    return Shapes(split_at_rings(structure), time, position, load, tension, tuple(notes))

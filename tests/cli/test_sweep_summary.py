@@ -15,8 +15,7 @@ pytest.importorskip("SALib")
 
 
 def write_sweep(path: Path, cases: Cases, **identity: object) -> None:
-    from tensegrity_codegen.sweeps.store.create import create_store
-    from tensegrity_codegen.sweeps.store.store import SweepStore
+    from tensegrity_codegen.sweeps.store.store import SweepStore, create_store
 
     create_store(path, make_contents(cases, 4, **identity))
     store = SweepStore(path)

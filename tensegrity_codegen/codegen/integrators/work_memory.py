@@ -6,8 +6,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from tensegrity_codegen.codegen.print.paste import plain_c_folder
-from tensegrity_codegen.codegen.print.render import template_folder
+from tensegrity_codegen.codegen.print.render import plain_c_folder, template_folder
 
 STRUCT = r"typedef struct {{\n([^}}]*)}} {name};"
 COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)

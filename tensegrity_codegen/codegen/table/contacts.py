@@ -8,9 +8,8 @@ from typing import Any
 import casadi as ca
 
 from tensegrity_codegen.codegen.table.members.access import held_arguments, vector_texts
-from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import loop, only_where
+from tensegrity_codegen.codegen.table.members.stage import Recipe, loop, only_where
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel

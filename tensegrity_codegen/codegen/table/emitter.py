@@ -3,8 +3,8 @@
 from tensegrity_codegen.codegen.emitter import Bodies, Emitter
 from tensegrity_codegen.codegen.prune import refuse_empty
 from tensegrity_codegen.codegen.table.contacts import WITHOUT_CONTACTS
-from tensegrity_codegen.codegen.table.members.function import TableFunction
 from tensegrity_codegen.codegen.table.members.model import TableModel
+from tensegrity_codegen.codegen.table.members.stage import TableFunction
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.quantities import BUILDERS, served_quantities
 from tensegrity_codegen.structure.bodies import BodySystem

@@ -8,11 +8,10 @@ import numpy as np
 from tensegrity_codegen.codegen.table.mass import ScaleRows, check_mass
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.block_pattern import make_pattern
-from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups, check_entries, find_groups
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import Stage, loop
+from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.mix_rows import MixRows
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel

@@ -18,11 +18,10 @@ from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.block_pattern import BlockPattern, make_pattern
 from tensegrity_codegen.codegen.table.members.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.members.columns import MemberColumns, StoreColumns, store_recipe
-from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups, check_entries, find_groups
 from tensegrity_codegen.codegen.table.members.member_loops import MemberLoop, member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import Stage, Statements, loop
+from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, Statements, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.mix_rows import MixRows
 from tensegrity_codegen.codegen.table.modules.columns import ModuleBlocks

@@ -14,9 +14,8 @@ from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.joined_series import Look, choose_looks, joined_figure
 from tensegrity_codegen.report.pages.page import Figure, Section, diagram_figure
-from tensegrity_codegen.report.pages.page_film import draw_film, draw_tensions
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
-from tensegrity_codegen.report.pages.picture import draw_picture
+from tensegrity_codegen.report.pages.picture import draw_film, draw_picture, draw_tensions
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.structure.structure import Structure

@@ -20,9 +20,8 @@ from tensegrity_codegen.report.pages.page import (
     as_sentence,
     command_section,
 )
-from tensegrity_codegen.report.pages.page_film import draw_motion, draw_tensions
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
-from tensegrity_codegen.report.pages.picture import draw_picture
+from tensegrity_codegen.report.pages.picture import draw_motion, draw_picture, draw_tensions
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, Binding, PlanResult
 from tensegrity_codegen.structure.limits import Limits

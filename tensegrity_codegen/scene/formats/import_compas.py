@@ -19,8 +19,7 @@ from typing import Any
 from tensegrity_codegen.scene.formats.files.json_file import LARGEST_JSON, read_json
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
-from tensegrity_codegen.scene.formats.member_rules import STIFFNESSES
-from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+from tensegrity_codegen.scene.formats.network import STIFFNESSES, Network, NetworkMember, build_result
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 

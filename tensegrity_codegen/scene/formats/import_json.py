@@ -18,12 +18,13 @@ from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
 from tensegrity_codegen.scene.formats.files.json_file import read_json
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult
-from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends
 from tensegrity_codegen.scene.formats.network import (
     CONTROL_SECTIONS,
+    POSITIVE,
     Network,
     NetworkMember,
     build_result,
+    check_ends,
 )
 from tensegrity_codegen.scene.names import check_known, check_scene_name, key_path, unknown_key
 from tensegrity_codegen.system.errors import (

@@ -13,8 +13,13 @@ from typing import Any
 from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult
-from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends
-from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+from tensegrity_codegen.scene.formats.network import (
+    POSITIVE,
+    Network,
+    NetworkMember,
+    build_result,
+    check_ends,
+)
 from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,

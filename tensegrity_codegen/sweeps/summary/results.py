@@ -1,5 +1,6 @@
-"""Results of a sweep for its summary: cases, statuses, and quantities that are read piece by piece."""
+"""Results of a stored sweep: cases and statuses at once, quantities piece by piece, scenes of cases."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,8 +9,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
+from tensegrity_codegen.scene.describe import describe_structure
+from tensegrity_codegen.scene.describe_bodies import describe_bodies
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.sweeps.apply.array_keys import INPUT, ArrayKey
+from tensegrity_codegen.sweeps.apply.assembler import build_assembler
+from tensegrity_codegen.sweeps.cases.layout import CaseLayout
+from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED, STATUSES
+from tensegrity_codegen.sweeps.store.contents import NOT_COMPUTED_CODE
+from tensegrity_codegen.sweeps.store.folder import (
+    ATTRIBUTE,
+    MESSAGE,
+    RECORD,
+    STATUS,
+    StoredSweep,
+    check_not_damaged,
+    read_stored_sweep,
+)
+from tensegrity_codegen.sweeps.store.store import open_group
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import InvalidValueError
 
 MOST_LETTERS = 36  # of a key along an axis
 
@@ -122,3 +141,149 @@ class SweepResults:
     def is_grid(self) -> bool:
         """Whether all keys are axes of one grid."""
         return bool(self.axes) and len(self.axes) == len(self.keys)
+
+
+def read_results(path: str | Path) -> SweepResults:
+    """Return a stored sweep, finished or not.
+
+    Raises
+    ------
+    OutputError
+        The folder is not a sweep, or files in it are damaged or missing.
+    MissingExtraError
+        Zarr is not installed.
+    """
+    stored = read_stored_sweep(path)
+    check_not_damaged(stored)
+    group, layout = open_group(stored), stored.layout
+    own = stored.attributes[ATTRIBUTE]
+    status = group[STATUS]
+    cases = stored.identity.get("cases", {})
+    keys: Mapping[str, str] = own["keys"]
+    columns = [np.asarray(group[name][...], dtype=np.float64) for name in keys.values()]
+    n_axes = len(cases.get("axes", ()))
+    codes = np.asarray(status[...]).ravel().astype(np.int64)
+    operation = dict(stored.identity.get("operation", {}))
+    return SweepResults(
+        path=stored.path,
+        scene=_find_name(stored),
+        operation=str(operation.pop("do", "")),
+        options={name: value for name, value in operation.items() if name != "keep"},
+        keep=tuple(operation.get("keep", ())),
+        keys=tuple(keys),
+        axes=tuple(zip(list(keys)[:n_axes], columns[:n_axes], strict=True)),
+        method=str(cases.get("method", "")),
+        ranges=_describe_ranges(cases),
+        seed=cases.get("points", {}).get("seed"),
+        key_values=_spread(columns, n_axes, layout),
+        status=np.where(codes == NOT_COMPUTED_CODE, len(STATUSES), codes),
+        words=(*STATUSES, NOT_COMPUTED),
+        message=lambda case: str(group[MESSAGE][np.unravel_index(case, layout.shape)]),
+        kept=_find_kept(group, set(keys.values()), layout),
+        key_units={key: str(group[name].attrs.get("units", "")) for key, name in keys.items()},
+    )
+
+
+def _find_name(stored: StoredSweep) -> str:
+    """Return the name of the scene, else that of the folder."""
+    scene = stored.identity.get("scene")
+    name = scene.get("name") if isinstance(scene, Mapping) else None
+    return str(name or stored.path.stem)
+
+
+def _describe_ranges(cases: Mapping[str, Any]) -> dict[str, str]:
+    """Return how each key varies, as on the command line."""
+    ranges = {}
+    for axis in cases.get("axes", ()):
+        values = axis.get("values")
+        short = values is not None and len(values) <= 6
+        ends = (values[0], values[-1]) if values else (axis.get("first", 0.0), axis.get("last", 0.0))
+        ranges[axis["key"]] = (
+            ", ".join(f"{value:g}" for value in values)
+            if short
+            else f"{axis['count']} values from {ends[0]:g} to {ends[1]:g}"
+        )
+    return ranges | dict(cases.get("points", {}).get("distributions", {}))
+
+
+def _spread(columns: list[FloatArray], n_axes: int, layout: CaseLayout) -> FloatArray:
+    """Return the values of all keys for all cases, (count, n_keys)."""
+    values = np.empty((layout.count, len(columns)))
+    for place, column in enumerate(columns):
+        dim = place if place < n_axes else len(layout.shape) - 1
+        inner = math.prod(layout.shape[dim + 1 :])
+        values[:, place] = np.tile(np.repeat(column, inner), layout.count // max(inner * len(column), 1))
+    return values
+
+
+def _find_kept(group: Any, coordinates: set[str], layout: CaseLayout) -> dict[str, KeptQuantity]:
+    """Return the arrays whose first dimensions are those of the cases."""
+    lead = len(layout.shape)
+    dims = tuple(group[STATUS].metadata.dimension_names)
+    kept = {}
+    for name, array in sorted(group.arrays()):
+        names = tuple(array.metadata.dimension_names or ())
+        if name in coordinates or name in (STATUS, MESSAGE, RECORD) or names[:lead] != dims:
+            continue
+        shape = tuple(array.shape[lead:])
+        kept[name] = KeptQuantity(
+            name=name,
+            dims=names[lead:],
+            shape=shape,
+            unit=str(array.attrs.get("units", "")),
+            sentence=str(array.attrs.get("long_name", "")),
+            labels=tuple(
+                list(group[dim][...].tolist()) if dim in group else list(range(size))
+                for dim, size in zip(names[lead:], shape, strict=True)
+            ),
+            blocks=_Blocks(array, layout),
+        )
+    return kept
+
+
+class _Blocks:
+    """The blocks of an array, one a task: consecutive cases."""
+
+    def __init__(self, array: Any, layout: CaseLayout) -> None:
+        self._array, self._layout = array, layout
+
+    def __call__(self) -> Iterator[tuple[int, FloatArray]]:
+        for task in range(self._layout.n_tasks):
+            first, last = self._layout.cases_of(task)
+            values = np.asarray(self._array[self._layout.box_of(task)], dtype=np.float64)
+            yield first, values.reshape(last - first, *values.shape[len(self._layout.shape) :])
+
+
+def check_case(results: SweepResults, case: int) -> None:
+    """Raise InvalidValueError unless the sweep has a case with this number."""
+    if not 0 <= case < results.count:
+        raise InvalidValueError(
+            "no such case",
+            where=str(results.path),
+            given=case,
+            allowed=f"whole numbers from 0 to {results.count - 1}",
+        )
+
+
+def build_case_scene(path: str | Path, keys: Mapping[str, float]) -> Mapping[str, Any]:
+    """Return the scene of a stored sweep as a plain dictionary, with these values of its keys.
+
+    Values of inputs are not in it, for a scene states none. Where keys name arrays of the structure, as
+    ``rest_length.s1``, the scene lists all its nodes and members with their own values.
+
+    Raises
+    ------
+    OutputError
+        The folder is not a sweep.
+    TensegrityError
+        The values are no scene.
+    """
+    document = read_stored_sweep(path).identity["scene"]
+    assembler = build_assembler(document, list(keys), source=str(path))
+    values = list(keys.values())
+    case = assembler.assemble(values)
+    if not any(isinstance(key, ArrayKey) and key.array != INPUT for key in assembler.keys):
+        return assembler.write(values)
+    if isinstance(case.subject, BodySystem):
+        return describe_bodies(case.subject, case.request)
+    return describe_structure(case.subject, case.request)

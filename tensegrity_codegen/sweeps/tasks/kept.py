@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.simulate.condition import find_quantities
 from tensegrity_codegen.runtime.simulate.condition_parts import Part, build_difference, build_part
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
-from tensegrity_codegen.sweeps.tasks.dimensions import AXES, describe_quantity, real_dtype
-from tensegrity_codegen.sweeps.tasks.keep_text import KeptText
+from tensegrity_codegen.sweeps.tasks.keep_text import AXES, KeptText, describe_quantity, real_dtype
 from tensegrity_codegen.sweeps.tasks.operation import Output
 from tensegrity_codegen.system.errors import FormulationError, TensegrityError
 from tensegrity_codegen.tables.formulations import find_formulation

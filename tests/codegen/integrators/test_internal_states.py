@@ -7,7 +7,7 @@ import pytest
 
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
-from tensegrity_codegen.codegen.print.paste import WITHOUT_INTERNAL
+from tensegrity_codegen.codegen.print.render import WITHOUT_INTERNAL
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest

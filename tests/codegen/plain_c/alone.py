@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from tensegrity_codegen.codegen.print.paste import plain_c_folder
-from tensegrity_codegen.codegen.print.render import template_folder
+from tensegrity_codegen.codegen.print.render import plain_c_folder, template_folder
 from tests.codegen.build_c import STRICT, require_cpp, run
 from tests.codegen.compilers import require_compiler
 

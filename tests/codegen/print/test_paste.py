@@ -2,7 +2,7 @@
 
 import pytest
 
-from tensegrity_codegen.codegen.print.paste import paste_text
+from tensegrity_codegen.codegen.print.render import paste_text
 
 SETTINGS = {"WITH_EVENTS": True, "WITH_FLOAT": False}
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.codegen.print.paste import paste_text, plain_c_folder
-from tensegrity_codegen.codegen.print.render import template_folder
+from tensegrity_codegen.codegen.print.render import paste_text, plain_c_folder, template_folder
 from tensegrity_codegen.control.embedded.tables import (
     DistributionTables,
     Table,

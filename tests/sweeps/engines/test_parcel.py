@@ -11,8 +11,8 @@ import pytest
 from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
-from tensegrity_codegen.sweeps.engines import parcel as parcels
-from tensegrity_codegen.sweeps.engines.parcel import load_parcel, make_parcel
+from tensegrity_codegen.sweeps.engines import dask_engine as parcels
+from tensegrity_codegen.sweeps.engines.dask_engine import load_parcel, make_parcel
 from tensegrity_codegen.system.errors import CompilerMissingError
 from tests.sweeps.engines.conftest import SCENE
 

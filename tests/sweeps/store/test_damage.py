@@ -11,7 +11,7 @@ from tensegrity_codegen.sweeps.engines.local import LocalEngine
 from tensegrity_codegen.sweeps.run import SweepOutcome, run_sweep
 from tensegrity_codegen.sweeps.store.folder import open_sweep
 from tensegrity_codegen.sweeps.store.table import write_sweep_table
-from tensegrity_codegen.sweeps.summary.read_results import read_results
+from tensegrity_codegen.sweeps.summary.results import read_results
 from tensegrity_codegen.system.errors import OutputError
 from tensegrity_codegen.system.forked import can_fork
 from tests.cases import thorough

@@ -80,7 +80,7 @@ def test_what_is_no_sweep_is_refused(tmp_path: Path) -> None:
 
 def test_a_store_says_what_it_holds(tmp_path: Path) -> None:
     pytest.importorskip("zarr", reason="Zarr is missing: pip install '.[sweep]'")
-    from tensegrity_codegen.sweeps.store.create import create_store
+    from tensegrity_codegen.sweeps.store.store import create_store
 
     contents = make_contents(KINDS["both"], do="evaluate")
     create_store(tmp_path / "a.zarr", contents)

@@ -10,7 +10,7 @@ from tensegrity_codegen.scene.write import write_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler, read_scene_document
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
-from tensegrity_codegen.sweeps.summary.read_results import build_case_scene
+from tensegrity_codegen.sweeps.summary.results import build_case_scene
 from tests.sweeps.store.conftest import make_contents
 
 pytest.importorskip("zarr")
@@ -34,7 +34,7 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_scene_of_a_case_is_that_structure(name: str, tmp_path: Path) -> None:
-    from tensegrity_codegen.sweeps.store.create import create_store
+    from tensegrity_codegen.sweeps.store.store import create_store
 
     example, keys = CASES[name]
     document, _ = read_scene_document(EXAMPLES / f"{example}.toml")

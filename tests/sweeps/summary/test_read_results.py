@@ -7,8 +7,7 @@ import pytest
 
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
-from tensegrity_codegen.sweeps.summary.read_results import read_results
-from tensegrity_codegen.sweeps.summary.results import SweepResults
+from tensegrity_codegen.sweeps.summary.results import SweepResults, read_results
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tensegrity_codegen.system.errors import OutputError
 from tests.sweeps.store.conftest import CASES_OF_KINDS, KINDS, OUTPUTS, make_contents, make_result
@@ -18,8 +17,7 @@ pytest.importorskip("zarr")
 
 def write_sweep(path: Path, cases: Cases, *, missing: int = 0) -> SweepResults:
     """Write a sweep of made-up results without its last tasks, and read it."""
-    from tensegrity_codegen.sweeps.store.create import create_store
-    from tensegrity_codegen.sweeps.store.store import SweepStore
+    from tensegrity_codegen.sweeps.store.store import SweepStore, create_store
 
     operation = {"do": "simulate", "keep": ["energy"], "t_end": 0.5}
     create_store(path, make_contents(cases, 4, operation=operation))

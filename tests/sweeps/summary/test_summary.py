@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tensegrity_codegen.cli.sweep_commands import build_commands
+from tensegrity_codegen.cli.verbs.sweep import build_commands
 from tensegrity_codegen.sweeps.summary.figures import bin_means, find_edges, is_logarithmic, make_bins
 from tensegrity_codegen.sweeps.summary.statistics import compute_rank_correlation, describe_distribution
 from tensegrity_codegen.sweeps.summary.summary import summarize

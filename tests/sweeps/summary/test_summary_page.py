@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.cli.sweep_commands import build_commands
+from tensegrity_codegen.cli.verbs.sweep import build_commands
 from tensegrity_codegen.report.pages.page import Command, Figure, Page, Paragraph, render_page
 from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.sweeps.summary.indices import Indices
