@@ -98,52 +98,41 @@ def compile_library(
 
 
 def object_size(
-    sources: Mapping[str, str],
-    *,
-    compiler: Compiler,
-    flags: FlagSet,
-    target: Target | None = None,
-    timeout: float = COMPILE_TIMEOUT,
-    memory_limit: int | None = MEMORY_LIMIT,
+    sources: Mapping[str, str], *, compiler: Compiler, flags: FlagSet, target: Target | None = None
 ) -> int | None:
     """Return the bytes of machine code and constants that `sources` compile to, None for an unknown format.
 
     Arguments and errors as in compile_library; nothing is linked.
     """
-    units = _units(sources)
-    with _written(sources) as folder:
-        limits = (compiler, folder, timeout, memory_limit)
-        outcomes = _compile_objects(units, flags, target or find_system(), *limits)
-        objects = [
-            _read_output(folder / f"{unit}.o", done, compiler)
-            for unit, done in zip(units, outcomes, strict=True)
-        ]
-    sizes = [read_code_size(data) for data in objects]
+    with _compiled(sources, compiler, flags, target) as folder:
+        sizes = [read_code_size(path.read_bytes()) for path in folder.glob("*.o")]
     return None if None in sizes else sum(size for size in sizes if size is not None)
 
 
 def stack_use(
-    sources: Mapping[str, str],
-    *,
-    compiler: Compiler,
-    flags: FlagSet,
-    target: Target | None = None,
-    timeout: float = COMPILE_TIMEOUT,
-    memory_limit: int | None = MEMORY_LIMIT,
+    sources: Mapping[str, str], *, compiler: Compiler, flags: FlagSet, target: Target | None = None
 ) -> dict[str, int]:
     """Return the bytes of stack of each function that is not inlined; empty where the compiler does not say.
 
     Arguments and errors as in compile_library; nothing is linked.
     """
-    units = _units(sources)
     flags = replace(flags, options=(*flags.options, "-fstack-usage"))
+    with _compiled(sources, compiler, flags, target) as folder:
+        return read_stack_use("".join(path.read_text("utf-8") for path in sorted(folder.rglob("*.su"))))
+
+
+@contextmanager
+def _compiled(
+    sources: Mapping[str, str], compiler: Compiler, flags: FlagSet, target: Target | None
+) -> Iterator[Path]:
+    """Compile the sources to object files in a new temporary folder, removed at the end."""
+    units = _units(sources)
     with _written(sources) as folder:
-        outcomes = _compile_objects(
-            units, flags, target or find_system(), compiler, folder, timeout, memory_limit
-        )
+        limits = (compiler, folder, COMPILE_TIMEOUT, MEMORY_LIMIT)
+        outcomes = _compile_objects(units, flags, target or find_system(), *limits)
         for unit, done in zip(units, outcomes, strict=True):
             _read_output(folder / f"{unit}.o", done, compiler)
-        return read_stack_use("".join(path.read_text("utf-8") for path in sorted(folder.rglob("*.su"))))
+        yield folder
 
 
 def compiler_environment(compiler: Compiler, folder: Path) -> dict[str, str]:
