@@ -60,18 +60,17 @@ def find_load_events(
     tension_only: bool = False,
     top: int = 3,
     direction: str = "-z",
-    most: float = MAX_LOAD,
     control: StepControl = CONTROL,
 ) -> dict[str, Any]:
     """Return the loads [N] of the first slack spring, the first contact and the first limit point.
 
-    slack, contact, limit: {load, of} or None where there is none up to `most`, in the order of the path.
+    slack, contact, limit: {load, of} or None where there is none up to MAX_LOAD, in the order of the path.
     maximum: the largest load that the prism carries before bars touch or the load turns back, and `because`.
     is_stable: whether all configurations up to there are minima of the energy. events: all, in order.
     status: how the path ended.
     """
     model = compile_prism(tension_only=tension_only)
-    _, path = follow_load(model, top, direction, most=most, past_contact=True, control=control)
+    _, path = follow_load(model, top, direction, past_contact=True, control=control)
     ends = path.find_events("contact", "limit")
     last = ends[0] if ends else None
     reached = len(path.load_factor) if last is None else last.point
@@ -82,7 +81,7 @@ def find_load_events(
         "slack": _describe(path.find_events("slack")),
         "contact": _describe(path.find_events("contact")),
         "limit": _describe(path.find_events("limit")),
-        "maximum": most if last is None else last.load_factor,
+        "maximum": MAX_LOAD if last is None else last.load_factor,
         "because": "not reached" if last is None else last.kind,
         "is_stable": bool((path.smallest_eigenvalue[:reached] > 0).all()),
         "events": [event.as_dict() for event in path.events],

@@ -109,7 +109,7 @@ def compute_extensions(
     return MM * np.array(rows)
 
 
-def compare_tables(model: CompiledModel | None = None) -> dict[str, Any]:
+def compare_tables() -> dict[str, Any]:
     """Return Tables 1, 2 and 3 beside ours, and the curves of Fig. 4.
 
     load (11,) [N]; measured, paper, ours (11, 6) [mm], columns named by the ends of the springs; differences
@@ -118,7 +118,7 @@ def compare_tables(model: CompiledModel | None = None) -> dict[str, Any]:
     66 entries. Raises ConvergenceError where an equilibrium is not found.
     """
     printed = read_tables()
-    ours = compute_extensions(printed["load"], model)
+    ours = compute_extensions(printed["load"])
     measured, paper = printed["measured"], printed["computed"]
     error_paper, error_ours = relative_error(paper, measured), relative_error(ours, measured)
     return {
@@ -149,13 +149,13 @@ def relative_error(computed: FloatArray, measured: FloatArray) -> FloatArray:
     return np.asarray(np.abs(computed - measured) / computed)
 
 
-def compare_unloaded(model: CompiledModel | None = None) -> list[dict[str, Any]]:
+def compare_unloaded() -> list[dict[str, Any]]:
     """Return what holds without a load, row by row: name, unit, paper (None: not printed), ours, difference.
 
     The paper's extensions are the means of the first row of Table 2, whose springs of a kind differ by up to
     7 micrometres though the configuration is symmetrical.
     """
-    model = model or compile_prism()
+    model = compile_prism()
     q = settle(model, np.zeros((1, 3, 3))).coordinate[0]
     first = read_tables()["computed"][0]
     extension = MM * model.compute("member_extension", coordinate=q)

@@ -56,13 +56,13 @@ def count_stored_numbers(structure: Structure) -> dict[str, int]:
     }
 
 
-def compare_stored_numbers(nodes: Iterable[int] = range(6, 31, 2), seed: int = 0) -> dict[str, Any]:
+def compare_stored_numbers(nodes: Iterable[int] = range(6, 31, 2)) -> dict[str, Any]:
     """Return n_nodes, n_members, n_actuated and each way's numbers, (n_n,) each, for structures like prisms.
 
     The random structures have 2 n members and 3 n / 2 actuated cables, as the three-bar prism has.
     """
     counts = list(nodes)
-    structures = [sample_structure(n, "sparse", seed) for n in counts]
+    structures = [sample_structure(n) for n in counts]
     rows = [count_stored_numbers(structure) for structure in structures]
     return {
         "n_nodes": np.array(counts),

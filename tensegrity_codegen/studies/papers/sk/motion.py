@@ -43,14 +43,17 @@ PRISM: dict[str, Any] = {
 }
 
 
-def sample_prism(speed: float = 0.1, spread: float = 0.0, seed: int = 0) -> Structure:
+SPEED = 0.1  # [m/s]
+
+
+def sample_prism(spread: float = 0.0) -> Structure:
     """Return a free three-bar prism near its equilibrium.
 
-    Its nodes start with random velocities of about `speed` [m/s], and about `spread` [m] off equilibrium.
+    Its nodes start with random velocities of about SPEED [m/s], and about `spread` [m] off equilibrium.
     """
     structure, _ = assemble(parse_scene(PRISM, "the prism of the study"), "the prism of the study")
-    rng, shape = np.random.default_rng(seed), (structure.n_nodes, 3)
-    velocity, shift = rng.normal(scale=speed, size=shape), rng.normal(scale=spread, size=shape)
+    rng, shape = np.random.default_rng(0), (structure.n_nodes, 3)
+    velocity, shift = rng.normal(scale=SPEED, size=shape), rng.normal(scale=spread, size=shape)
     return structure.with_changes(
         node_velocity=velocity - velocity.mean(axis=0), node_position=structure.node_position + shift
     )
@@ -117,7 +120,6 @@ def measure_constraint_drift(
     *,
     t_end: float = 1000.0,
     step: float = 0.01,
-    samples: int = 101,
     basis: str = "cycles",
     pairs: str = "connected",
 ) -> dict[str, Any]:
@@ -130,7 +132,7 @@ def measure_constraint_drift(
     model = compile_in(structure, "node_distance", "constraint_residual", basis=basis, pairs=pairs)
     n = len(model.manifest.coordinate_name)
     state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-    raw = integrate_rk4(Motion(model, state, np.linspace(0.0, t_end, samples)), RunOptions("rk4", step=step))
+    raw = integrate_rk4(Motion(model, state, np.linspace(0.0, t_end, 101)), RunOptions("rk4", step=step))
     residual = np.array([model.compute("constraint_residual", coordinate=row[:n]) for row in raw.state])
     return {
         "time": raw.time,
@@ -149,37 +151,33 @@ def measure_constraint_drift(
 
 
 FORMULATIONS = ("node_position", "node_distance")
+STEP = 1e-3  # [s]
 ADAPTIVE = "scipy_rk45"
 REFERENCE_STEPPING = Stepping(atol=1e-13, control="steps")
 
 
 def compare_trajectories(
-    structure: Structure | None = None,
-    *,
-    t_end: float = 2.0,
-    step: float = 1e-3,
-    tolerances: Iterable[float] = (1e-3, 1e-6, 1e-9),
-    samples: int = 201,
+    *, t_end: float = 2.0, tolerances: Iterable[float] = (1e-3, 1e-6, 1e-9), samples: int = 201
 ) -> dict[str, Any]:
     """Return how far apart node positions are when both models are integrated, sample by sample.
 
-    structure: a free prism if not given. time (n_t,) [s]; equal_steps (n_t,): largest difference [m] with
-    Runge-Kutta 4 in C at `step` [s]; adaptive: tolerance -> {difference (n_t,) between the models,
+    Of a free prism. time (n_t,) [s]; equal_steps (n_t,): largest difference [m] with Runge-Kutta 4 in C at
+    STEP [s]; adaptive: tolerance -> {difference (n_t,) between the models,
     error: formulation -> (n_t,) against a run at 1e-12}, by an adaptive Runge-Kutta 4(5) with rtol =
     tolerance and atol = tolerance / 10, as the paper's variable step; auto: the same for the halved steps
     in C, rtol = tolerance.
     """
-    structure = structure or sample_prism()
+    structure = sample_prism()
     models = {name: compile_in(structure, name) for name in FORMULATIONS}
 
     def run(name: str, **options: Any) -> Trajectory:
         return simulate(models[name], t_end, samples=samples, **options)
 
-    equal = {name: run(name, method="rk4", stepping=Stepping(step)) for name in FORMULATIONS}
+    equal = {name: run(name, method="rk4", stepping=Stepping(STEP)) for name in FORMULATIONS}
     truth = run("node_position", method="scipy_dop853", rtol=1e-12, stepping=REFERENCE_STEPPING)
     result: dict[str, Any] = {
         "time": truth.time,
-        "step": step,
+        "step": STEP,
         "equal_steps": _difference(equal["node_position"], equal["node_distance"]),
         "adaptive": {},
         "auto": {},

@@ -92,6 +92,7 @@ def evaluate_in(
 # is computed at the origin with more digits.
 
 
+STEP = 1e-3  # [s]
 OFFSETS = (0.0, 1e3, 1e6, 1e9)
 PRECISIONS: dict[str, type[np.floating[Any]]] = {"double": np.float64, "single": np.float32}
 
@@ -150,31 +151,26 @@ def _move(model: SymbolicModel, offset: float) -> np.ndarray:
 
 
 def compare_offset_trajectories(
-    structure: Structure | None = None,
-    offsets: Iterable[float] = OFFSETS,
-    *,
-    t_end: float = 1.0,
-    step: float = 1e-3,
-    samples: int = 101,
+    offsets: Iterable[float] = OFFSETS, *, t_end: float = 1.0, samples: int = 101
 ) -> dict[str, Any]:
     """Return how far tensions of a simulation in double precision stray from those at the origin.
 
-    structure: a free prism if not given. time (n_t,) [s]; then formulation -> offset -> (n_t,) largest
+    Of a free prism. time (n_t,) [s]; then formulation -> offset -> (n_t,) largest
     difference of a member tension [N] from the run in node distances at the origin, with equal steps of
     Runge-Kutta 4 in C; a run in which nodes coincide at the start has no entry.
     """
-    structure = structure or sample_prism()
+    structure = sample_prism()
     models = {name: compile_in(structure, name) for name in FORMULATIONS}
     result: dict[str, Any] = {name: {} for name in FORMULATIONS}
     truth = simulate(
-        models["node_distance"], t_end, samples=samples, method="rk4", stepping=Stepping(step=step)
+        models["node_distance"], t_end, samples=samples, method="rk4", stepping=Stepping(step=STEP)
     )
     for name, model in models.items():
         symbolic = build_model(structure, ModelRequest((), formulation=name))
         for offset in offsets:
             start = _move(symbolic, float(offset)).astype(np.float64)
             run = simulate(
-                model, t_end, samples=samples, method="rk4", stepping=Stepping(step=step), coordinate=start
+                model, t_end, samples=samples, method="rk4", stepping=Stepping(step=STEP), coordinate=start
             )
             count = len(run.time)
             apart = np.abs(run.member_tension - truth.member_tension[:count])
