@@ -24,8 +24,8 @@ from tensegrity_codegen.codegen.choose_emitter import (
 )
 from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
 from tensegrity_codegen.codegen.integrators.columns import check_jumps, list_derivative_quantities
-from tensegrity_codegen.codegen.integrators.energy_keeping import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators.events import find_events
+from tensegrity_codegen.codegen.integrators.implicit import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators.integrators import PROJECTION, SETTLING
 from tensegrity_codegen.codegen.lanes.emitter import LANES
 from tensegrity_codegen.codegen.left_out import account_left_out, build_with

@@ -1,10 +1,13 @@
-"""The implicit integrator: which functions it needs, its tables and its work memory.
+"""The implicit integrator, and those that keep the energy: their functions, tables and work memory.
 
 Mixed form: the tension of every two-sided member that joins a free coordinate is an unknown, the multiplier
 of that member's law. Newton matrices hold masses and directions of these members; cables, soft beside them,
 enter the equations only: the iteration converges as long as a step is not much longer than a period of the
 cables, which accuracy asks for as well. Those with much damping, or whose damping is a run-time parameter,
 are in the matrices too, by rows of their own: the iteration would ask for steps of m / c.
+
+To keep the energy, after each step velocities are changed by as little as brings it back, in the metric of
+the mass matrix, along what of them is no rigid motion, so that momentum and angular momentum stay.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,11 +23,12 @@ from tensegrity_codegen.codegen.integrators.saddle import build_saddle_pattern
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.model import Frame
-from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.integrators import INTEGRATORS, STIFF_INTEGRATOR
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest, Pattern
 from tensegrity_codegen.tables.quantities import ARGUMENTS
+from tensegrity_codegen.tables.request import ModelRequest
 
 IMPLICIT = INTEGRATORS[STIFF_INTEGRATOR]
 PREFIX = STIFF_INTEGRATOR.upper()  # of its constants in C
@@ -181,3 +185,70 @@ def _mass_entries(pattern: Pattern | None, n: int) -> list[tuple[int, int]]:
         return [(k, k) for k in range(n)]
     columns = np.repeat(np.arange(n), np.diff(pattern.column_start))
     return [(int(row), int(column)) for row, column in zip(pattern.row, columns, strict=True)]
+
+
+KEEP_CHOICES = ("energy",)
+KEPT_QUANTITIES = ("total_energy", "mass_matrix", "energy_rate")
+N_RIGID = {1: 1, 2: 3, 3: 6}  # axes -> rigid motions
+
+
+def check_keep(request: ModelRequest, name: str) -> None:
+    """Raise FormulationError for what no integrator can keep in this formulation; name: of the scene."""
+    for word in request.keep:
+        if word not in KEEP_CHOICES:
+            raise FormulationError(
+                "unknown thing to keep", where="model.keep", given=word, hint=suggest(word, KEEP_CHOICES)
+            )
+    in_nodes = [item.name for item in FORMULATIONS.values() if item.in_nodes]
+    if request.keep and (request.formulation not in in_nodes or request.precision != "double"):
+        raise FormulationError(
+            "the energy is kept in node coordinates and double precision alone",
+            where=f"{name}: model.keep",
+            given=f"{request.formulation}, {request.precision}",
+            allowed=f"formulations {', '.join(in_nodes)} in double precision",
+            hint="omit it, and tighten the tolerance",
+        )
+
+
+def check_conservative(model: EmittedModel, functions: Mapping[str, FunctionSpec]) -> None:
+    """Raise FormulationError for a model whose motion does not keep its energy."""
+    rate = functions.get("energy_rate")
+    depends = "velocity" in functions["acceleration"].arguments if rate is None else bool(rate.arguments)
+    if depends:
+        raise FormulationError(
+            "nothing keeps the energy where damping takes some",
+            where=f"{model.name}: model.keep",
+            given="energy",
+            allowed="structures without damping",
+            hint="set all damping to 0, or leave `keep` out",
+        )
+
+
+def keeper_memory(model: EmittedModel, functions: Mapping[str, FunctionSpec]) -> int:
+    """Return the bytes of work memory that it takes; raises as check_conservative."""
+    check_conservative(model, functions)
+    sizes = {"N": len(model.frame.coordinate_name), "N_MASSES": _mass_size(functions["mass_matrix"])}
+    return count_bytes("energy_memory", "energy.h", sizes)
+
+
+def keeper_context(manifest: Manifest, functions: Mapping[str, FunctionSpec]) -> dict[str, Any]:
+    """Return what the template reads."""
+    mass = functions["mass_matrix"]
+    axes, n = len(manifest.axes), len(manifest.coordinate_name)
+    is_free = n == axes * len(manifest.node_name)
+    pattern = mass.pattern
+    diagonal = pattern is None or (
+        len(pattern.row) == n and np.array_equal(pattern.row, np.arange(n, dtype=np.int32))
+    )
+    return {
+        "energy_arguments": functions["total_energy"].arguments,
+        "mass_arguments": mass.arguments,
+        "mass_size": _mass_size(mass),
+        "is_mass_diagonal": diagonal,
+        "axes": axes,
+        "rigid": N_RIGID[axes] if is_free else 0,
+    }
+
+
+def _mass_size(mass: FunctionSpec) -> int:
+    return len(mass.pattern.row) if mass.pattern is not None else int(np.prod(mass.shape))

@@ -8,13 +8,14 @@ import numpy as np
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.integrators.columns import columns_context, list_derivative_quantities
-from tensegrity_codegen.codegen.integrators.energy_keeping import (
+from tensegrity_codegen.codegen.integrators.events import events_context, state_sizes, watched_events
+from tensegrity_codegen.codegen.integrators.implicit import (
     KEPT_QUANTITIES,
+    implicit_context,
+    implicit_spec,
     keeper_context,
     keeper_memory,
 )
-from tensegrity_codegen.codegen.integrators.events import events_context, state_sizes, watched_events
-from tensegrity_codegen.codegen.integrators.implicit import implicit_context, implicit_spec
 from tensegrity_codegen.codegen.integrators.profiles import PULL, count_driven, driven_context, pull_size
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
 from tensegrity_codegen.structure.ground_support import needs_state_jacobian
@@ -87,7 +88,7 @@ def integrator_spec(
         "energy_memory": energy,
         "WITH_PROFILE": size,
         "N_DRIVEN": size,
-        **{f"N_{f.quantity.upper()}": _count_entries(f) for f in called},
+        **{f"N_{f.quantity.upper()}": count_entries(f) for f in called},
     }
     has_adjoint = any(f.quantity == "adjoint_rate" for f in called)
     adjoint_work, tape_row = _count_adjoint(model, row, sizes) if has_adjoint else (0, 0)
@@ -123,7 +124,7 @@ def _check_called(model: EmittedModel, row: Integrator, functions: Iterable[Func
         )
 
 
-def _count_entries(function: FunctionSpec) -> int:
+def count_entries(function: FunctionSpec) -> int:
     """Return the numbers that a function writes."""
     return int(np.prod(function.shape)) if function.pattern is None else len(function.pattern.row)
 
@@ -199,7 +200,7 @@ def integrator_context(
             {
                 "quantity": name,
                 "arguments": functions[name].arguments,
-                "size": _count_entries(functions[name]),
+                "size": count_entries(functions[name]),
                 "weight": ADJOINTS[name][0] if name in ADJOINTS else None,
             }
             for name in dict.fromkeys(

@@ -11,6 +11,7 @@ from tensegrity_codegen.codegen.table.members.block_pattern import make_pattern
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups, check_entries, find_groups
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
+from tensegrity_codegen.codegen.table.members.sinks import OfFreeMembers
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.mix_rows import MixRows
@@ -116,15 +117,11 @@ class FillPushes:
 
 
 @dataclass(frozen=True)
-class AddPulls:
+class AddPulls(OfFreeMembers):
     """Adds what one metre of rest length does to node i, and takes it from node j, in columns of inputs."""
 
     target: str
     columns: InputColumns
-
-    def select(self, model: TableModel, member: IntArray) -> IntArray:
-        """Return the members with a free coordinate."""
-        return member[np.any(model.coordinate[model.ends[member]] >= 0, axis=(1, 2))]
 
     def operations(self, kernel: MemberKernel) -> int:
         """Return one addition for each component of both ends."""

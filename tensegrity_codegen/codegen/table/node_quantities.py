@@ -113,8 +113,7 @@ class NodeLoop:
     @cached_property
     def external(self) -> ExternalForce:
         """Weight, loads and force inputs on all nodes."""
-        count, n_axes = self.model.structure.n_nodes, self.model.n_axes
-        return ExternalForce(self.model, np.arange(count * n_axes).reshape(count, n_axes))
+        return ExternalForce.on_all(self.model)
 
     @property
     def arguments(self) -> frozenset[str]:

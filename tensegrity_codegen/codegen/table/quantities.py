@@ -26,7 +26,13 @@ from tensegrity_codegen.codegen.table.members.columns import MemberColumns, Stor
 from tensegrity_codegen.codegen.table.members.external import ExternalForce
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.sinks import AddToNodes, AddUp, StoreForMembers, StoreForSome
+from tensegrity_codegen.codegen.table.members.sinks import (
+    AddToNodes,
+    AddUp,
+    OfFreeMembers,
+    StoreForMembers,
+    StoreForSome,
+)
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, Statements, loop, only_where
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.mixed import member_law
@@ -92,15 +98,11 @@ class MemberRows:
 
 
 @dataclass(frozen=True)
-class StoreRows:
+class StoreRows(OfFreeMembers):
     """Writes +x at node i and -x at node j into row e of the values `target`."""
 
     target: str
     rows: MemberRows
-
-    def select(self, model: TableModel, member: IntArray) -> IntArray:
-        """Return the members with a free coordinate."""
-        return member[np.any(model.coordinate[model.ends[member]] >= 0, axis=(1, 2))]
 
     def operations(self, kernel: MemberKernel) -> int:
         """Return one change of sign for each component."""
@@ -136,8 +138,7 @@ class ExternalWork:
     @cached_property
     def external(self) -> ExternalForce:
         """External forces on all nodes."""
-        count, n_axes = self.model.structure.n_nodes, self.model.n_axes
-        return ExternalForce(self.model, np.arange(count * n_axes).reshape(count, n_axes))
+        return ExternalForce.on_all(self.model)
 
     @cached_property
     def node(self) -> IntArray:

@@ -5,6 +5,7 @@ from itertools import groupby
 
 import numpy as np
 
+from tensegrity_codegen.codegen.integrators.integrators import count_entries
 from tensegrity_codegen.codegen.print.printer import print_number
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.system.arrays import IntArray
@@ -104,11 +105,6 @@ class Calls:
     envelope: Envelope | None
     size_measured: int
     size_entries: int
-
-
-def count_entries(spec: FunctionSpec) -> int:
-    """Return how many numbers a function returns."""
-    return int(np.prod(spec.shape)) if spec.pattern is None else len(spec.pattern.row)
 
 
 def write_calls(model: Manifest | None, measured: tuple[MeasuredNumber, ...], precision: Precision) -> Calls:

@@ -28,7 +28,8 @@ from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.sweeps.apply.array_keys import ArrayKey
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, FileKey
-from tensegrity_codegen.sweeps.apply.slots import OF_MEMBERS, find_rigid, list_slots
+from tensegrity_codegen.sweeps.apply.slots import OF_MEMBERS, list_slots
+from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.laws import LINEAR
@@ -149,7 +150,7 @@ class _KeyReader:
         # Positions change the lengths of rigid bars, which are constants of a library.
         self.rigid = np.zeros(len(case.subject.member_name), dtype=np.bool_)
         if not isinstance(case.subject, BodySystem):
-            self.rigid = find_rigid(case.subject, case.request)
+            self.rigid = find_rigid_bars(case.subject, case.request)
         self.members: Mapping[str, Member | Tendon] = self.scene.tendons
         if not self.scene.bodies:
             self.members = list_parts(self.scene, "scene").members

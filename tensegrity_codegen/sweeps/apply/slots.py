@@ -8,13 +8,13 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_request, hash_structure, hash_text
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase
+from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
@@ -60,7 +60,7 @@ def hash_constants(case: AssembledCase) -> str:
         if subject.ground is not None:
             blank["ground"] = _blank_ground(subject.ground)
             patterns.append(np.array([subject.ground.friction > 0]))
-        rigid = find_rigid(subject, request)
+        rigid = find_rigid_bars(subject, request)
         extra = [f"{length:.{DIGITS}g}" for length in subject.member_length()[rigid]]
     shape = hash_structure(subject.with_changes(**blank))
     masks = ["".join("01"[int(x)] for x in pattern) for pattern in patterns]
@@ -99,7 +99,7 @@ def _equal(first: Any, second: Any) -> bool:
 
 def _slots_of_nodes(structure: Structure, request: ModelRequest) -> dict[str, FloatArray]:
     axes = list(structure.axes)
-    elastic = ~find_rigid(structure, request)
+    elastic = ~find_rigid_bars(structure, request)
     slots = {name: np.where(elastic, getattr(structure, name), 0.0) for name in OF_MEMBERS}
     slots |= {"gravity": structure.gravity[axes], "node_mass": structure.node_mass}
     slots |= {"node_load": structure.node_load[:, axes]}
@@ -122,15 +122,6 @@ def _slots_of_nodes(structure: Structure, request: ModelRequest) -> dict[str, Fl
 def _moves_anchors(formulation: str) -> bool:
     """Return whether positions of anchored nodes can be run-time parameters."""
     return find_formulation(formulation).in_nodes
-
-
-def find_rigid(structure: Structure, request: ModelRequest) -> NDArray[np.bool_]:
-    """Return which members are rigid, whose stiffness and rest length are in no expression, (n_members,)."""
-    if not find_formulation(request.formulation).has_rigid_bars:
-        return np.zeros(structure.n_members, dtype=np.bool_)
-    which = complete_options(request.formulation, request.options)["bars"]
-    rigid: NDArray[np.bool_] = structure.is_rigid | (structure.is_bar & (which == "all"))
-    return rigid
 
 
 def _distances(structure: Structure, request: ModelRequest) -> dict[str, FloatArray]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.block_pattern import BlockPattern
-from tensegrity_codegen.codegen.table.members.model import TableModel
+from tensegrity_codegen.codegen.table.members.sinks import OfFreeMembers
 from tensegrity_codegen.codegen.table.members.stage import only_where
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
@@ -17,7 +17,7 @@ Place = Callable[[int, int, int], str]  # from block, row and column to the C ex
 
 
 @dataclass(frozen=True)
-class AddBlocks:
+class AddBlocks(OfFreeMembers):
     """Adds [S -S; -S S] of each member; S comes as rows, or as its upper triangle where it is symmetric.
 
     target: C name of the values; pattern: where blocks land; before: another pattern whose columns come
@@ -29,10 +29,6 @@ class AddBlocks:
     pattern: BlockPattern
     before: BlockPattern | None = None
     size: str = ""
-
-    def select(self, model: TableModel, member: IntArray) -> IntArray:
-        """Return the members with a free coordinate."""
-        return member[np.any(model.coordinate[model.ends[member]] >= 0, axis=(1, 2))]
 
     def operations(self, kernel: MemberKernel) -> int:
         """Return one addition for each entry of the four blocks, those of two free nodes."""

@@ -11,6 +11,7 @@ from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.block_pattern import make_pattern
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups
 from tensegrity_codegen.codegen.table.members.model import TableModel
+from tensegrity_codegen.codegen.table.members.sinks import OfFreeMembers
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
@@ -92,15 +93,11 @@ class MemberColumns:
 
 
 @dataclass(frozen=True)
-class StoreColumns:
+class StoreColumns(OfFreeMembers):
     """Writes +x at node i and -x at node j into column e of the values `target`."""
 
     target: str
     columns: MemberColumns
-
-    def select(self, model: TableModel, member: IntArray) -> IntArray:
-        """Return the members with a free coordinate."""
-        return member[np.any(model.coordinate[model.ends[member]] >= 0, axis=(1, 2))]
 
     def operations(self, kernel: MemberKernel) -> int:
         """Return one change of sign for each component."""

@@ -22,6 +22,12 @@ class ExternalForce:
     model: TableModel
     index: IntArray
 
+    @classmethod
+    def on_all(cls, model: TableModel) -> "ExternalForce":
+        """Return the force on all components of all nodes, node by node."""
+        shape = model.structure.n_nodes, model.n_axes
+        return cls(model, np.arange(shape[0] * shape[1]).reshape(shape))
+
     @cached_property
     def wanted(self) -> NDArray[np.bool_]:
         """(n_nodes, n_axes): components that are asked for."""

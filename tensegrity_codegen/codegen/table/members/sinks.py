@@ -29,6 +29,14 @@ class Sink(Protocol):
         """Return the statements after the kernel's call, with its results by name."""
 
 
+class OfFreeMembers:
+    """A sink that wants the members with a free coordinate."""
+
+    def select(self, model: TableModel, member: IntArray) -> IntArray:
+        """Return the members with a free coordinate."""
+        return member[np.any(model.coordinate[model.ends[member]] >= 0, axis=(1, 2))]
+
+
 @dataclass(frozen=True)
 class AddToNodes:
     """Takes a pull from node i and gives it to node j.
