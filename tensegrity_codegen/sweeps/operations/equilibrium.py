@@ -148,8 +148,7 @@ def _compute_quantities(
         COORDINATE: equilibria.coordinate,
         "velocity": np.zeros_like(equilibria.coordinate),
     }
-    shared_arguments = {name: array for name, array in case_arguments.shared.items() if name not in rows}
-    computed = compute_values(model, computed_names, rows, shared_arguments, case_arguments.count, threads)
+    computed = compute_values(model, computed_names, replace(case_arguments, rows=rows), threads)
     values = {name: value for name, (value, _) in computed.items()}
     return values | {name: getattr(equilibria, name) for name in names if name in SEARCH_QUANTITIES}
 

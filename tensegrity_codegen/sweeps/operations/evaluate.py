@@ -54,7 +54,7 @@ class Evaluate(Operation):
         """Compute what is kept; a case where it is not finite has the status "non_finite_result"."""
         kept, count = self._bind(model.manifest), case_arguments.count
         names = dict.fromkeys(name for item in kept for name in item.names)
-        found = compute_values(model, names, case_arguments.rows, case_arguments.shared, count, threads)
+        found = compute_values(model, names, case_arguments, threads)
         values = {name: value for name, (value, _) in found.items()}
         arrays: dict[str, NDArray[Any]] = {}
         for item in kept:

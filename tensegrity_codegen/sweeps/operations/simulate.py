@@ -237,7 +237,8 @@ def _sample(
         elif name in (POSITION, *SAMPLED):
             values[name] = getattr(batch, name)
         else:
-            found, _ = compute_rows(model, name, states, case_arguments.shared, shape[0] * shape[1], threads)
+            given = replace(case_arguments, count=shape[0] * shape[1], rows=states)
+            found, _ = compute_rows(model, name, given, threads)
             values[name] = found.reshape(*shape, *found.shape[1:])
     return values
 

@@ -1,6 +1,7 @@
 """Quantities of a library for every case of a chunk, side by side where it can; use of limits of members."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,65 +19,44 @@ RealArray = NDArray[Any]
 
 
 def compute_rows(
-    model: CompiledModel,
-    quantity: str,
-    rows: Mapping[str, RealArray],
-    shared: Mapping[str, RealArray],
-    count: int,
-    threads: int = 1,
+    model: CompiledModel, quantity: str, given: CaseArguments, threads: int = 1
 ) -> tuple[RealArray, BoolArray]:
-    """Return a quantity (count, ...) and whether each row is finite; sparse matrices as dense arrays.
-
-    rows: arguments with one row a case; shared: arguments of all cases.
-    """
+    """Return a quantity (count, ...) and whether each row is finite; sparse matrices as dense arrays."""
     function = model.function(quantity)
-    if not any(name in rows for name in function.arguments):
-        found, is_good = _compute_each(model, quantity, {}, shared, 1)
-        found = np.repeat(found, count, axis=0)
-        is_good = np.repeat(is_good, count)
+    if not any(name in given.rows for name in function.arguments):
+        found, is_good = _compute_each(model, quantity, replace(given, count=1, rows={}))
+        found = np.repeat(found, given.count, axis=0)
+        is_good = np.repeat(is_good, given.count)
     elif model.library.batch_width:
-        answer, status = model.compute_batch(
-            quantity, threads=threads, on_error="status", **{**shared, **rows}
-        )
+        answer, status = model.compute_batch(quantity, threads=threads, on_error="status", **given.all)
         found, is_good = np.asarray(answer), status == 0
     else:
-        found, is_good = _compute_each(model, quantity, rows, shared, count)
+        found, is_good = _compute_each(model, quantity, given)
     return _fill_pattern(found, function.spec), is_good
 
 
 def compute_values(
-    model: CompiledModel,
-    names: Iterable[str],
-    rows: Mapping[str, RealArray],
-    shared: Mapping[str, RealArray],
-    count: int,
-    threads: int = 1,
+    model: CompiledModel, names: Iterable[str], given: CaseArguments, threads: int = 1
 ) -> dict[str, tuple[RealArray, BoolArray]]:
     """Return quantities by name, each as `compute_rows` does, positions of nodes as (count, n_nodes, 3)."""
     return {
-        name: place_rows(model, rows, shared, count, threads)
+        name: place_rows(model, given, threads)
         if name == POSITION
-        else compute_rows(model, name, rows, shared, count, threads)
+        else compute_rows(model, name, given, threads)
         for name in names
     }
 
 
-def place_rows(
-    model: CompiledModel,
-    rows: Mapping[str, RealArray],
-    shared: Mapping[str, RealArray],
-    count: int,
-    threads: int = 1,
-) -> tuple[RealArray, BoolArray]:
+def place_rows(model: CompiledModel, given: CaseArguments, threads: int = 1) -> tuple[RealArray, BoolArray]:
     """Return positions of all nodes (count, n_nodes, 3) [m], and whether each row is finite."""
     manifest = model.manifest
     axes, places = list(manifest.axes), manifest.coordinate_place
-    result = np.tile(manifest.stated_position.astype(model.dtype), (count, 1, 1))
+    result = np.tile(manifest.stated_position.astype(model.dtype), (given.count, 1, 1))
     if not manifest.coordinate_node_axis:
-        found, is_good = compute_rows(model, POSITION, rows, shared, count, threads)
+        found, is_good = compute_rows(model, POSITION, given, threads)
         result[..., axes] = found
         return result, is_good
-    case_arguments = {**shared, **rows}
+    case_arguments = given.all
     changeable = next((item for item in manifest.arguments if item.name == "anchor_position"), None)
     if changeable is not None and "anchor_position" in case_arguments:
         nodes = np.array([manifest.node_name.index(name) for name in changeable.over])
@@ -85,23 +65,17 @@ def place_rows(
     return result, np.isfinite(result).all(axis=(1, 2))
 
 
-def _compute_each(
-    model: CompiledModel,
-    quantity: str,
-    rows: Mapping[str, RealArray],
-    shared: Mapping[str, RealArray],
-    count: int,
-) -> tuple[RealArray, BoolArray]:
+def _compute_each(model: CompiledModel, quantity: str, given: CaseArguments) -> tuple[RealArray, BoolArray]:
     """Return the values one case after the other; of sparse matrices the non-zeros, (count, n_nonzeros)."""
-    function = model.function(quantity)
+    function, rows, shared = model.function(quantity), given.rows, given.shared
     own = [name for name in function.arguments if name in rows]
     values = [shared[name] if name in shared else model.nominal(name) for name in function.arguments]
     places = {name: function.arguments.index(name) for name in own}
     pattern = function.spec.pattern
     shape = (len(pattern.row),) if pattern else function.spec.shape
-    found = np.full((count, *shape), np.nan, dtype=model.dtype)
-    is_good = np.ones(count, dtype=np.bool_)
-    for k in range(count):
+    found = np.full((given.count, *shape), np.nan, dtype=model.dtype)
+    is_good = np.ones(given.count, dtype=np.bool_)
+    for k in range(given.count):
         for name in own:
             values[places[name]] = rows[name][k]
         try:
