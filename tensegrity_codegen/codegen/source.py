@@ -52,15 +52,7 @@ def label_entries(manifest: Manifest, spec: FunctionSpec) -> Mapping[str, Any]:
     Each label has the `format` of printf and the `value` that it takes, with @ for the index. A matrix has
     the labels `rows` and `columns`, any other result has `entries`.
     """
-    sizes = {
-        "node": len(manifest.node_name),
-        "member": len(manifest.member_name),
-        "coordinate": len(manifest.coordinate_name),
-        "input": len(manifest.input_name),
-        "bar_pair": len(manifest.bar_pair),
-        "internal": len(manifest.internal_name),
-        "contact": len(manifest.contact_name),
-    }
+    sizes = {kind: len(names) for kind, names in _indices(manifest).items()}
     shape = QUANTITIES[spec.quantity].shape
     if spec.pattern is not None:
         rows, columns = spec.pattern.shape
@@ -256,14 +248,6 @@ def _indices(manifest: Manifest) -> dict[str, list[str]]:
     }
 
 
-def _shape_text(shape: tuple[int, ...]) -> str:
-    return (
-        "scalar"
-        if not shape
-        else "(" + ", ".join(str(size) for size in shape) + ("," if len(shape) == 1 else "") + ")"
-    )
-
-
 def _argument_context(argument: ArgumentSpec, precision: Precision) -> dict[str, Any]:
     # Nominal values without the zeros at their end, one at least: C fills up an array with zeros.
     array = np.array(argument.nominal, dtype=np.float64)
@@ -271,7 +255,7 @@ def _argument_context(argument: ArgumentSpec, precision: Precision) -> dict[str,
     return {
         "name": argument.name,
         "size": len(argument.nominal),
-        "shape_text": _shape_text(argument.shape),
+        "shape_text": str(argument.shape or "scalar"),
         "unit": argument.unit,
         "sentence": argument.sentence,
         "nominal": print_numbers(array[: last[-1] + 1 if last.size else 1], precision, argument.name),
@@ -293,7 +277,7 @@ def _function_context(
         "unit": spec.unit,
         "source": QUANTITIES[spec.quantity].source,
         "operations": spec.operations,
-        "shape_text": _shape_text(spec.shape),
+        "shape_text": str(spec.shape or "scalar"),
         "size": result_size(function),
         "pattern": spec.pattern,
         "has_casadi_abi": has_casadi_abi,

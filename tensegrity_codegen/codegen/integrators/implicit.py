@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.integrators.events import WatchedEvents, event_memory
 from tensegrity_codegen.codegen.integrators.saddle import build_saddle_pattern
-from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
+from tensegrity_codegen.codegen.integrators.work_memory import count_bytes, count_entries
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.model import Frame
 from tensegrity_codegen.system.errors import FormulationError, suggest
@@ -227,7 +227,7 @@ def check_conservative(model: EmittedModel, functions: Mapping[str, FunctionSpec
 def keeper_memory(model: EmittedModel, functions: Mapping[str, FunctionSpec]) -> int:
     """Return the bytes of work memory that it takes; raises as check_conservative."""
     check_conservative(model, functions)
-    sizes = {"N": len(model.frame.coordinate_name), "N_MASSES": _mass_size(functions["mass_matrix"])}
+    sizes = {"N": len(model.frame.coordinate_name), "N_MASSES": count_entries(functions["mass_matrix"])}
     return count_bytes("energy_memory", "energy.h", sizes)
 
 
@@ -243,12 +243,8 @@ def keeper_context(manifest: Manifest, functions: Mapping[str, FunctionSpec]) ->
     return {
         "energy_arguments": functions["total_energy"].arguments,
         "mass_arguments": mass.arguments,
-        "mass_size": _mass_size(mass),
+        "mass_size": count_entries(mass),
         "is_mass_diagonal": diagonal,
         "axes": axes,
         "rigid": N_RIGID[axes] if is_free else 0,
     }
-
-
-def _mass_size(mass: FunctionSpec) -> int:
-    return len(mass.pattern.row) if mass.pattern is not None else int(np.prod(mass.shape))

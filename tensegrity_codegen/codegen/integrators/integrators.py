@@ -17,7 +17,7 @@ from tensegrity_codegen.codegen.integrators.implicit import (
     keeper_memory,
 )
 from tensegrity_codegen.codegen.integrators.profiles import PULL, count_driven, driven_context, pull_size
-from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
+from tensegrity_codegen.codegen.integrators.work_memory import count_bytes, count_entries
 from tensegrity_codegen.structure.ground_support import needs_state_jacobian
 from tensegrity_codegen.structure.inertia_plan import find_massless, refuse_bare
 from tensegrity_codegen.structure.structure import Structure
@@ -122,11 +122,6 @@ def _check_called(model: EmittedModel, row: Integrator, functions: Iterable[Func
             allowed="a formulation, and an emitter, that offer it",
             hint='choose emitter = "unrolled", or use rk54',
         )
-
-
-def count_entries(function: FunctionSpec) -> int:
-    """Return the numbers that a function writes."""
-    return int(np.prod(function.shape)) if function.pattern is None else len(function.pattern.row)
 
 
 def _count_work(row: Integrator, sizes: Mapping[str, int]) -> int:

@@ -6,7 +6,10 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from tensegrity_codegen.codegen.print.render import plain_c_folder, template_folder
+from tensegrity_codegen.tables.manifest import FunctionSpec
 
 STRUCT = r"typedef struct {{\n([^}}]*)}} {name};"
 COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
@@ -84,3 +87,8 @@ def _evaluate(text: str, sizes: Mapping[str, int]) -> int:
         return OPERATIONS[type(node.op)](value(node.left), value(node.right))
 
     return value(ast.parse(text, mode="eval").body)
+
+
+def count_entries(function: FunctionSpec) -> int:
+    """Return the numbers that a function writes."""
+    return int(np.prod(function.shape)) if function.pattern is None else len(function.pattern.row)

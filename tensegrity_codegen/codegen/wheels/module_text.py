@@ -117,7 +117,7 @@ def _format_function(manifest: Manifest, spec: FunctionSpec) -> str:
         kind, call = "float", "float(LIBRARY.compute({}))"
     else:
         kind, call = "_NDArray[_Any]", "LIBRARY.compute({})"
-    returned = f"{spec.quantity} : {_shape(spec.shape)} [{spec.unit}]"
+    returned = f"{spec.quantity} : {spec.shape or 'scalar'} [{spec.unit}]"
     return _format_definition(
         f"compute_{spec.quantity}",
         [],
@@ -202,7 +202,7 @@ def _format_definition(
     rows = [(item[1], item[2]) for item in described]
     rows += [
         (
-            f"{item.name} : {_shape(item.shape)} [{item.unit}]",
+            f"{item.name} : {item.shape or 'scalar'} [{item.unit}]",
             item.sentence + (f" Of {', '.join(item.over)}." if item.over else ""),
         )
         for item in arguments
@@ -224,10 +224,6 @@ def _python_name(name: str) -> str:
     if not name.isidentifier() or keyword.iskeyword(name):
         raise InvalidNameError("Python cannot have an argument of this name", where="wheel", given=name)
     return name
-
-
-def _shape(shape: tuple[int, ...]) -> str:
-    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})" if shape else "scalar"
 
 
 def _quote(text: str) -> str:

@@ -5,7 +5,7 @@ from itertools import groupby
 
 import numpy as np
 
-from tensegrity_codegen.codegen.integrators.integrators import count_entries
+from tensegrity_codegen.codegen.integrators.work_memory import count_entries
 from tensegrity_codegen.codegen.print.printer import print_number
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.system.arrays import IntArray
