@@ -201,14 +201,14 @@ def compile_control(
         )
 
     def find_request(subject: "Subject", request: "ModelRequest") -> "ModelRequest":
-        _check_formulation(subject, request)
+        _check_formulation(request)
         needs = find_needs("time_motion", subject, request).alone(request)
         return want_analyses(subject, needs, ("control",))
 
     return compile_actuated(output, scene, held.to, held.actuate, compiler, find_request)
 
 
-def _check_formulation(subject: "Subject", request: "ModelRequest") -> None:
+def _check_formulation(request: "ModelRequest") -> None:
     """Raise FormulationError where coordinates depend on each other: rigid bars between nodes."""
     from tensegrity_codegen.tables.formulations import find_formulation
 

@@ -91,7 +91,7 @@ def write_prestressed(
             hint="members may be very stiff for so little force: more prestress, or a smaller stiffness",
         )
     write_scene(document, out, overwrite=overwrite)
-    return Prestressed(stored, residual, _describe_choice(found, subject))
+    return Prestressed(stored, residual, _describe_choice(found))
 
 
 def _read_size(text: str, subject: "Subject") -> tuple[str, float]:
@@ -197,7 +197,7 @@ def _find_residual(found: "Analysis", tension: FloatArray) -> float:
     return float(np.abs(left @ (rank.singular_value * (right @ tension))).max(initial=0.0))
 
 
-def _describe_choice(found: "Analysis", subject: "Subject") -> str:
+def _describe_choice(found: "Analysis") -> str:
     """Return which of several self-stresses was written, and what loads do."""
     count = found.n_selfstress
     if count == 1:

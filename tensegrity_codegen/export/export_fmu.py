@@ -298,19 +298,19 @@ def _choose_outputs(
                 given=name,
                 allowed=", ".join(key for key, row in QUANTITIES.items() if not row.sparse),
             )
-        if not (name == POSITION and _has_node_coordinates(structure, request)):
+        if not (name == POSITION and _has_node_coordinates(request)):
             check_request(structure, request.wanting("acceleration", name))
     return tuple(dict.fromkeys(given))
 
 
-def _has_node_coordinates(structure: Subject, request: ModelRequest) -> bool:
+def _has_node_coordinates(request: ModelRequest) -> bool:
     from tensegrity_codegen.tables.formulations import find_formulation
 
     return find_formulation(request.formulation).in_nodes
 
 
 def _is_offered(structure: Subject, request: ModelRequest, name: str) -> bool:
-    if name == POSITION and _has_node_coordinates(structure, request):
+    if name == POSITION and _has_node_coordinates(request):
         return True
     try:
         check_request(structure, request.wanting("acceleration", name))
@@ -323,7 +323,7 @@ def _generate(
     structure: Subject, request: ModelRequest, outputs: Sequence[str], integrator: str
 ) -> tuple[GeneratedSource, ModelRequest]:
     """Return the C of the library, and the request that it was made from."""
-    coordinates = _has_node_coordinates(structure, request)
+    coordinates = _has_node_coordinates(request)
     computed = [name for name in outputs if not (name == POSITION and coordinates)]
     if getattr(structure, "internal_name", ()):
         computed.append("internal_rate")

@@ -29,12 +29,6 @@ class CacheEntry:
     files: tuple[str, ...]
     scene: str = ""
 
-    def path(self, name: str) -> Path:
-        """Return the path of one file of the entry; raises KeyError for a name that it does not have."""
-        if name not in self.files:
-            raise KeyError(name)
-        return self.folder / name
-
     @property
     def library(self) -> Path | None:
         """The path of the shared library, None if the entry holds none."""

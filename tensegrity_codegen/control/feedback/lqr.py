@@ -127,7 +127,7 @@ def design_lqr(
     late = find_bounds(model, reference, ActuatorLimits(delay=delay), longest_delay=longest).delay
     _check_count(late, sample)
     names = name_states(model.manifest)
-    output, labels = _read_outputs(integral_action, model, names)
+    output, labels = _read_outputs(integral_action, names)
     n, k, m = len(names), len(output), len(reference.actuators)
     over = f"{n} states (q, q')" + (f" and {k} sums" if k else "")
     q = read_weight(Q, n + k, "Q", over, definite=False)
@@ -197,7 +197,7 @@ def _augment(
 
 
 def _read_outputs(
-    value: ArrayLike | Sequence[str] | None, model: CompiledModel, names: tuple[str, ...]
+    value: ArrayLike | Sequence[str] | None, names: tuple[str, ...]
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return C (n_integrals, n_x) and the names of its rows."""
     n = len(names)

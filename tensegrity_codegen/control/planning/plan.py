@@ -227,7 +227,7 @@ def _check_start(plan_model: PlanModel, limits: PlanLimits, at: PlanPoint) -> No
     stated = np.array([kind != "least_stiffness" or limits.least_stiffness > 0 for kind in margins.kind])
     outside = [int(k) for k in order if margins.excess[k] > LIMIT_TOLERANCE and stated[k]]
     if outside:
-        shown = "; ".join(describe_margin(plan_model, limits, at, margins, k) for k in outside[:3])
+        shown = "; ".join(describe_margin(plan_model, margins, k) for k in outside[:3])
         more = f"; and {len(outside) - 3} more" if len(outside) > 3 else ""
         raise StructureError(
             f"the start is outside the limits: {shown}{more}",

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.control.planning.limits import Margins, PlanLimits
+from tensegrity_codegen.control.planning.limits import Margins
 from tensegrity_codegen.control.planning.path import PlanPath
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.control.planning.targets import Targets
@@ -31,9 +31,7 @@ N_NAMED = 6  # limits that a message names
 ENDINGS = (".npz", ".csv")
 
 
-def describe_margin(
-    plan_model: PlanModel, limits: PlanLimits, at: PlanPoint, margins: Margins, row: int
-) -> str:
+def describe_margin(plan_model: PlanModel, margins: Margins, row: int) -> str:
     """Return a limit that is exceeded: which, of what, by how much."""
     kind, unit = margins.kind[row], UNITS.get(margins.kind[row], "N")
     name = _name(plan_model, kind, int(margins.index[row]))

@@ -117,13 +117,6 @@ class Shown:
         if self.tension is not None:
             check_tension(self.tension, self.tension.shape, self.structure, "samples, members")
 
-    def sample(self, number: int) -> "Shown":
-        """Return one sample alone."""
-        tension = None if self.tension is None else self.tension[number][None]
-        contact = None if self.contact is None else self.contact[number][None]
-        load = self.load[number][None]
-        return Shown(self.structure, self.position[number][None], tension, load, self.parts, contact)
-
 
 def show_structure(
     structure: Structure,

@@ -69,11 +69,6 @@ class Box:
 class View(Protocol):
     """How positions become places on paper."""
 
-    @property
-    def is_planar(self) -> bool:
-        """Whether the picture shows two axes as they are."""
-        ...
-
     def project(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return places (..., 2) on paper [m] and depths (...): larger is nearer to the eye."""
         ...
@@ -93,11 +88,6 @@ class PerspectiveView:
     center: FloatArray
     rotation: FloatArray
     distance: float
-
-    @property
-    def is_planar(self) -> bool:
-        """False: three axes are seen from one direction."""
-        return False
 
     def project(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return places (..., 2) on paper [m] and depths (...) [m] of points (..., 3)."""
@@ -120,11 +110,6 @@ class PlanarView:
 
     axes: tuple[int, int]
     is_in_space: bool = False
-
-    @property
-    def is_planar(self) -> bool:
-        """True: two axes are seen as they are."""
-        return True
 
     def project(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return places (..., 2) on paper [m] and depths (...) [m] of points (..., 3), zero in a plane."""

@@ -91,7 +91,7 @@ def _add_link(network: Network, link: Link, used: set[str], file: str) -> Networ
     if len(chosen) == 1 and link.kind == "free":
         centre = np.linalg.norm(link.sites[chosen[0]] - link.centre)
         if centre > RELATIVE_TOLERANCE * (1 + float(np.linalg.norm(link.centre))):
-            _refuse_sites(chosen, where, "one site away from the centre of mass")
+            _refuse_sites(where, "one site away from the centre of mass")
         link.free[:] = True
         link.speed = link.speed + np.cross(link.spin, link.sites[chosen[0]] - link.position)
         _add_point(network, link, chosen, where)
@@ -100,11 +100,11 @@ def _add_link(network: Network, link: Link, used: set[str], file: str) -> Networ
         chosen = [f"{link.name}_pivot", *chosen]
         link.sites[chosen[0]] = link.position
     if len(chosen) != 2:
-        _refuse_sites(chosen, where, f"{len(chosen)} sites that tendons use")
+        _refuse_sites(where, f"{len(chosen)} sites that tendons use")
     return _add_bar(network, link, chosen, where)
 
 
-def _refuse_sites(chosen: Sequence[str], where: str, given: str) -> None:
+def _refuse_sites(where: str, given: str) -> None:
     raise InvalidValueError(
         "a turning body that is no rod is not read",
         where=where,
@@ -142,7 +142,7 @@ def _add_bar(network: Network, link: Link, chosen: Sequence[str], where: str) ->
     axis = (tips[1] - tips[0]) / length
     aside = float(np.linalg.norm(np.cross(link.centre - tips[0], axis)))
     if aside > MOST_ASIDE * length:
-        _refuse_sites(chosen, where, f"a centre of mass {aside:.3g} m off the line between its two sites")
+        _refuse_sites(where, f"a centre of mass {aside:.3g} m off the line between its two sites")
     if aside > RELATIVE_TOLERANCE * length:
         network.notes.append(
             f"the centre of mass of {link.name} is {aside:.3g} m off the line between its sites "

@@ -85,7 +85,7 @@ def test_what_is_stored_is_found_with_all_its_files(cache):
     found = cache.find(KEY)
     assert found == stored
     assert set(found.files) == set(FILES)
-    assert {name: found.path(name).read_bytes() for name in found.files} == FILES
+    assert {name: (found.folder / name).read_bytes() for name in found.files} == FILES
     assert found.library.name == "libprism.so"
     assert found.manifest.name == "manifest.json"
     assert list((cache.root / "temporary").iterdir()) == []
@@ -183,7 +183,7 @@ def test_a_damaged_entry_is_absent_then_removed_then_made_again(cache, damage):
 def test_store_replaces_a_damaged_entry_but_not_its_open_file(cache):
     library = cache.store(KEY, FILES).library
     with library.open("rb") as loaded:
-        cut(cache.find(KEY).path("manifest.json"))
+        cut(cache.find(KEY).manifest)
         cache.store(KEY, FILES | {"libprism.so": b"another"})
         assert loaded.read() == FILES["libprism.so"]
     assert cache.find(KEY).library.read_bytes() == b"another"

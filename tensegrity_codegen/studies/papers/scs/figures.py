@@ -61,14 +61,6 @@ class RegionMap:
         """(n_d, n_a): where the tower can stand with all tendons taut."""
         return np.asarray(self.code == 0)
 
-    def summary(self) -> dict[str, Any]:
-        """Return how much of the grid each code covers, as one JSON-ready object."""
-        words = {OUTSIDE: "outside the bounds", 0: "taut"}
-        for code in range(1, 8):
-            words[code] = "pushing: " + ", ".join(name for k, name in enumerate(GROUPS) if code & 1 << k)
-        share = {word: float(np.mean(self.code == code)) for code, word in words.items()}
-        return {"height": self.height, "force": self.force, "share": share}
-
 
 @dataclass(frozen=True)
 class PrestressablePose:

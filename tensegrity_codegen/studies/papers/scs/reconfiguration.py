@@ -50,10 +50,6 @@ class ReconfigurationRecord:
     torque: FloatArray
     residual: FloatArray
 
-    def arrays(self) -> dict[str, FloatArray]:
-        """Return the arrays by name."""
-        return dict(vars(self))
-
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the arrays to an .npz file, whole or not at all.
 

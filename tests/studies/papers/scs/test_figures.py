@@ -130,11 +130,6 @@ def test_no_prestressable_configuration_where_no_null_vector_has_one_sign() -> N
     assert find_prestressable(tower(), math.radians(55.0), 1.2) == ()
 
 
-def test_shares_of_the_codes_add_up() -> None:
-    found = map_regions(tower(), 1.2, 50.0, alpha_deg=np.arange(0.0, 360.0, 10.0))
-    assert sum(found.summary()["share"].values()) == pytest.approx(1.0)
-
-
 @pytest.mark.parametrize(
     ("height", "force", "more", "where"),
     [
