@@ -1,10 +1,10 @@
-"""Output of a verb: one JSON object or readable text on stdout, progress and errors on stderr, exit codes."""
+"""Output of a verb: JSON or readable text on stdout, progress and errors on stderr, exit codes, files."""
 
 import json
 import re
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -16,13 +16,15 @@ from tensegrity_codegen.cli.streams import ProgressBar, drop_output, name_durati
 from tensegrity_codegen.cli.verb import name_options, name_options_in_error
 from tensegrity_codegen.report.long_table import AROUND, LongTable, find_most_rows, is_cut
 from tensegrity_codegen.system.errors import FormulationError, OutputError, TensegrityError
-from tensegrity_codegen.system.files import plain
+from tensegrity_codegen.system.extras import require_plot
+from tensegrity_codegen.system.files import check_ending, check_output, plain, write_text
 from tensegrity_codegen.system.progress import watched_passes, work_pass
 from tensegrity_codegen.system.temporary_files import announce_advice
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
+    from tensegrity_codegen.report.pages.page import Page
     from tensegrity_codegen.structure.bodies import BodySystem
     from tensegrity_codegen.structure.structure import Structure
     from tensegrity_codegen.system.journal import Resumption
@@ -290,3 +292,24 @@ def explain_system_error(error: OSError) -> OutputError:
         where=str(error.filename or ""),
         hint="check paths, permissions and free space",
     )
+
+
+def write_page(page: "Page", path: Path, *, overwrite: bool) -> None:
+    """Write a page whole or not at all; OutputError where one exists and may not be replaced."""
+    from tensegrity_codegen.report.pages.page import render_page
+
+    write_text(render_page(page), path, overwrite=overwrite)
+
+
+def check_result(
+    path: Path | None, *endings: str, inputs: Iterable[Path] = (), overwrite: bool, draws: bool = False
+) -> None:
+    """Raise before the work begins where a result that is asked for has no place.
+
+    Raises OutputError, and where it has pictures (`draws`) MissingExtraError without what draws them.
+    """
+    if path is not None:
+        check_ending(path, *endings)
+        check_output(path, inputs=inputs, overwrite=overwrite)
+        if draws:
+            require_plot()

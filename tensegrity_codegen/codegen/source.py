@@ -17,15 +17,13 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import (
     casadi_context,
     casadi_pattern,
 )
-from tensegrity_codegen.codegen.compilation.flags import find_flags
-from tensegrity_codegen.codegen.compilation.machine import INSTRUCTION_SETS
+from tensegrity_codegen.codegen.compilation.flags import INSTRUCTION_SETS, find_flags
 from tensegrity_codegen.codegen.emitter import Bodies, WantedFunction, result_size
 from tensegrity_codegen.codegen.integrators.integrators import integrator_context, motion_settings
 from tensegrity_codegen.codegen.integrators.solvers import solver_context
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
 from tensegrity_codegen.codegen.print.printer import print_numbers
-from tensegrity_codegen.codegen.print.render import BANNER, render
-from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
+from tensegrity_codegen.codegen.print.render import BANNER, render, wrap_lines
 from tensegrity_codegen.codegen.prune import PrunedFunction
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import (

@@ -15,8 +15,8 @@ from tensegrity_codegen.codegen.compilation.flags import (
     Compiler,
     FlagSet,
     describe_toolchain,
+    find_instruction_sets,
 )
-from tensegrity_codegen.codegen.compilation.machine import find_instruction_sets
 from tensegrity_codegen.codegen.compilation.trial import check_foreign_library, check_library
 from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.tables.manifest import Manifest

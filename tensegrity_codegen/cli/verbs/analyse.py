@@ -16,8 +16,7 @@ from tensegrity_codegen.cli.options import (
     SceneOutOption,
     check_prestress,
 )
-from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import check_result, write_page
+from tensegrity_codegen.cli.output import Output, check_result, write_page
 from tensegrity_codegen.cli.verb import Verb, quote_command
 
 if TYPE_CHECKING:

@@ -26,8 +26,7 @@ from tensegrity_codegen.cli.controlled_motion import (
 )
 from tensegrity_codegen.cli.inputs import read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
-from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import check_result, write_page
+from tensegrity_codegen.cli.output import Output, check_result, write_page
 from tensegrity_codegen.cli.verb import Verb, quote_command
 
 if TYPE_CHECKING:

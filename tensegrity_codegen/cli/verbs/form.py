@@ -13,9 +13,8 @@ from tensegrity_codegen.cli.options import (
     parse_member_numbers,
     parse_member_values,
 )
-from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.output import Output, check_result
 from tensegrity_codegen.cli.picture import PAGE, form_live
-from tensegrity_codegen.cli.scene_files import check_result
 from tensegrity_codegen.cli.verb import Verb
 
 OF = "NAME is a member, a group, a class, cables or bars; may be repeated."

@@ -8,8 +8,7 @@ import typer
 
 from tensegrity_codegen.cli.inputs import warn_of_profile
 from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
-from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import check_result
+from tensegrity_codegen.cli.output import Output, check_result
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.cli.verbs.simulate import ProfileOption
 from tensegrity_codegen.system.errors import InvalidValueError

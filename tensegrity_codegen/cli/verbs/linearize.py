@@ -10,8 +10,7 @@ import typer
 
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
-from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import check_result
+from tensegrity_codegen.cli.output import Output, check_result
 from tensegrity_codegen.cli.verb import Verb
 
 if TYPE_CHECKING:

@@ -10,9 +10,8 @@ import typer
 from tensegrity_codegen.cli.control_options import ActuateOption
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
-from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.output import Output, check_result, write_page
 from tensegrity_codegen.cli.planned_motion import compile_actuated, find_plan
-from tensegrity_codegen.cli.scene_files import check_result, write_page
 from tensegrity_codegen.cli.verb import Verb, name_options, quote_command
 
 if TYPE_CHECKING:

@@ -7,8 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
-from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import check_result
+from tensegrity_codegen.cli.output import Output, check_result
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import InvalidValueError

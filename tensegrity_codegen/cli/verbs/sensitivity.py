@@ -14,8 +14,7 @@ from tensegrity_codegen.cli.options import (
     SceneArgument,
     parse_loads,
 )
-from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import check_result
+from tensegrity_codegen.cli.output import Output, check_result
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.errors import check_choice
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, PrintOptions, SceneArgument
-from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.scene_files import check_result, write_page
+from tensegrity_codegen.cli.output import Output, check_result, write_page
 from tensegrity_codegen.cli.sweep_options import (
     CaseOptions,
     ResultOptions,

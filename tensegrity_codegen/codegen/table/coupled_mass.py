@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity_codegen.codegen.table.mass import coupled_coordinates
-from tensegrity_codegen.codegen.table.members.mass_groups import check_constant_masses
+from tensegrity_codegen.codegen.table.members.block_pattern import check_constant_masses
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import loop
 from tensegrity_codegen.codegen.table.members.writer import Writer

@@ -7,8 +7,12 @@ import numpy as np
 
 from tensegrity_codegen.codegen.table.mass import ScaleRows, check_mass
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
-from tensegrity_codegen.codegen.table.members.block_pattern import make_pattern
-from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups, check_entries, find_groups
+from tensegrity_codegen.codegen.table.members.block_pattern import (
+    MassGroups,
+    check_entries,
+    find_groups,
+    make_pattern,
+)
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.sinks import OfFreeMembers

@@ -15,10 +15,15 @@ from tensegrity_codegen.codegen.table.mass import (
 )
 from tensegrity_codegen.codegen.table.member_stages import block_stages
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
-from tensegrity_codegen.codegen.table.members.block_pattern import BlockPattern, make_pattern
+from tensegrity_codegen.codegen.table.members.block_pattern import (
+    BlockPattern,
+    MassGroups,
+    check_entries,
+    find_groups,
+    make_pattern,
+)
 from tensegrity_codegen.codegen.table.members.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.members.columns import MemberColumns, StoreColumns, store_recipe
-from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups, check_entries, find_groups
 from tensegrity_codegen.codegen.table.members.member_loops import MemberLoop, member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, Statements, loop

@@ -18,8 +18,7 @@ from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, com
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.print.printer import print_numbers
-from tensegrity_codegen.codegen.print.render import BANNER, render
-from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
+from tensegrity_codegen.codegen.print.render import BANNER, render, wrap_lines
 from tensegrity_codegen.control.embedded.calls import find_measured, write_measure
 from tensegrity_codegen.control.embedded.parts import CONTROL_STATUS, ControllerParts
 from tensegrity_codegen.control.embedded.tables import build_tables

@@ -11,8 +11,7 @@ import numpy as np
 from tensegrity_codegen.codegen.build_manifest import find_program_versions
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.print.printer import print_number, print_numbers
-from tensegrity_codegen.codegen.print.render import BANNER, render
-from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
+from tensegrity_codegen.codegen.print.render import BANNER, render, wrap_lines
 from tensegrity_codegen.control.embedded.calls import Calls, find_measured, write_calls
 from tensegrity_codegen.control.embedded.daqp_source import emit_daqp, read_daqp_licence
 from tensegrity_codegen.control.embedded.loaded import ControllerDescription

@@ -13,8 +13,7 @@ from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_cross_compiler
 from tensegrity_codegen.codegen.print.printer import print_number, print_numbers
-from tensegrity_codegen.codegen.print.render import BANNER, render, template_folder
-from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
+from tensegrity_codegen.codegen.print.render import BANNER, render, template_folder, wrap_lines
 from tensegrity_codegen.export.fmu.layout import Argument, Layout, Tangent
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.integrators import INTEGRATORS, find_row

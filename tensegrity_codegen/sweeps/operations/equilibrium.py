@@ -14,13 +14,14 @@ from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import check_search_options
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.tasks.at_point import COORDINATE, find_case_equilibria
-from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes
 from tensegrity_codegen.sweeps.tasks.keep_text import KeptText, label_axis, parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
 from tensegrity_codegen.sweeps.tasks.quantities import (
     LIMIT_USE,
     LIMIT_USE_RESULT,
+    CaseArguments,
+    Outcomes,
     compute_limit_use,
     compute_values,
 )

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from tensegrity_codegen.pipeline.analyses import BATCH_WIDTH, Needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes
 from tensegrity_codegen.sweeps.tasks.keep_text import parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output
-from tensegrity_codegen.sweeps.tasks.quantities import compute_values
+from tensegrity_codegen.sweeps.tasks.quantities import CaseArguments, Outcomes, compute_values
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest

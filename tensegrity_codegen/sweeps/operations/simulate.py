@@ -15,13 +15,14 @@ from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes
 from tensegrity_codegen.sweeps.tasks.keep_text import EVERY, FIRST, KeptText, parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
 from tensegrity_codegen.sweeps.tasks.quantities import (
     LIMIT_USE,
     LIMIT_USE_RESULT,
+    CaseArguments,
+    Outcomes,
     compute_limit_use,
     compute_rows,
 )

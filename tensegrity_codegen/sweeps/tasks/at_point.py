@@ -15,8 +15,8 @@ from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
+from tensegrity_codegen.sweeps.tasks.quantities import CaseArguments, Outcomes
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     DuplicateNameError,

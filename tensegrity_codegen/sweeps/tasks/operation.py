@@ -12,7 +12,7 @@ from tensegrity_codegen.pipeline.analyses import Needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.statuses import is_good
-from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, Outcomes, read_case_arguments
+from tensegrity_codegen.sweeps.tasks.quantities import CaseArguments, Outcomes, read_case_arguments
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 

@@ -14,8 +14,14 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.compilation.compile import compile_library
-from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler, FlagSet, build_command
-from tensegrity_codegen.codegen.compilation.machine import INSTRUCTION_SETS, find_instruction_sets
+from tensegrity_codegen.codegen.compilation.flags import (
+    FLAG_SETS,
+    INSTRUCTION_SETS,
+    Compiler,
+    FlagSet,
+    build_command,
+    find_instruction_sets,
+)
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.pipeline.build_library import build_library

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from tensegrity_codegen.codegen.print.wrap_lines import LONGEST, wrap_lines
+from tensegrity_codegen.codegen.print.render import LONGEST, wrap_lines
 
 NAMES = ", ".join(f"lanes_pack parameter_{k}" for k in range(12))
 SUM = " + ".join(f"coordinate[{k}]" for k in range(20))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.prune import prune
 from tensegrity_codegen.codegen.table.emitter import TABLE
-from tensegrity_codegen.codegen.table.members import mass_groups
+from tensegrity_codegen.codegen.table.members import block_pattern as mass_groups
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel

@@ -1,4 +1,9 @@
-"""Places of the blocks of members in a sparse matrix over coordinates, without a loop over members."""
+"""Places of the blocks of members in a sparse matrix over coordinates, without a loop over members.
+
+A bar with own mass puts an entry of the mass matrix between its two nodes, so that a force on one of them
+accelerates both. Nodes joined by such bars form groups, whose rows H^-1 couples; in class-1 structures these
+are pairs.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,10 +11,115 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.system.arrays import IntArray
+from tensegrity_codegen.structure.symmetric_factor import factorise
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import Pattern
+
+# Of a matrix over large groups of coupled nodes, which is full: 30 MB of values, and as much C.
+MOST_ENTRIES = 4_000_000
+
+
+def check_constant_masses(model: TableModel, coordinate: IntArray) -> None:
+    """Raise FormulationError if the mass of a node of these coordinates may change at run time."""
+    node = np.nonzero(model.free)[0][coordinate]
+    chosen = np.unique(node[model.argument_index("node_mass")[node] >= 0])
+    if len(chosen):
+        names = [model.structure.node_name[k] for k in chosen[:5]]
+        raise FormulationError(
+            "the emitter 'table' has no run-time masses of nodes that bars with own mass couple",
+            where=f"{model.name}: parameters.node_mass",
+            given=", ".join(names),
+            hint="remove these nodes from node_mass",
+        ).unless_chosen_otherwise()
+
+
+def check_entries(model: TableModel, quantity: str, count: int) -> None:
+    """Raise FormulationError for a matrix that large groups of coupled nodes fill beyond MOST_ENTRIES."""
+    if count > MOST_ENTRIES:
+        raise FormulationError(
+            f"bars with own mass couple so many nodes that {quantity} is nearly full",
+            where=f"{model.name}: model.quantities",
+            given=f"{count} entries",
+            allowed=f"at most {MOST_ENTRIES} entries",
+            hint="give the mass of the bars to their end nodes, half to each",
+        ).unless_chosen_otherwise(quantity)
+
+
+def find_groups(model: TableModel) -> "MassGroups | None":
+    """Return the groups of coupled nodes, None where no bar couples two free ones.
+
+    Raises FormulationError if the mass of one of them may change at run time.
+    """
+    groups = MassGroups(model)
+    if not groups.coordinate:
+        return None
+    check_constant_masses(model, np.concatenate(groups.coordinate))
+    return groups
+
+
+@dataclass(frozen=True)
+class MassGroups:
+    """Groups of two or more free coordinates along one axis that bars with own mass couple."""
+
+    model: TableModel
+
+    @cached_property
+    def nodes(self) -> list[tuple[int, ...]]:
+        """Nodes of each group, rising."""
+        return [nodes for nodes, _ in self._found]
+
+    @cached_property
+    def coordinate(self) -> list[IntArray]:
+        """Coordinates of each group, rising."""
+        return [coordinate for _, coordinate in self._found]
+
+    @cached_property
+    def label(self) -> IntArray:
+        """(n_coordinates,): the group of each coordinate, -1 for one that is coupled to no other."""
+        label = np.full(self.model.n_coordinates, -1)
+        for number, coordinate in enumerate(self.coordinate):
+            label[coordinate] = number
+        return label
+
+    def expand(self, key: IntArray) -> IntArray:
+        """Return column times n_coordinates plus row of H^-1 A, rising, from those of A."""
+        if not self.coordinate:
+            return key
+        count, n_groups = self.model.n_coordinates, len(self.coordinate)
+        column, row = np.divmod(key, count)
+        label = self.label[row]
+        alone = label < 0
+        column, group = np.divmod(np.unique(column[~alone] * n_groups + label[~alone]), n_groups)
+        size = np.array([len(item) for item in self.coordinate])
+        start = np.concatenate([[0], np.cumsum(size)])
+        length = size[group]
+        place = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
+        filled = np.concatenate(self.coordinate)[np.repeat(start[group], length) + place]
+        return np.sort(np.concatenate([key[alone], np.repeat(column, length) * count + filled]))
+
+    def inverse(self, group: int) -> FloatArray:
+        """Return H^-1 of a group, (k, k) [1/kg], with the bits of `Inertia.inverse`."""
+        nodes = self.nodes[group]
+        if nodes not in self._inverses:
+            mass = (self.model.structure.node_mass + self.model.inertia.diagonal_share)[list(nodes)]
+            factor = factorise(mass.tolist(), self.model.inertia.coupling_of(nodes))
+            self._inverses[nodes] = np.array(factor.solve(list(np.eye(len(nodes)))))
+        return self._inverses[nodes]
+
+    @cached_property
+    def _inverses(self) -> dict[tuple[int, ...], FloatArray]:
+        return {}
+
+    @cached_property
+    def _found(self) -> list[tuple[tuple[int, ...], IntArray]]:
+        found = []
+        for column, axis in enumerate(self.model.axes):
+            pair, _, groups = self.model.inertia.coupled(axis)
+            for nodes in (*pair.tolist(), *groups):
+                found.append((tuple(nodes), self.model.coordinate[nodes, column]))
+        return found
 
 
 def make_pattern(shape: tuple[int, int], row: IntArray, column_start: IntArray) -> Pattern:

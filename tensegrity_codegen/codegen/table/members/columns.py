@@ -8,8 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
-from tensegrity_codegen.codegen.table.members.block_pattern import make_pattern
-from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups
+from tensegrity_codegen.codegen.table.members.block_pattern import MassGroups, make_pattern
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.sinks import OfFreeMembers
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage
