@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tensegrity_codegen.codegen.compilation.child import run_limited
-from tensegrity_codegen.codegen.compilation.compile import COMPILE_TIMEOUT, MEMORY_LIMIT, compiler_environment
+from tensegrity_codegen.codegen.compilation.compile import run_compiler
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_program_command
 from tensegrity_codegen.codegen.emit import GeneratedSource
 from tensegrity_codegen.system.errors import CompileError
@@ -93,20 +93,7 @@ def build_driver(source: GeneratedSource, compiler: Compiler, flags: FlagSet, fo
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
     units = sorted(name for name in texts if name.endswith(".c"))
-    where = " ".join(compiler.command)
-    try:
-        outcome = run_limited(
-            build_program_command(compiler, flags, units, PROGRAM),
-            folder=folder,
-            environment=compiler_environment(compiler, folder),
-            timeout=COMPILE_TIMEOUT,
-            memory_limit=MEMORY_LIMIT,
-        )
-    except OSError as error:
-        raise CompileError("the compiler could not be started", log=str(error), where=where) from error
-    if not outcome.ok:
-        problem = f"the compiler failed ({outcome.ended} {outcome.number})"
-        raise CompileError(problem, log=outcome.log, where=where)
+    run_compiler([build_program_command(compiler, flags, units, PROGRAM)], compiler, folder)
     return folder / PROGRAM
 
 

@@ -84,7 +84,7 @@ def compile_library(
         outcomes = _compile_objects(units, flags, target, *limits) if apart else []
         inputs = tuple(f"{unit}.o" for unit in units) if outcomes else units
         command = build_command(compiler, flags, inputs, output, target=target)
-        outcomes += _run([command], *limits)
+        outcomes += run_compiler([command], *limits)
         library = _read_output(folder / output, outcomes[-1], compiler)
     peaks = [outcome.peak_memory for outcome in outcomes]
     return CompiledArtifact(
@@ -188,17 +188,18 @@ def _compile_objects(
     commands = [
         build_command(compiler, flags, (unit,), f"{unit}.o", shared=False, target=target) for unit in order
     ]
-    outcomes = dict(zip(order, _run(commands, compiler, folder, timeout, memory_limit), strict=True))
+    outcomes = dict(zip(order, run_compiler(commands, compiler, folder, timeout, memory_limit), strict=True))
     return [outcomes[unit] for unit in units]
 
 
-def _run(
+def run_compiler(
     commands: Sequence[tuple[str, ...]],
     compiler: Compiler,
     folder: Path,
-    timeout: float,
-    memory_limit: int | None,
+    timeout: float = COMPILE_TIMEOUT,
+    memory_limit: int | None = MEMORY_LIMIT,
 ) -> list[ChildOutcome]:
+    """Run commands of a compiler in `folder`, several at a time; limits and errors as in compile_library."""
     try:
         outcomes = run_several(
             commands,
