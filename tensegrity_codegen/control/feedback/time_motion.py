@@ -32,6 +32,7 @@ from tensegrity_codegen.control.feedback.time_law import (
     find_shortest,
     read_law,
 )
+from tensegrity_codegen.control.planning.plan import check_duration
 from tensegrity_codegen.control.planning.plan_point import PlanModel
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_model
@@ -39,7 +40,7 @@ from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_switch, check_whole, is_number
+from tensegrity_codegen.system.checks import check_switch, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 LEAST_SAMPLES, MOST_SAMPLES = 5, 100_000
@@ -164,11 +165,7 @@ def _read_duration(duration: float | None, law: TimeLaw) -> float | None:
     """Return the duration that is asked for [s], None for the shortest."""
     if duration is None:
         return law.own_duration
-    if not is_number(duration) or duration <= 0:
-        raise InvalidValueError(
-            "the duration is not positive", where="duration", given=duration,
-            allowed="a finite number above 0 [s]",
-        )  # fmt: skip
+    check_duration(duration)
     return float(duration)
 
 

@@ -144,7 +144,12 @@ def _check(gust: Gust) -> None:
         raise InvalidValueError(
             "not a force", where="gust.force", given=gust.force, allowed="three finite numbers [N]"
         )
-    for name, value in (("start", gust.start), ("duration", gust.duration)):
+    check_span(gust.start, gust.duration)
+
+
+def check_span(start: float, duration: float) -> None:
+    """Raise InvalidValueError for a time [s] of a gust that is no finite number from 0 on."""
+    for name, value in (("start", start), ("duration", duration)):
         if not is_number(value) or value < 0.0:
             raise InvalidValueError(
                 "out of range", where=f"gust.{name}", given=value, allowed="a finite number >= 0 [s]"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
-from tensegrity_codegen.control.feedback.loop.sampled_plant import NODE_LOAD, Gust
+from tensegrity_codegen.control.feedback.loop.sampled_plant import NODE_LOAD, Gust, check_span
 from tensegrity_codegen.control.feedback.study.tuning import Scales, find_angles
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -145,12 +145,7 @@ def check_errors(model: CompiledModel, stated: StatedErrors) -> None:
     check_instance(stated.gusts, (list, tuple), "errors.gusts", "a list of Gust or RandomGust")
     for item in stated.gusts:
         check_instance(item, (Gust, RandomGust), "errors.gusts", "a Gust or RandomGust")
-        for name in ("start", "duration"):
-            value = getattr(item, name)
-            if not is_number(value) or value < 0.0:
-                raise InvalidValueError(
-                    "out of range", where=f"gust.{name}", given=value, allowed="a finite number >= 0 [s]"
-                )
+        check_span(item.start, item.duration)
         if isinstance(item, RandomGust):
             check_instance(item.nodes, str, "gust.node", "the name or pattern of nodes")
             _find_nodes(model, item)

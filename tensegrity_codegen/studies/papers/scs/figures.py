@@ -27,6 +27,7 @@ from tensegrity_codegen.studies.papers.scs.printed import (
 from tensegrity_codegen.studies.papers.scs.reconfiguration import Reconfiguration, plan_reconfiguration
 from tensegrity_codegen.studies.papers.scs.symmetry import GROUPS, SymmetricPose, SymmetricTower
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
 # Where a tower can stand symmetrically: maps over azimuth and declination, prestressable configurations.
@@ -123,10 +124,7 @@ def find_prestressable(tower: SymmetricTower, delta: float, height: float) -> tu
 
 
 def _check_map(height: float, force: float, alpha: FloatArray, delta: FloatArray) -> None:
-    if not (math.isfinite(height) and height > 0):
-        raise InvalidValueError(
-            "out of range", where="height", given=height, allowed="a finite number > 0 [m]"
-        )
+    check_positive(height, "height", "[m]")
     if not math.isfinite(force) or force == 0.0:
         raise InvalidValueError(
             "a map needs a force",

@@ -19,6 +19,7 @@ from tensegrity_codegen.studies.papers.scs.paths import MotionPath, QuinticPath,
 from tensegrity_codegen.studies.papers.scs.symmetry import CROSSING, GROUPS, SymmetricPose, SymmetricTower
 from tensegrity_codegen.symbolic.restriction import Control
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.errors import InfeasibleError, InvalidValueError, NonFiniteError
 
 CHECKS = 501  # times at which a motion is looked at before roots are searched between them
@@ -136,10 +137,7 @@ def plan_reconfiguration(
     Raises InvalidValueError for configurations outside their bounds, other heights or a wrong duration;
     InfeasibleError where tendons would have to push, A_r is singular, or (48) has no solution.
     """
-    if not (math.isfinite(duration) and duration > 0):
-        raise InvalidValueError(
-            "out of range", where="duration", given=duration, allowed="a finite number > 0"
-        )
+    check_positive(duration, "duration")
     load = tower.scene_force if force is None else force
     if not math.isfinite(load):
         raise InvalidValueError("out of range", where="force", given=load, allowed="a finite number")
