@@ -1,7 +1,7 @@
 """An analysis as a page: verdict, singular values, prestress, proof, mechanisms, modes, members."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from tensegrity_codegen.report.pages.page import (
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_motion, draw_picture, draw_tensions
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
+from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
@@ -141,23 +142,26 @@ def _proof(found: Analysis, structure: Structure, member_name: tuple[str, ...]) 
         for n, name in enumerate(structure.node_name)
     )
     moved = Table("Displacements d of the nodes, for a largest shortening of 1", columns, rows)
-    rows = tuple(
-        (text_cell(name), number_cell(float(proof.elongation[e]), "+.6f"))
-        for e, name in enumerate(member_name)
-    )
-    note = (
-        f"Measured: bars change by {proof.bar_change:.1e}, cables lengthen by {proof.cable_lengthening:.1e} "
-        "at most."
-    )
-    lengths = Table(
-        "Changes of length, A^T d", (Column("member", numeric=False), Column("change", "1")), rows, note
-    )
+    lengths = tabulate_elongation(proof, member_name, "+.6f")
     why = Paragraph(
         "In these displacements a self-stress with every cable in tension would do negative work, but any "
         "self-stress does none: so there is no such self-stress."
     )
     title = "Why no self-stress keeps every cable in tension"
     yield Section("proof", "proof", title, "plain", text, (why, figure, moved, lengths))
+
+
+def tabulate_elongation(proof: Certificate, member_name: Sequence[str], spec: str) -> Table:
+    """Return the table of the changes of length in the motion of a proof; spec: format of a change."""
+    rows = tuple(
+        (text_cell(name), number_cell(float(proof.elongation[e]), spec)) for e, name in enumerate(member_name)
+    )
+    note = (
+        f"Measured: bars change by {proof.bar_change:.1e}, cables lengthen by {proof.cable_lengthening:.1e} "
+        "at most."
+    )
+    columns = (Column("member", numeric=False), Column("change", "1"))
+    return Table("Changes of length, A^T d", columns, rows, note)
 
 
 def _mechanisms(found: Analysis, structure: Structure) -> Iterator[Section]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tensegrity_codegen.control.pages.plans import describe_extremes, describe_plan_finding
+from tensegrity_codegen.report.analysis_page import tabulate_elongation
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.joined_series import choose_looks, joined_figure
@@ -184,17 +185,6 @@ def _proof(found: PlanResult, structure: Structure) -> Iterator[Section]:
     proof = found.certificate
     if not isinstance(proof, Certificate):
         return
-    rows = tuple(
-        (text_cell(name), number_cell(float(value), "+.9f"))
-        for name, value in zip(found.member_name, proof.elongation, strict=True)
-    )
-    note = (
-        f"Measured: bars change by {proof.bar_change:.1e}, cables lengthen by "
-        f"{proof.cable_lengthening:.1e} at most."
-    )
-    table = Table(
-        "Changes of length, A^T d", (Column("member", numeric=False), Column("change", "1")), rows, note
-    )
     text = f"{len(proof.shortening)} cables shorten, no cable lengthens, no bar changes its length"
     why = Paragraph(
         "Tensions t that balance loads f satisfy t . e = f . d in all displacements d, where e = A^T d are "
@@ -207,7 +197,7 @@ def _proof(found: PlanResult, structure: Structure) -> Iterator[Section]:
         picture = draw_motion(structure, found.proof_position, found.proof_displacement)
         data = {"displacement": found.proof_displacement.tolist()}
         blocks.append(Figure(draw_picture(picture, "proof"), f"The motion, enlarged: {text}.", text, data))
-    blocks.append(table)
+    blocks.append(tabulate_elongation(proof, found.member_name, "+.9f"))
     yield Section("proof", "proof", "Why there is no plan", "plain", text, tuple(blocks))
 
 
