@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity_codegen.codegen.table.mass import ScaleRows, check_mass
-from tensegrity_codegen.codegen.table.members.access import MemberAccess
+from tensegrity_codegen.codegen.table.members.access import MemberAccess, OfFreeMembers
 from tensegrity_codegen.codegen.table.members.block_pattern import (
     MassGroups,
     check_entries,
@@ -15,7 +15,6 @@ from tensegrity_codegen.codegen.table.members.block_pattern import (
 )
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.sinks import OfFreeMembers
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.mix_rows import MixRows

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensegrity_codegen.codegen.table.members.access import AddToNodes
 from tensegrity_codegen.codegen.table.members.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.members.external import ExternalForce
 from tensegrity_codegen.codegen.table.members.member_loops import MemberLoop, member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.sinks import AddToNodes
 from tensegrity_codegen.codegen.table.members.stage import Stage, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.modules.columns import ModuleBlocks

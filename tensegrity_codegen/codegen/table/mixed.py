@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
+from tensegrity_codegen.codegen.table.members.access import AddToNodes
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.sinks import AddToNodes
 from tensegrity_codegen.codegen.table.members.stage import Recipe, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.system.arrays import FloatArray, IntArray

@@ -21,18 +21,20 @@ from tensegrity_codegen.codegen.table.coupled_mass import SolveCoupled
 from tensegrity_codegen.codegen.table.mass import DivideByMass, KineticEnergy, check_mass
 from tensegrity_codegen.codegen.table.matrices import MATRICES
 from tensegrity_codegen.codegen.table.member_stages import force_stages
-from tensegrity_codegen.codegen.table.members.access import MemberAccess, held_arguments, vector_texts
+from tensegrity_codegen.codegen.table.members.access import (
+    AddToNodes,
+    AddUp,
+    MemberAccess,
+    OfFreeMembers,
+    StoreForMembers,
+    StoreForSome,
+    held_arguments,
+    vector_texts,
+)
 from tensegrity_codegen.codegen.table.members.columns import MemberColumns, StoreColumns, store_recipe
 from tensegrity_codegen.codegen.table.members.external import ExternalForce
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.sinks import (
-    AddToNodes,
-    AddUp,
-    OfFreeMembers,
-    StoreForMembers,
-    StoreForSome,
-)
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, Statements, loop, only_where
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.mixed import member_law

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity_codegen.codegen.table.members.access import MemberAccess
+from tensegrity_codegen.codegen.table.members.access import MemberAccess, OfFreeMembers
 from tensegrity_codegen.codegen.table.members.block_pattern import BlockPattern
-from tensegrity_codegen.codegen.table.members.sinks import OfFreeMembers
 from tensegrity_codegen.codegen.table.members.stage import only_where
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel

@@ -7,10 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from tensegrity_codegen.codegen.table.members.access import MemberAccess
+from tensegrity_codegen.codegen.table.members.access import MemberAccess, OfFreeMembers
 from tensegrity_codegen.codegen.table.members.block_pattern import MassGroups, make_pattern
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.sinks import OfFreeMembers
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel

@@ -15,7 +15,7 @@ from tensegrity_codegen.structure.assembly import ABSENT, MemberClass
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.codegen.table.members.sinks import AddToNodes
+    from tensegrity_codegen.codegen.table.members.access import AddToNodes
 
 
 PULLS = {"pull": False, "static_pull": True}  # kernel -> whether it is without damping

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from tensegrity_codegen.codegen.lanes.columns import COLUMNS
-from tensegrity_codegen.codegen.table.members.access import MemberAccess
+from tensegrity_codegen.codegen.table.members.access import AddToNodes, MemberAccess, Sink
 from tensegrity_codegen.codegen.table.members.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.members.fours import (
     LANES,
@@ -19,7 +19,6 @@ from tensegrity_codegen.codegen.table.members.fours import (
     write_fours,
 )
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.sinks import AddToNodes, Sink
 from tensegrity_codegen.codegen.table.members.stage import loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.structure.assembly import ABSENT, MemberGroup

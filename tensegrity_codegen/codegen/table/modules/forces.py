@@ -14,8 +14,8 @@ from tensegrity_codegen.structure.repeated_modules import MAX_SHIFT_GAP
 from tensegrity_codegen.system.arrays import IntArray
 
 if TYPE_CHECKING:
+    from tensegrity_codegen.codegen.table.members.access import AddToNodes
     from tensegrity_codegen.codegen.table.members.external import ExternalForce
-    from tensegrity_codegen.codegen.table.members.sinks import AddToNodes
 
 
 @dataclass(frozen=True)
