@@ -105,7 +105,7 @@ class StaticProblem:
         if model.manifest.contact_name:
             if self.memory is not None or model.manifest.ring_name:
                 raise FormulationError(
-                    "equilibria on the ground know no memory of members, lags of motors or friction at rings",
+                    "equilibria on the ground know no members with memory, lags of motors, friction at rings",
                     where=model.manifest.name,
                     hint="simulate the motion with damping until it rests",
                 )
