@@ -61,27 +61,33 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
     """
     names = problem.model.manifest.internal_name
     row = np.array([k for k, name in enumerate(names) if name.endswith(SLID_END)])
-    begun, spent = problem.internal, 0
+    begun = problem.internal
+    first = search(start)
+    spent = first.iterations
+    if first.status not in FOUND:
+        return first
+
+    def put(slid: FloatArray) -> None:
+        states = begun.copy()
+        states[row] += slid
+        problem.put_internal(states)
+
+    def measure(slid: FloatArray, outcome: Outcome) -> _State:
+        excess = np.array(problem.compute("ring_excess", outcome.point.coordinate)).reshape(-1, 2)
+        return _State(slid, outcome, excess)
 
     def settle(slid: FloatArray, near: Point) -> _State | None:
         """Return the equilibrium with so much slip, None where none is found."""
         nonlocal spent
-        states = begun.copy()
-        states[row] += slid
-        problem.put_internal(states)
+        put(slid)
         point = problem.find_point(near.coordinate)
         outcome = None if point is None else search(point)
         if outcome is None:
             return None
         spent += outcome.iterations
-        if outcome.status not in FOUND:
-            return None
-        excess = np.array(problem.compute("ring_excess", outcome.point.coordinate)).reshape(-1, 2)
-        return _State(slid, outcome, excess)
+        return measure(slid, outcome) if outcome.status in FOUND else None
 
-    state = settle(np.zeros(len(row)), start)
-    if state is None:
-        return search(start)
+    state = measure(np.zeros(len(row)), first)
     size = float(np.max(problem.compute("member_length", state.outcome.point.coordinate)))
     slope = PROBE * size / max(state.outcome.point.largest_force, 1e-300)
     for _ in range(MOST_ITERATIONS):
@@ -89,7 +95,7 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
         gap, side = state.find_gap(slope)
         rounding = problem.rounding_floor(problem.stiffness(point.coordinate), point)
         if np.abs(gap).max() <= slope * max(ACCURACY * point.largest_force, rounding):
-            settle(state.slid, point)
+            put(state.slid)
             return replace(state.outcome, iterations=spent)
         step, compliance = _find_step(state, side, PROBE * size, settle)
         if step is None:
@@ -112,6 +118,7 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
         if found is None:
             break
         state = found
+    put(state.slid)
     message = "material slips through rings, and no state was found in which friction holds it"
     return replace(state.outcome, status="stalled", iterations=spent, message=message)
 
@@ -135,10 +142,7 @@ def _find_step(
             return None, 0.0
         matrix[:, k] = (beside.pull(side) - pull)[slips] / direction[k]
     wanted = wanted - matrix @ step
-    if (
-        slips.size
-        and np.abs(matrix).max() * np.abs(state.outcome.point.longest) < NO_RESISTANCE * np.abs(pull).max()
-    ):
+    if slips.size and np.abs(matrix).max() * state.outcome.point.longest < NO_RESISTANCE * np.abs(pull).max():
         return None, 0.0
     step[slips] = np.linalg.lstsq(matrix[:, slips], wanted, rcond=None)[0]
     stiffest = float(np.abs(matrix[np.arange(len(slips)), slips]).max(initial=0.0))

@@ -196,6 +196,11 @@ def test_a_ring_that_friction_cannot_hold_is_said_to_slip_on() -> None:
     with pytest.raises(ConvergenceError, match="slips through rings") as raised:
         find_equilibrium(compile_scene(scene, for_="equilibrium"))
     assert raised.value.evidence["status"] == "stalled"
+    # What is stated of the failure belongs together: forces balance for the slip that is stated
+    model = compile_scene(scene, for_="equilibrium")
+    found = find_equilibrium(model, raise_on_failure=False)
+    residual = model.compute("node_residual", coordinate=found.coordinate, **found.internal_argument)
+    assert np.abs(residual).max() < 1e-9 * found.largest_force
 
 
 def test_the_ground_and_load_paths_are_refused() -> None:
