@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         design_distribution,
     )
     from tensegrity_codegen.control.feedback.lqr import design_lqr
+    from tensegrity_codegen.control.feedback.mpc import Mpc, design_mpc
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
     from tensegrity_codegen.control.feedback.study.stated_errors import Draws, RandomGust, StatedErrors
     from tensegrity_codegen.control.feedback.study.study import study_control
@@ -113,6 +114,7 @@ __all__ = [
     "ModelRequest",
     "Motion",
     "MotionGradient",
+    "Mpc",
     "PlanResult",
     "Profile",
     "RandomGust",
@@ -141,6 +143,7 @@ __all__ = [
     "design_distribution",
     "design_kalman",
     "design_lqr",
+    "design_mpc",
     "draw",
     "equilibrium_sensitivity",
     "export_fmu",
@@ -206,6 +209,7 @@ _HOME = {
     "Motion": "runtime.records.timed_motion",
     "motion_function": "pipeline.motion_function",
     "MotionGradient": "runtime.simulate.gradient",
+    "Mpc": "control.feedback.mpc",
     "motion_gradient": "runtime.simulate.gradient",
     "PlanResult": "runtime.records.plan_result",
     "Profile": "runtime.profiles.profile",
@@ -235,6 +239,7 @@ _HOME = {
     "design_distribution": "control.feedback.loop.tension_distribution",
     "design_kalman": "control.feedback.kalman",
     "design_lqr": "control.feedback.lqr",
+    "design_mpc": "control.feedback.mpc",
     "draw": "live.draw",
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
     "export_fmu": "export.export_fmu",

@@ -87,6 +87,8 @@ def main(folder: Path) -> dict[str, object]:
     path = tc.EquilibriumPath([[0.0], [-0.05]])
     timed: tc.Motion = tc.time_motion(model, path, duration=1.0)
     gains: tc.Gains = tc.design_lqr(model, found, [100.0, 1.0], [1.0], sample=0.02)
+    mpc: tc.Mpc = tc.design_mpc(model, found, [100.0, 1.0], [1.0], sample=0.02)
+    assert mpc.horizon == 20
     estimator: tc.Estimator = tc.design_kalman(model, found, sample=0.02, knots=2)
     distribution: tc.TensionDistribution = tc.design_distribution(model, timed, least_tension=0.1)
     gust = tc.Gust("load", (0.0, 0.0, -0.5), 0.1, 0.1)

@@ -123,9 +123,19 @@ LeastTensionOption = Annotated[
     str | None,
     typer.Option(
         "--least-tension",
-        help="Distribute tensions so that none is below this [N]; scene: below the limits of the scene.",
+        help="Distribute tensions so that none is below this [N]; scene: below the limits of the scene, as "
+        "--mpc does by default.",
     ),
 ]
+MpcOption = Annotated[
+    bool,
+    typer.Option(
+        "--mpc",
+        help="Model-predictive control in place of stored gains: plans ahead within rates, ranges and least "
+        "tensions; implies --in-c.",
+    ),
+]
+HorizonOption = Annotated[int, typer.Option("--horizon", help="Commands that --mpc plans ahead.")]
 EstimatorOption = Annotated[
     bool, typer.Option("--estimator/--no-estimator", help="Simulate an estimator, where there are sensors.")
 ]
@@ -187,6 +197,8 @@ class DesignOptions:
     integral_action: IntegralOption = None
     weights: WeightsOption = None
     least_tension: LeastTensionOption = None
+    mpc: MpcOption = False
+    horizon: HorizonOption = 20
     estimator: EstimatorOption = True
     disturbance: DisturbanceOption = None
     only_observable: OnlyObservableOption = False

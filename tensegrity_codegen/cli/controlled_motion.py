@@ -55,6 +55,7 @@ class ControlDesign:
     def build(self) -> dict[str, Any]:
         """Return tuning, gains, estimator and distribution, as `study_control` takes them."""
         from tensegrity_codegen.control.feedback.loop.tension_distribution import design_distribution
+        from tensegrity_codegen.control.feedback.mpc import design_mpc
         from tensegrity_codegen.control.feedback.study.read_files import read_weights
         from tensegrity_codegen.control.feedback.study.tuning import choose_weights
 
@@ -73,10 +74,18 @@ class ControlDesign:
         senses = spread = None
         if self.options.estimator and not self.lacks_sensors:
             senses = self._design_estimator(tuning, gains)
-        if self.options.least_tension is not None:
-            least = read_least_tension(self.options.least_tension)
+        least = read_least_tension(self.options.least_tension)
+        ahead = None
+        if self.options.mpc:
+            ahead = design_mpc(
+                model, motion, tuning.Q, tuning.R, sample=self.options.sample, horizon=self.options.horizon,
+                integral_action=tuning.integral_action, least_tension=least, arguments=given,
+            )  # fmt: skip
+        elif self.options.least_tension is not None:
             spread = design_distribution(model, motion, least_tension=least, arguments=given)
-        return {"tuning": tuning, "gains": gains, "estimator": senses, "distribution": spread}
+        return {
+            "tuning": tuning, "gains": ahead or gains, "estimator": senses, "distribution": spread,
+        }  # fmt: skip
 
     def _design_estimator(self, tuning: "Tuning", gains: "Gains") -> "Estimator":
         """Return the estimator; disturbances that are not stated are as large as noise permits."""
@@ -142,9 +151,9 @@ def write_controller(
         output.warn("the controller in C is not written, for feedback does not hold")
         return None
     bundle = build_controller(
-        model, study.motion, study.gains, estimator=study.estimator, distribution=study.distribution,
-        out=code.build, code=ControllerCode(precision=code.precision, compiler=compiler),
-        overwrite=overwrite, inputs=[scene],
+        model, study.motion, study.mpc or study.gains, estimator=study.estimator,
+        distribution=study.distribution, out=code.build, overwrite=overwrite,
+        code=ControllerCode(precision=code.precision, compiler=compiler), inputs=[scene],
     )  # fmt: skip
     made = bundle.description
     return {
@@ -152,7 +161,7 @@ def write_controller(
         "files": list(bundle.files),
         "name": made.name,
         "precision": made.precision,
-        "gain_knots": len(study.gains.time),
+        "gain_knots": None if study.mpc else len(study.gains.time),
         "table_bytes": made.table_bytes,
         "library": made.library,
     }

@@ -335,3 +335,14 @@ def test_a_scene_without_actuators_masses_or_with_rigid_bars_is_refused(
     )
     ended = run.refused("control", rigid)
     assert "give the class of the bars a spring_constant" in ended.err
+
+
+def test_model_predictive_control_is_simulated_and_written_in_c(run: Run, folder: Path, lift: Path) -> None:
+    words = ("control", lift, "--t-end", 3, "--draws", 2, "--no-estimator", "--mpc", "--horizon", 8)
+    ended = run.good(*words, "--build", "ahead", "--json")
+    assert ended.data["mpc"] == {"horizon": 8, "blocks": [1, 1, 2, 4], "substeps": 1}
+    assert ended.data["status"] == "holds"
+    ends = {name: loop["end_error"]["largest"] for name, loop in ended.data["loops"].items()}
+    assert ends["true_state"] < 0.4 * ends["open"]
+    assert ended.data["build"]["gain_knots"] is None
+    assert "N_HORIZON" in (folder / "ahead" / "lift_control.h").read_text()

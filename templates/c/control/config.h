@@ -15,8 +15,13 @@
 #ifndef WITH_GAINS
 #define WITH_GAINS 1 /* feedback; else the inputs of the motion alone */
 #endif
+#ifndef WITH_MPC
+#define WITH_MPC 0 /* commands are planned over a horizon */
+#endif
+#define WITH_CLIP (!WITH_DISTRIBUTION && !WITH_MPC) /* commands are cut to rates and ranges */
 #define WITH_DISTURBANCE WITH_ESTIMATOR /* the estimator has disturbance forces */
-#define WITH_SUMS WITH_GAINS            /* feedback of sums of errors */
+#define WITH_SUMS (WITH_GAINS || WITH_MPC) /* feedback of sums of errors */
+#define WITH_PUSH (WITH_DISTURBANCE && !WITH_SUMS) /* disturbance forces are predicted, for nothing is summed */
 #define WITH_DELAY 1                    /* commands act after delays */
 #define WITH_PAST WITH_GAINS            /* feedback of commands on their way */
 #ifndef WITH_DISTRIBUTION
@@ -83,9 +88,19 @@ static const real GAIN_TIME[N_GAIN] = {(real)0.0, (real)1.0};
 static const real GAIN[N_GAIN * N_U * N_K] = {
     (real)0.5, (real)0.1, (real)0.01, (real)0.2, (real)0.1, (real)0.6, (real)0.1, (real)0.01, (real)0.2, (real)0.1};
 static const int PAST_START[N_U + 1] = {0, N_PAST}; /* where the commands of each actuator begin */
+#endif
 #if WITH_SUMS
 static const real SUM_OUTPUT[N_Z * N_X] = {(real)1.0, (real)0.0}; /* what is summed, of the errors of the state */
 #endif
+
+#if WITH_ESTIMATOR || WITH_MPC
+/* Accelerations of the model; returns 0, or another number where they are not finite. */
+static inline int control_acceleration(
+    const real *coordinate, const real *velocity, const real *input, real *acceleration)
+{
+  acceleration[0] = (real)-200.0 * coordinate[0] + (real)100.0 * input[0] - velocity[0];
+  return 0;
+}
 #endif
 
 #if WITH_ESTIMATOR
@@ -95,14 +110,6 @@ static const real FILTER_GAIN[N_FILTER * N_E * N_Y] = {
     (real)0.5, (real)5.0, (real)10.0, (real)0.5, (real)5.0, (real)10.0};
 static const real FILTER_WEIGHT[N_FILTER * N_Y] = {(real)1000.0, (real)1000.0}; /* 1 over standard deviations */
 static const unsigned char IS_LENGTH[N_Y] = {1}; /* measured numbers that are lengths, above 0 */
-
-/* Accelerations of the model; returns 0, or another number where they are not finite. */
-static inline int control_acceleration(
-    const real *coordinate, const real *velocity, const real *input, real *acceleration)
-{
-  acceleration[0] = (real)-200.0 * coordinate[0] + (real)100.0 * input[0] - velocity[0];
-  return 0;
-}
 
 /* Expected measurements; memory: of the size SCENE_CONTROL_SIZE_MEASURED. */
 static inline int control_measure(

@@ -20,6 +20,8 @@ static inline void gains_subtract(real time, const real *deviation, real *wanted
   }
 }
 
+#endif
+
 #if WITH_SUMS
 /* Add the outputs of the deviations to their sums. */
 static inline void gains_sum(real *deviation)
@@ -33,7 +35,6 @@ static inline void gains_sum(real *deviation)
     deviation[N_X + i] += sum;
   }
 }
-#endif
 #endif
 
 #endif

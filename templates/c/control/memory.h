@@ -4,15 +4,18 @@
 #if WITH_DISTRIBUTION
 #include "distribution_memory.h"
 #endif
+#if WITH_MPC
+#include "mpc_memory.h"
+#endif
 
 /* What init and step return. From NON_FINITE_INPUT on the command is the last one. */
 enum {
   SCENE_CONTROL_OK = 0,               /* the command is what feedback asks for, or gives the same forces */
   SCENE_CONTROL_RATE_LIMITED = 1,     /* the command was cut to the rate of an actuator */
   SCENE_CONTROL_RANGE_LIMITED = 2,    /* the command was cut to the range of an actuator */
-  SCENE_CONTROL_TENSION_LIMITED = 3,  /* least tensions prevent the forces that feedback asks for */
-  SCENE_CONTROL_LEAST_TENSION = 4,    /* a least tension cannot be reached within rate and range, and yields */
-  SCENE_CONTROL_NOT_SOLVED = 5,       /* tensions were not distributed; the command is that of feedback, cut */
+  SCENE_CONTROL_TENSION_LIMITED = 3,  /* least tensions or ranges of coordinates prevent what feedback asks for */
+  SCENE_CONTROL_LEAST_TENSION = 4,    /* a least tension or range of a coordinate cannot be kept within rates, and yields */
+  SCENE_CONTROL_NOT_SOLVED = 5,       /* a quadratic program failed; the command is that of feedback or of the last plan, cut */
   SCENE_CONTROL_NON_FINITE_INPUT = 6, /* a time, measurement or state is NAN or infinite */
   SCENE_CONTROL_INVALID_LENGTH = 7,   /* a measured length is not above 0 */
   SCENE_CONTROL_LATE = 8,             /* more than 1.5 samples after the expected time */
@@ -48,6 +51,9 @@ typedef struct {
 #endif
 #if WITH_DISTRIBUTION
   scene_control_distribution distribution; /* of the last step */
+#endif
+#if WITH_MPC
+  scene_control_mpc mpc; /* the plan of the last step */
 #endif
   struct {
     real goal[SCENE_CONTROL_N_STATES];

@@ -8,6 +8,9 @@
 #if WITH_DISTRIBUTION
 #include "distribute_step.h"
 #endif
+#if WITH_MPC
+#include "mpc_step.h"
+#endif
 
 /* Steps of the controller: checks of time and measurements, estimate, command, status. */
 
@@ -114,6 +117,11 @@ static inline int control_feed_back(real time, real span, scene_control *c)
 {
   int k, status;
   motion_state(time, c->work.goal);
+#if WITH_MPC
+  for (k = 0; k < N_Q; ++k) {
+    c->work.goal[k] += c->mpc.target[k];
+  }
+#endif
   for (k = 0; k < N_X; ++k) {
     c->deviation[k] = c->estimate[k] - c->work.goal[k];
   }
@@ -135,7 +143,11 @@ static inline int control_feed_back(real time, real span, scene_control *c)
   actuators_find_bounds(span < CONTROL_SAMPLE ? span : CONTROL_SAMPLE, c);
 #if WITH_DISTRIBUTION
   status = control_distribute(time, c);
-#else
+#endif
+#if WITH_MPC
+  status = control_predict(time, c);
+#endif
+#if WITH_CLIP
   status = actuators_clip_command(c);
 #endif
 #if WITH_SUMS

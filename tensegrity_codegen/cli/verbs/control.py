@@ -1,6 +1,7 @@
 """`tensegrity-codegen control`: a motion held by feedback, designed and simulated under disturbances."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -80,14 +81,21 @@ def control(
         check_motion_gusts(errors.gusts, study.t_end)
         motion = find_motion(output, model, held, chosen, arguments=arguments, t_end=study.t_end)
         controller = ControlDesign(
-            model, motion, design, arguments, study.in_c or code.build is not None, output.warn
+            model, motion, design, arguments, study.in_c or design.mpc or code.build is not None, output.warn
         )
         if controller.lacks_sensors:
             output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")
         with output.progress("designing feedback"):
             parts = controller.build()
         found = _study(
-            output, study, model, motion, errors=errors, arguments=arguments, compiler=compiler, **parts
+            output,
+            replace(study, in_c=study.in_c or design.mpc),
+            model,
+            motion,
+            errors=errors,
+            arguments=arguments,
+            compiler=compiler,
+            **parts,
         )
         # Its arrays, its page, the controller in C.
         if out is not None:

@@ -26,6 +26,7 @@ from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import MOVED_TO_LIMITS, ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
+from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
@@ -63,7 +64,7 @@ class ControllerBundle:
 def build_controller(
     scene: str | Path | CompiledModel,
     motion: Motion | Equilibrium,
-    gains: Gains | None = None,
+    gains: Gains | Mpc | None = None,
     *,
     estimator: Estimator | None = None,
     distribution: TensionDistribution | None = None,
@@ -83,8 +84,9 @@ def build_controller(
         Scene file, or the model that was compiled from one.
     motion : Motion or Equilibrium
         The motion to hold; after its end its last point is held.
-    gains : Gains, optional
-        Feedback; without it the inputs of the motion alone act.
+    gains : Gains or Mpc, optional
+        Feedback, or model-predictive control of `design_mpc`; without it the inputs of the motion alone
+        act.
     estimator : Estimator, optional
         Estimates the state from measurements; without it steps take the state.
     distribution : TensionDistribution, optional

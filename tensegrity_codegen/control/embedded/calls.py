@@ -93,7 +93,8 @@ def find_envelope(spec: FunctionSpec) -> Envelope:
 class Calls:
     """Statements of the functions that call the model, and sizes of their memory.
 
-    acceleration, measure, mass, length, equilibrium: C statements; envelope: of the mass matrix, None without
+    acceleration, measure, mass, length, equilibrium, state_jacobian, input_jacobian: C statements.
+    envelope: of the mass matrix, None without
     one; size_measured, size_entries: numbers of memory.
     """
 
@@ -102,6 +103,8 @@ class Calls:
     mass: str
     length: str
     equilibrium: str
+    state_jacobian: str
+    input_jacobian: str
     envelope: Envelope | None
     size_measured: int
     size_entries: int
@@ -118,6 +121,8 @@ def write_calls(model: Manifest | None, measured: tuple[MeasuredNumber, ...], pr
         mass=_call(mass, "memory"),
         length=_call(functions.get("member_length"), "length"),
         equilibrium=_call(functions.get("equilibrium_matrix"), "entry"),
+        state_jacobian=_call(functions.get("state_jacobian"), "by_state"),
+        input_jacobian=_call(functions.get("input_jacobian"), "by_input"),
         envelope=None if mass is None else find_envelope(mass),
         size_measured=max((count_entries(functions[source]) for source in sources), default=1),
         size_entries=1 if mass is None else count_entries(mass),

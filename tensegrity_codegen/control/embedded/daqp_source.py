@@ -1,8 +1,8 @@
 """C text of DAQP's solver as a controller includes it: static functions of one precision, without malloc.
 
 Of the source archive only the solver of least-distance programs is used: daqp.c, auxiliary.c, factorization.c
-and their headers. What makes such programs is `templates/c/control/quadratic_program.h`. The archive is a
-file of the user, the copy in the cache, or what pip downloads; it is verified.
+and their headers. What makes such programs is `templates/c/control/quadratic_program.h` and `mpc_program.h`.
+The archive is a file of the user, the copy in the cache, or what pip downloads; it is verified.
 """
 
 import io
@@ -46,8 +46,9 @@ OUTER = re.compile(
 )
 COMMENT = re.compile(r"(/\*.*?\*/|//[^\n]*)", re.DOTALL)
 DOUBLE = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[+-]?\d+)?|\d+e[+-]?\d+)(?![\w.])")
-# What no program of a controller has: soft and binary constraints, and levels of priority.
-ABSENT = ("DAQP_IS_SOFT(x)", "DAQP_IS_BINARY(x)", "DAQP_HAS_L1(work)", "DAQP_IS_HIERARCHICAL(work)")
+# What no program of a controller has: binary constraints and levels of priority; and what some have.
+ABSENT = ("DAQP_IS_BINARY(x)", "DAQP_IS_HIERARCHICAL(work)")
+SOFT_CONSTRAINTS = ("DAQP_IS_SOFT(x)", "DAQP_HAS_L1(work)")
 SILENCED = (
     "conversion", "sign-conversion", "double-promotion", "float-conversion", "shadow", "sign-compare",
     "unused-function", "unused-parameter", "unused-variable", "unused-but-set-variable",
@@ -56,7 +57,7 @@ HEAD = """\
 /* DAQP {version}, a dual active-set solver: csrc/{{include,src}} of {archive}
  * (SHA-256 {digest}),
  * under the licence below. Changed by tensegrity_codegen: one file of static functions; double or single
- * precision is chosen; soft and binary constraints, levels of priority, timing, and declarations for C++ are
+ * precision is chosen; {absent}binary constraints, levels of priority, timing, and declarations for C++ are
  * left out.
  *
 {licence} */
@@ -89,11 +90,12 @@ def find_daqp_archive(file: str | Path | None = None) -> bytes:
     return DAQP.find(file)
 
 
-def emit_daqp(archive: bytes, *, single: bool = False) -> str:
+def emit_daqp(archive: bytes, *, single: bool = False, soft: bool = False) -> str:
     """Return DAQP's solver as one C file of static functions.
 
     archive: as of find_daqp_archive.
     single: single precision, without any double.
+    soft: with soft constraints.
     Returns: a file to include, with DAQP's licence and what was changed in its head.
     Raises MissingSourceError: the archive does not hold the expected text.
     """
@@ -103,11 +105,12 @@ def emit_daqp(archive: bytes, *, single: bool = False) -> str:
         version=DAQP_VERSION,
         archive=DAQP_ARCHIVE,
         digest=DAQP_SHA256,
+        absent="" if soft else "soft and ",
         licence="\n".join(lines) + "\n",
         silenced="".join(f'#pragma GCC diagnostic ignored "-W{name}"\n' for name in SILENCED),
     )
     text = "\n".join(_join(files[f"csrc/{name}"]) for name in PARTS)
-    for macro in ABSENT:
+    for macro in ABSENT if soft else (*SOFT_CONSTRAINTS, *ABSENT):
         defined = re.compile(rf"#define {re.escape(macro)}(?:[^\n]*\\\n)*[^\n]*\n")
         text = _substitute(defined, f"#define {macro} 0\n", text)
     text = _substitute(PRECISION, f"typedef {'float' if single else 'double'} c_float;\n", text)

@@ -26,6 +26,7 @@ from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
 )
 from tensegrity_codegen.control.feedback.loop.loop_parts import check_parts, find_sample
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
+from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -34,6 +35,7 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.actuators import RestLengthGains, Sensor
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_switch, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError
 from tensegrity_codegen.tables.manifest import Manifest
@@ -46,9 +48,9 @@ CONTROL_STATUS: Mapping[str, str] = {
     "ok": "the command is what feedback asks for, or gives the same forces",
     "rate_limited": "the command was cut to the rate of an actuator",
     "range_limited": "the command was cut to the range of an actuator",
-    "tension_limited": "least tensions prevent the forces that feedback asks for",
-    "least_tension": "a least tension cannot be reached within rate and range, and yields",
-    "not_solved": "tensions were not distributed; the command is that of feedback, cut",
+    "tension_limited": "least tensions or ranges of coordinates prevent what feedback asks for",
+    "least_tension": "a least tension or range of a coordinate cannot be kept within rates, and yields",
+    "not_solved": "a quadratic program failed; the command is that of feedback or of the last plan, cut",
     "non_finite_input": "a time, measurement or state is not finite; the last command holds",
     "invalid_length": "a measured length is not above 0; the last command holds",
     "late": "more than 1.5 samples after the expected time; the last command holds",
@@ -123,6 +125,7 @@ class ControllerParts:
     gains: feedback, at the stored knots.
     estimator: estimates the state from measurements.
     distribution: distributes tensions.
+    mpc: plans ahead, in place of gains and distribution.
     bounds: rates, ranges and delays.
     sample [s]: time between two commands.
     qp_iterations: most iterations of the solver in one quadratic program of the distribution.
@@ -138,6 +141,7 @@ class ControllerParts:
     distribution: TensionDistribution | None
     bounds: ActuatorBounds
     sample: float
+    mpc: Mpc | None = None
     qp_iterations: int = QP_ITERATIONS
     daqp: bytes = field(default=b"", repr=False)
 
@@ -161,6 +165,12 @@ class ControllerParts:
         """Number of commands on their way that the gains know."""
         return 0 if self.gains is None else int(split_delays(self.gains.delay, self.sample)[2].sum())
 
+    @property
+    def integral_action(self) -> FloatArray:
+        """Outputs whose errors are summed, (n_integrals, n_states)."""
+        stated = self.gains if self.mpc is None else self.mpc.gains
+        return np.zeros((0, 0)) if stated is None else stated.integral_action
+
     def delays(self) -> DelayedInputs:
         """Return the delays of the actuators in samples."""
         return DelayedInputs(self.bounds, np.zeros(len(self.bounds.names)), self.sample)
@@ -170,7 +180,7 @@ def collect_parts(
     described: Described,
     motion: Motion,
     *,
-    gains: Gains | None,
+    gains: Gains | Mpc | None,
     estimator: Estimator | None,
     distribution: TensionDistribution | None,
     sample: float | None,
@@ -186,7 +196,9 @@ def collect_parts(
     manifest = described.manifest
     check_independent(described)
     check_motion(described, motion)
-    check_parts(manifest, motion, gains, estimator, distribution)
+    mpc, regulator = (gains, gains.gains) if isinstance(gains, Mpc) else (None, gains)
+    check_parts(manifest, motion, regulator, estimator, distribution)
+    _check_mpc(mpc, distribution)
     check_same_motion(distribution, motion)
     assert described.structure is not None  # find_model_and_request refuses models without
     _check_gains(described.structure)
@@ -195,16 +207,33 @@ def collect_parts(
         subject=described.structure,
         manifest=manifest,
         motion=motion,
-        gains=gains if gains is None or code.knots is None else gains.at_knots(code.knots),
+        gains=_store_gains(None if mpc is not None else regulator, code.knots),
         estimator=estimator,
         distribution=distribution,
-        bounds=find_bounds(described, motion, limits),
-        sample=find_sample(gains, estimator, sample),
+        bounds=find_bounds(described, motion, limits, may_lag=mpc is not None),
+        sample=find_sample(regulator, estimator, sample),
+        mpc=mpc,
         qp_iterations=code.qp_iterations,
-        daqp=b"" if distribution is None else find_daqp_archive(code.daqp_sdist),
+        daqp=b"" if distribution is None and mpc is None else find_daqp_archive(code.daqp_sdist),
     )
     check_start(parts)
     return parts
+
+
+def _store_gains(gains: Gains | None, knots: int | None) -> Gains | None:
+    return gains if gains is None or knots is None else gains.at_knots(knots)
+
+
+def _check_mpc(mpc: Mpc | None, distribution: TensionDistribution | None) -> None:
+    """Raise InvalidValueError for a distribution of tensions after model-predictive control."""
+    if mpc is not None and distribution is not None:
+        raise InvalidValueError(
+            "model-predictive control keeps least tensions itself",
+            where="distribution",
+            given="a distribution of tensions after an Mpc",
+            allowed="an Mpc alone, or gains with a distribution",
+            hint="design_mpc(..., least_tension=...)",
+        )
 
 
 def _check_gains(structure: Subject) -> None:
@@ -231,7 +260,9 @@ def find_quantities(parts: ControllerParts) -> tuple[str, ...]:
         in_nodes = bool(parts.manifest.coordinate_node_axis)
         kinds = [sensor.kind for sensor in parts.sensors]
         found += [kind for kind in kinds if not (in_nodes and kind.startswith("node_"))]
-    if parts.distribution is not None:
+    if parts.mpc is not None:
+        found += ["acceleration", "state_jacobian", "input_jacobian"]
+    if parts.distribution is not None or (parts.mpc is not None and len(parts.mpc.cables.limited)):
         found += ["member_length", "equilibrium_matrix"]
     return tuple(dict.fromkeys(found))
 

@@ -29,6 +29,7 @@ from tensegrity_codegen.control.feedback.loop.loop_parts import (
 )
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
+from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion
@@ -42,7 +43,7 @@ from tensegrity_codegen.tables.precision import find_precision
 def simulate_control_batch(
     model: CompiledModel,
     motion: Motion | Equilibrium,
-    gains: Gains | None = None,
+    gains: Gains | Mpc | None = None,
     *,
     draws: Sequence[Disturbance],
     estimator: Estimator | None = None,
@@ -62,8 +63,9 @@ def simulate_control_batch(
         Compiled for ``"control"``, see compile_scene, with its structure.
     motion : Motion or Equilibrium
         The motion to hold, as of `simulate_control`.
-    gains : Gains, optional
-        Feedback; without it the inputs of the motion alone act (open loop).
+    gains : Gains or Mpc, optional
+        Feedback, or model-predictive control of `design_mpc`; without it the inputs of the motion alone
+        act (open loop).
     draws : sequence of Disturbance
         One for each run.
     estimator : Estimator, optional
@@ -147,9 +149,11 @@ def simulate_control_batch(
     loop = CompiledLoop(model, parts, write_files(parts, request, find_precision("double")), written.compiler)
     with ThreadPoolExecutor(workers) as pool:
         runs = list(pool.map(lambda draw: loop.run(draw, count), ready))
-    late = describe_unknown_delays(gains, parts.bounds)
+    late = describe_unknown_delays(None if isinstance(gains, Mpc) else gains, parts.bounds)
     runs = [replace(run, warnings=(late,) if late else ()) for run in runs]
-    if gains is None or not compare:
+    # The open loop of a motion that is too fast for its actuators is no comparison.
+    lags = bool((reference.peak_rate > parts.bounds.rate).any())
+    if gains is None or not compare or lags:
         return tuple(runs)
     open_loop = partial(
         simulate_control, model, reference, t_end=count * parts.sample, sample=parts.sample, limits=limits

@@ -91,7 +91,8 @@ class TablePrinter:
         """Return a table of numbers, row by row; infinite ones become very large."""
         most = UNLIMITED[self.precision.name]
         numbers = np.clip(np.asarray(values, dtype=np.float64).ravel(), -most, most)
-        return Table(name, self.precision.c_type, print_numbers(numbers, self.precision, name), comment)
+        texts = print_numbers(numbers, self.precision, name)
+        return Table(name, self.precision.c_type, texts or ["0"], comment)
 
     def whole(self, name: str, values: ArrayLike, comment: str, c_type: str = INT) -> Table:
         """Return a table of whole numbers."""
@@ -129,8 +130,8 @@ def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
             count = split_delays(parts.gains.delay, parts.sample)[2]
             starts = np.concatenate([[0], np.cumsum(count)])
             tables.append(printer.whole("PAST_START", starts, "where commands on their way begin, of each"))
-        if len(parts.gains.integral_action):
-            tables.append(printer.real("SUM_OUTPUT", parts.gains.integral_action, "what is summed of errors"))
+    if len(parts.integral_action):
+        tables.append(printer.real("SUM_OUTPUT", parts.integral_action, "what is summed of errors"))
     if parts.estimator is not None:
         knots = tabulate_gains(parts.estimator.time, parts.estimator.L, parts.sample)
         stretches = sorted({0.0, *(float(time) for time in parts.delays().offset if time > 0.0)})
@@ -207,7 +208,7 @@ def build_distribution_tables(
     pulls, others = cables.incidence[driven] != 0.0, cables.other_incidence[driven] != 0.0
     is_stiff = cables.spring_constant[driven] + cables.axial_stiffness[driven] > 0.0
     limited = np.isin(driven, cables.limited) & is_stiff
-    places = _find_places(matrix, driven)
+    places = find_places(matrix, driven)
     preferred = distribution.preferred
     table = (motion.member_tension if preferred is None else preferred[None])[:, driven]
     printer, weight = TablePrinter(precision), max(distribution.weight, LEAST_WEIGHT[precision.name])
@@ -222,12 +223,16 @@ def build_distribution_tables(
         ),
         printer.real("PREFERRED_TENSION", table, "preferred tensions at each knot [N]"),
         printer.real("WEIGHT_ROOT", [np.sqrt(weight)], "root of the weight of preferred tensions"),
-        *_lists(printer, "PULL_START", "PULL_DRIVEN", pulls.T, "driven members of each actuator"),
-        *_lists(printer, "DRIVEN_START", "DRIVEN_PULL", pulls, "actuators that pull each driven member"),
+        *tabulate_lists(printer, "PULL_START", "PULL_DRIVEN", pulls.T, "driven members of each actuator"),
+        *tabulate_lists(
+            printer, "DRIVEN_START", "DRIVEN_PULL", pulls, "actuators that pull each driven member"
+        ),
         printer.whole("EQUILIBRIUM_PLACE", places, "place of each entry in the columns of driven members"),
     ]
     if others.any():
-        tables += _lists(printer, "OTHER_START", "OTHER_INPUT", others, "other inputs of each driven member")
+        tables += tabulate_lists(
+            printer, "OTHER_START", "OTHER_INPUT", others, "other inputs of each driven member"
+        )
     constants = {
         "N_PREFERRED": len(table),
         "IS_COUPLED": int((pulls.sum(axis=1) > 1).any()),
@@ -264,20 +269,24 @@ def _find_sizes(
     }
 
 
-def _find_places(matrix: FunctionSpec, driven: IntArray) -> IntArray:
-    """Return where each entry belongs in the columns of driven members, stored row by row; -1: nowhere."""
+def find_places(matrix: FunctionSpec, chosen: IntArray, first_row: int = 0) -> IntArray:
+    """Return where each entry of a matrix belongs in its chosen columns, stored row by row; -1: nowhere.
+
+    first_row: row of the matrix that is stored first; rows above it are not.
+    """
     if matrix.pattern is not None:
         rows = matrix.pattern.row.astype(np.int64)
         columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.pattern.column_start))
     else:
         rows, columns = (part.ravel() for part in np.indices(matrix.shape))
     place = np.full(matrix.shape[1], -1)
-    place[driven] = np.arange(len(driven))
-    found: IntArray = np.where(place[columns] < 0, -1, rows * len(driven) + place[columns])
+    place[chosen] = np.arange(len(chosen))
+    is_stored = (rows >= first_row) & (place[columns] >= 0)
+    found: IntArray = np.where(is_stored, (rows - first_row) * len(chosen) + place[columns], -1)
     return found
 
 
-def _lists(
+def tabulate_lists(
     printer: TablePrinter, start: str, entry: str, chosen: NDArray[np.bool_], comment: str
 ) -> list[Table]:
     """Return two tables: where the list of each row starts, and the chosen columns of all rows."""

@@ -16,6 +16,7 @@ from tensegrity_codegen.control.embedded.calls import Calls, find_measured, writ
 from tensegrity_codegen.control.embedded.daqp_source import emit_daqp, read_daqp_licence
 from tensegrity_codegen.control.embedded.loaded import ControllerDescription
 from tensegrity_codegen.control.embedded.parts import CONTROL_STATUS, ControllerParts, find_quantities
+from tensegrity_codegen.control.embedded.prediction import PredictionTables, build_prediction_tables
 from tensegrity_codegen.control.embedded.tables import (
     DistributionTables,
     build_distribution_tables,
@@ -57,7 +58,8 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
     measured = find_measured(parts.sensors, parts.manifest)
     calls = write_calls(model, measured, precision)
     name, tensions = precision.name, _distribute(parts, model, precision)
-    sizes = find_sizes(parts, calls)
+    predicted = _predict(parts, model, precision)
+    sizes = find_sizes(parts, calls) | ({} if predicted is None else predicted.sizes)
     return {
         "banner": BANNER,
         "name": parts.name,
@@ -68,7 +70,10 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
         "precision": name,
         "made_by": ", ".join(f"{what} {release}" for what, release in find_program_versions().items()),
         "settings": _find_settings(parts, name)
-        | {"WITH_OTHERS": tensions is not None and tensions.has_others},
+        | {
+            "WITH_OTHERS": tensions is not None and tensions.has_others,
+            "WITH_LIMITED": predicted is not None and predicted.sizes["N_LIMITED"] > 0,
+        },
         "statuses": CONTROL_STATUS,
         "sample": print_number(parts.sample, precision),
         "duration": print_number(parts.motion.duration, precision),
@@ -78,8 +83,13 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
         "substeps": 1 if parts.estimator is None else parts.estimator.substeps,
         "knots": count_knots(parts),
         "names": find_names(parts),
-        "tables": [*build_tables(parts, precision), *([] if tensions is None else tensions.tables)],
+        "tables": [
+            *build_tables(parts, precision),
+            *([] if tensions is None else tensions.tables),
+            *([] if predicted is None else predicted.tables),
+        ],
         "distribution": tensions,
+        "prediction": predicted,
         "calls": calls,
         "daqp": _write_daqp(parts, precision),
         "is_length": [int(item.is_length) for item in measured],
@@ -99,11 +109,18 @@ def _distribute(
     )
 
 
+def _predict(parts: ControllerParts, model: Manifest | None, precision: Precision) -> PredictionTables | None:
+    """Return the numbers of model-predictive control, None without it."""
+    if parts.mpc is None or model is None:
+        return None
+    return build_prediction_tables(parts, parts.mpc, model, precision)
+
+
 def _write_daqp(parts: ControllerParts, precision: Precision) -> dict[str, str]:
     """Return file name -> text of the solver of quadratic programs and of its licence, {} without one."""
-    if parts.distribution is None:
+    if parts.distribution is None and parts.mpc is None:
         return {}
-    text = emit_daqp(parts.daqp, single=precision.name == "single")
+    text = emit_daqp(parts.daqp, single=precision.name == "single", soft=parts.mpc is not None)
     return {f"{parts.name}_control_daqp.h": text, "LICENSE-DAQP.txt": read_daqp_licence(parts.daqp)}
 
 
@@ -112,7 +129,10 @@ def _find_settings(parts: ControllerParts, precision: str) -> dict[str, bool]:
         "WITH_FLOAT": precision == "single",
         "WITH_ESTIMATOR": parts.estimator is not None,
         "WITH_GAINS": parts.gains is not None,
-        "WITH_SUMS": parts.gains is not None and len(parts.gains.integral_action) > 0,
+        "WITH_SUMS": len(parts.integral_action) > 0,
+        "WITH_MPC": parts.mpc is not None,
+        "WITH_PUSH": parts.mpc is not None and len(parts.disturbed) > 0 and not len(parts.integral_action),
+        "WITH_CLIP": parts.mpc is None and parts.distribution is None,
         "WITH_DELAY": parts.n_past > 0 or bool(parts.bounds.delay.any()),
         "WITH_PAST": parts.n_past > 0,
         "WITH_DISTURBANCE": len(parts.disturbed) > 0,
@@ -128,7 +148,7 @@ def find_sizes(parts: ControllerParts, calls: Calls) -> dict[str, int]:
         "N_STATES": 2 * n,
         "N_ACTUATORS": len(parts.bounds.names),
         "N_INPUTS": len(parts.motion.input_name),
-        "N_SUMS": 0 if parts.gains is None else len(parts.gains.integral_action),
+        "N_SUMS": len(parts.integral_action),
         "N_SENSORS": 0 if parts.estimator is None else len(parts.estimator.sensing.noise),
         "N_DISTURBANCES": len(parts.disturbed),
         "N_PAST": parts.n_past,

@@ -166,7 +166,7 @@ def design_kalman(
         E=np.linalg.eigvals(error).astype(np.complex128),
         sample=sample,
         residual=max(residuals),
-        substeps=_count_substeps([rate[: 2 * n, : 2 * n] for rate, _ in parts], sample),
+        substeps=count_substeps([rate[: 2 * n, : 2 * n] for rate, _ in parts], sample),
         disturbed=disturbed.astype(np.int64),
         sensing=sensing,
         state_name=names,
@@ -252,7 +252,7 @@ def _read(value: ArrayLike, n: int, where: str) -> FloatArray:
     return to_each(value, n, where, lambda x: (x >= 0.0) & (x <= LARGEST_NOISE), allowed)
 
 
-def _count_substeps(rates: Sequence[FloatArray], sample: float) -> int:
+def count_substeps(rates: Sequence[FloatArray], sample: float) -> int:
     """Return the Runge-Kutta steps that a sample needs for a stable prediction."""
     fastest = max(float(np.abs(np.linalg.eigvals(rate)).max()) for rate in rates)
     return min(max(1, math.ceil(fastest * sample / STABLE_STEP)), MOST_SUBSTEPS)

@@ -124,7 +124,9 @@ def design_lqr(
     # Delays, weights and summed outputs.
     build_sample_time(reference, sample)
     longest = None if isinstance(motion, Motion) else np.inf  # an equilibrium is a motion of one sample
-    late = find_bounds(model, reference, ActuatorLimits(delay=delay), longest_delay=longest).delay
+    late = find_bounds(
+        model, reference, ActuatorLimits(delay=delay), longest_delay=longest, may_lag=True
+    ).delay
     _check_count(late, sample)
     names = name_states(model.manifest)
     output, labels = _read_outputs(integral_action, names)

@@ -155,8 +155,9 @@ def build_tensions(study: ControlStudy, model: CompiledModel) -> Iterator[Sectio
     structure = model.structure
     assert structure is not None
     least = structure.limits.least_tension[cables]
-    if study.distribution is not None:
-        least = np.maximum(least, study.distribution.least_tension[cables])
+    stated = study.mpc or study.distribution
+    if stated is not None:
+        least = np.maximum(least, stated.least_tension[cables])
     values = np.unique(least[np.isfinite(least)])[:2].tolist()
     figures = []
     for word, pick in (("least", np.min), ("largest", np.max)):

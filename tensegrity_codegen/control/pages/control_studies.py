@@ -56,6 +56,7 @@ def describe_study(study: ControlStudy) -> dict[str, Any]:
         },
         "margins": {name: _describe_margins(margins) for name, margins in study.margins.items()},
         "estimator": _describe_estimator(study),
+        "mpc": _describe_mpc(study),
         "least_tension": _describe_distribution(study),
         "errors": _describe_errors(study),
         "loops": {
@@ -137,6 +138,13 @@ def describe_facts(study: ControlStudy) -> list[str]:
         names = study.estimator.sensing.names
         forces = len(study.estimator.disturbed)
         lines.append(f"estimator: {len(names)} numbers measured, {forces} disturbance forces")
+    if study.mpc is not None:
+        bound = study.mpc.least_tension[study.mpc.cables.limited]
+        above = f", least tensions from {bound.min():.4g} N" if len(bound) else ""
+        lines.append(
+            f"model-predictive control over {study.mpc.horizon} commands "
+            f"({study.mpc.horizon * gains.sample:.4g} s) in {len(study.mpc.blocks)} blocks{above}"
+        )
     if study.distribution is not None:
         bound = study.distribution.least_tension
         finite = bound[np.isfinite(bound)]
@@ -231,11 +239,18 @@ def _describe_estimator(study: ControlStudy) -> dict[str, Any] | None:
     }
 
 
+def _describe_mpc(study: ControlStudy) -> dict[str, Any] | None:
+    if study.mpc is None:
+        return None
+    return {"horizon": study.mpc.horizon, "blocks": list(study.mpc.blocks), "substeps": study.mpc.substeps}
+
+
 def _describe_distribution(study: ControlStudy) -> dict[str, float] | None:
-    if study.distribution is None:
+    stated = study.mpc or study.distribution
+    if stated is None:
         return None
     members = study.loops["open"].run.member_name
-    bound = study.distribution.least_tension
+    bound = stated.least_tension
     return {name: float(value) for name, value in zip(members, bound, strict=True) if np.isfinite(value)}
 
 

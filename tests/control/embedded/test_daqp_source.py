@@ -15,7 +15,7 @@ from tensegrity_codegen.control.embedded.daqp_source import (
 from tensegrity_codegen.system.errors import MissingSourceError
 from tests.codegen.build_c import STRICT, require_cpp, run
 from tests.codegen.compilers import require_compiler
-from tests.codegen.plain_c.alone import NEED_DAQP, compile_alone, options_for
+from tests.codegen.plain_c.alone import NEED_DAQP, NEED_SOFT_DAQP, compile_alone, options_for
 from tests.control.embedded.daqp import require_daqp_archive
 
 SINGLE = pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
@@ -37,8 +37,11 @@ def write_unit(folder: Path, text: str, name: str = "unit.c") -> str:
 
 @SINGLE
 @pytest.mark.parametrize("family", ["gcc", "clang"])
-def test_it_compiles_without_a_warning(archive: bytes, family: str, single: bool, tmp_path: Path) -> None:
-    name = write_unit(tmp_path, emit_daqp(archive, single=single))
+@pytest.mark.parametrize("soft", [False, True], ids=["hard", "soft"])
+def test_it_compiles_without_a_warning(
+    archive: bytes, family: str, single: bool, soft: bool, tmp_path: Path
+) -> None:
+    name = write_unit(tmp_path, emit_daqp(archive, single=single, soft=soft))
     strict = [*require_compiler(family).command, "-std=c99", "-O2", *STRICT, "-Wshadow", "-Wdouble-promotion"]
     run([*strict, "-c", name, "-o", "unit.o"], tmp_path)
 
@@ -49,13 +52,16 @@ def test_it_compiles_as_cpp(archive: bytes, tmp_path: Path) -> None:
 
 
 @SINGLE
-@pytest.mark.parametrize("name", sorted(NEED_DAQP))
+@pytest.mark.parametrize("name", sorted(NEED_DAQP | NEED_SOFT_DAQP))
 @pytest.mark.parametrize("language", ["c", "c++"])
 def test_the_files_of_the_controller_that_need_it_compile_alone(
     archive: bytes, name: str, language: str, single: bool, tmp_path: Path
 ) -> None:
-    (tmp_path / "daqp_static.h").write_text(emit_daqp(archive, single=single), encoding="utf-8")
-    options = (*options_for(1, single), f"-I{tmp_path}", "-DWITH_DISTRIBUTION=1")
+    soft = name in NEED_SOFT_DAQP
+    text = emit_daqp(archive, single=single, soft=soft)
+    (tmp_path / "daqp_static.h").write_text(text, encoding="utf-8")
+    setting = "-DWITH_MPC=1" if soft else "-DWITH_DISTRIBUTION=1"
+    options = (*options_for(1, single), f"-I{tmp_path}", setting)
     compiler = "gcc" if language == "c" else "g++"
     compile_alone([f"control/{name}"], compiler, language, options, tmp_path)
 

@@ -67,6 +67,7 @@ def find_bounds(
     limits: ActuatorLimits | None = None,
     *,
     longest_delay: float | None = None,
+    may_lag: bool = False,
 ) -> ActuatorBounds:
     """Return the bounds of a motion's actuators: those of the scene, or those given.
 
@@ -74,6 +75,7 @@ def find_bounds(
     motion: names the actuators.
     limits: in place of those of the scene.
     longest_delay [s]: that is accepted; by default the duration of the motion.
+    may_lag: whether a motion that needs higher rates is accepted, behind which the actuators then lag.
     Returns: bounds in the order of the motion.
     Raises InvalidValueError: a value out of range, a motion that needs higher rates, or a delay longer than
         the motion.
@@ -110,7 +112,9 @@ def find_bounds(
             least=pair[:, 0] - np.array([row.min() for row in rest]),
             most=pair[:, 1] - np.array([row.max() for row in rest]),
         )
-    _check_rates(found, motion, motion.duration if longest_delay is None else longest_delay)
+    if not may_lag:
+        _check_rates(found, motion)
+    _check_delays(found, motion, motion.duration if longest_delay is None else longest_delay)
     return found
 
 
@@ -119,8 +123,8 @@ def _read(value: ArrayLike, count: int, where: str, unit: str, *, strictly: bool
     return to_each(value, count, where, lambda x: x > 0.0 if strictly else x >= 0.0, allowed)
 
 
-def _check_rates(bounds: ActuatorBounds, motion: Motion, longest: float) -> None:
-    """Raise InvalidValueError for a motion that needs higher rates or is shorter than a delay."""
+def _check_rates(bounds: ActuatorBounds, motion: Motion) -> None:
+    """Raise InvalidValueError for a motion that needs higher rates."""
     over = motion.peak_rate > bounds.rate * (1.0 + ROUNDING)
     if over.any():
         worst = int(np.argmax(motion.peak_rate / bounds.rate))
@@ -129,8 +133,12 @@ def _check_rates(bounds: ActuatorBounds, motion: Motion, longest: float) -> None
             where=f"actuators.{bounds.names[worst]}.rate",
             given=f"{bounds.rate[worst]:.4g} m/s, the motion needs {motion.peak_rate[worst]:.4g} m/s",
             allowed=f"at least {motion.peak_rate[worst]:.4g} m/s",
-            hint="a longer motion",
+            hint="a longer motion, or design_mpc, which follows it as closely as the rates permit",
         )
+
+
+def _check_delays(bounds: ActuatorBounds, motion: Motion, longest: float) -> None:
+    """Raise InvalidValueError for a delay longer than the motion."""
     late = bounds.delay > longest
     if late.any():
         name = bounds.names[int(np.argmax(late))]

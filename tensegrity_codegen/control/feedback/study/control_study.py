@@ -12,6 +12,7 @@ from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
 from tensegrity_codegen.control.feedback.loop.loop_parts import describe_unknown_delays
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
+from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.control.feedback.study.linear_loop import Margins
 from tensegrity_codegen.control.feedback.study.loop_result import OPEN, LoopResult
 from tensegrity_codegen.control.feedback.study.stated_errors import (
@@ -48,6 +49,8 @@ class ControlStudy:
         Weights, and what they were chosen from.
     gains : Gains
         Feedback.
+    mpc : Mpc or None
+        Model-predictive control in place of the gains.
     estimator : Estimator or None
         None without sensors.
     distribution : TensionDistribution or None
@@ -80,6 +83,7 @@ class ControlStudy:
     motion: Motion
     tuning: Tuning
     gains: Gains
+    mpc: Mpc | None
     estimator: Estimator | None
     distribution: TensionDistribution | None
     errors: StatedErrors

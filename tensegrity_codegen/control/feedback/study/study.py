@@ -15,6 +15,7 @@ from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.lqr import design_lqr
+from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.control.feedback.study.control_study import (
     ControlStudy,
     find_time_constants,
@@ -52,7 +53,7 @@ from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.system.checks import check_callback, check_instance, check_positive
-from tensegrity_codegen.system.errors import check_choice
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 from tensegrity_codegen.system.moved_arguments import with_moved
 
 SENSORS = "sensors"
@@ -65,7 +66,7 @@ def study_control(
     motion: Motion | Equilibrium,
     *,
     tuning: Tuning | None = None,
-    gains: Gains | None = None,
+    gains: Gains | Mpc | None = None,
     estimator: Estimator | str | None = SENSORS,
     distribution: TensionDistribution | None = None,
     errors: StatedErrors | None = None,
@@ -85,8 +86,9 @@ def study_control(
         The motion, or the equilibrium to hold for 2 s.
     tuning : Tuning, optional
         Weights of the gains; by default those of `choose_weights`.
-    gains : Gains, optional
-        Feedback; by default of `design_lqr` with the weights.
+    gains : Gains or Mpc, optional
+        Feedback; by default of `design_lqr` with the weights. An Mpc is simulated in C, by
+        ``draws=Draws(batch=simulate_control_batch)``; gains of its weights stand for its linear loop.
     estimator : Estimator, "sensors" or None
         ``"sensors"``: of `design_kalman` for the sensors of the scene, none without sensors; its disturbance
         forces are smaller where noise then disturbs the loop less. None: no loop with an estimator.
@@ -140,7 +142,9 @@ def study_control(
     check_positive(sample, "sample", "[s]")
     check_instance(tuning, (Tuning, type(None)), "tuning", "a Tuning of choose_weights, or None")
     check_instance(errors, (StatedErrors, type(None)), "errors", "StatedErrors, or None")
-    check_instance(gains, (Gains, type(None)), "gains", "Gains of design_lqr, or None")
+    check_instance(gains, (Gains, Mpc, type(None)), "gains", "Gains of design_lqr, an Mpc, or None")
+    mpc, gains = (gains, None) if isinstance(gains, Mpc) else (None, gains)
+    _check_batch(mpc, wanted)
     check_callback(progress, "progress")
     held = HELD_TIME if t_end is None else t_end
     reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
@@ -149,9 +153,11 @@ def study_control(
     stated = errors or StatedErrors()
     check_errors(model, stated)
     if gains is None:
+        source = chosen if mpc is None else mpc
+        of = chosen if mpc is None else mpc.gains
         gains = design_lqr(
-            model, reference, chosen.Q, chosen.R, sample=chosen.sample,
-            integral_action=chosen.integral_action, arguments=arguments,
+            model, reference, source.Q, source.R, sample=of.sample, integral_action=of.integral_action,
+            arguments=arguments,
         )  # fmt: skip
     senses, note = _find_estimator(model, reference, estimator, gains, chosen, arguments)
     default = find_default_times(reference, *find_time_constants(gains, senses))[0]
@@ -159,7 +165,7 @@ def study_control(
     check_gust_times(stated.gusts, end)
     notes = () if note is None else (note,)
     work = _Work(
-        model, reference, gains, senses, distribution, chosen, stated, given, end, window, wanted, notes
+        model, reference, gains, mpc, senses, distribution, chosen, stated, given, end, window, wanted, notes
     )
     return work.study(progress)
 
@@ -171,6 +177,7 @@ class _Work:
     model: CompiledModel
     motion: Motion
     gains: Gains
+    mpc: Mpc | None
     estimator: Estimator | None
     distribution: TensionDistribution | None
     tuning: Tuning
@@ -225,6 +232,7 @@ class _Work:
             motion=self.motion,
             tuning=self.tuning,
             gains=self.gains,
+            mpc=self.mpc,
             estimator=self.estimator,
             distribution=self.distribution,
             errors=self.stated,
@@ -243,7 +251,7 @@ class _Work:
     def run(self, name: str, drawn: Sequence[DrawnErrors], first: int) -> Sequence[ControlRun]:
         """Simulate one loop for some draws, the first of this number."""
         is_open = name == OPEN
-        gains = None if is_open else self.gains
+        feedback = None if is_open else self.mpc or self.gains
         spread = None if is_open else self.distribution
         parts: dict[str, Any] = {"t_end": self.t_end, "sample": self.gains.sample, "compare": False}
         parts["estimator"] = self.estimator if name == LOOPS[2] else None
@@ -257,11 +265,23 @@ class _Work:
             for k, item in enumerate(drawn)
         ]
         if self.draws.batch is not None and spread is None:
-            return self.draws.batch(self.model, self.motion, gains, draws=states, **parts)
+            return self.draws.batch(self.model, self.motion, feedback, draws=states, **parts)
+        gains = feedback if isinstance(feedback, Gains) else None
         return [
             simulate_control(self.model, self.motion, gains, distribution=spread, disturbance=state, **parts)
             for state in states
         ]
+
+
+def _check_batch(mpc: Mpc | None, draws: Draws) -> None:
+    """Raise InvalidValueError for model-predictive control that is not simulated in C."""
+    if mpc is not None and draws.batch is None:
+        raise InvalidValueError(
+            "model-predictive control runs in C only",
+            where="draws.batch",
+            given="None",
+            allowed="Draws(..., batch=simulate_control_batch)",
+        )
 
 
 def _find_estimator(
