@@ -6,6 +6,7 @@ import numpy as np
 
 from tensegrity_codegen.control.feedback.study.control_study import LOOP_NAMES, ControlStudy, count_worse
 from tensegrity_codegen.control.feedback.study.loop_result import OPEN, LoopResult, find_cables
+from tensegrity_codegen.control.feedback.study.margins import find_gain_range, find_phase
 from tensegrity_codegen.control.pages.control_figures import (
     build_commands,
     build_errors,
@@ -17,6 +18,7 @@ from tensegrity_codegen.control.pages.control_studies import (
     LIMIT_NAMES,
     STEP_NAMES,
     describe_facts,
+    find_noise_errors,
     has_limits,
 )
 from tensegrity_codegen.report.number_text import format_short
@@ -206,13 +208,6 @@ def _design(study: ControlStudy) -> Section:
         ("integrals of errors", float(len(gains.integral_name)), "", ".0f"),
         ("residual of the Riccati equation", gains.residual, "", ".1e"),
     ]
-    for name, margins in study.margins.items():
-        if np.isfinite(margins.delay):
-            what = f"further delay that makes the {LOOP_NAMES[name]} loop unstable"
-            facts.append((what, 1000 * margins.delay, "ms", ".3g"))
-        if np.isfinite(margins.gain):
-            what = f"factor of the actuators' effect that makes the {LOOP_NAMES[name]} loop unstable"
-            facts.append((what, margins.gain, "", ".3g"))
     if study.estimator is not None:
         facts.append(("states of the estimator", float(len(study.estimator.state_name)), "", ".0f"))
         facts.append(("residual of the estimator's equation", study.estimator.residual, "", ".1e"))
@@ -222,7 +217,50 @@ def _design(study: ControlStudy) -> Section:
     columns = (Column("what", numeric=False), Column("value"), Column("unit", numeric=False))
     size = f"{gains.K.shape[1]} x {gains.K.shape[2]} gains at {len(gains.time)} times"
     return Section(
-        "design", "design", "Design", "plain", size, (Table("Regulator and estimator", columns, rows),)
+        "design", "design", "Design", "plain", size,
+        (Table("Regulator and estimator", columns, rows), _judge_loops(study)),
+    )  # fmt: skip
+
+
+def _judge_loops(study: ControlStudy) -> Table:
+    """Return the table of what linear loops stand, and of errors by noise; a column for each loop."""
+    rows: dict[tuple[str, str, str], list[float]] = {}
+
+    def add(what: str, unit: str, spec: str, value: float) -> None:
+        rows.setdefault((what, unit, spec), []).append(value)
+
+    for margins in study.margins.values():
+        add("largest modulus of an eigenvalue, below 1 where stable", "", ".4f", margins.radius)
+        add("further delay of all actuators that makes it unstable", "ms", ".3g", 1000 * margins.delay)
+        add("factor of the effect of all actuators that makes it unstable", "", ".3g", margins.gain)
+        for who, disk in (
+            ("any actuator alone", float(margins.actuator_disk.min())),
+            ("each actuator differently", margins.disk),
+        ):
+            least, most = find_gain_range(disk)
+            add(f"{who}: least factor of the effect that it stands", "", ".3g", least)
+            add(f"{who}: largest", "", ".3g", most)
+            add(f"{who}: phase", "deg", ".3g", float(np.degrees(find_phase(disk))))
+    noise = find_noise_errors(study)
+    if noise is not None:
+        what = f"distance of {noise['node']} from the motion, root mean square"
+        values = (noise["predicted_rms"], noise["simulated_rms"])
+        for words, value in zip(("by noise, predicted", "at the end, simulated"), values, strict=True):
+            rows[f"{what}: {words}", "mm", ".3g"] = [np.nan, np.nan if value is None else 1000 * value]
+    names = [Column(LOOP_NAMES[name]) for name in study.margins]
+    return Table(
+        "Linear loops at the end of the motion",
+        (Column("what", numeric=False), *names, Column("unit", numeric=False)),
+        tuple(
+            (
+                text_cell(what),
+                *(number_cell(value if np.isfinite(value) else None, spec) for value in values),
+                text_cell(unit),
+            )
+            for (what, unit, spec), values in rows.items()
+        ),
+        "Judged before anything is simulated. A dash: more than ten samples of delay, a factor above 11, any "
+        "factor, or no noise. The simulated distance contains all errors.",
     )
 
 

@@ -1,13 +1,19 @@
 """Studies of feedback as JSON-ready data, and in tables for the terminal."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
 from tensegrity_codegen.control.feedback.study.control_study import LOOP_NAMES, ControlStudy, count_worse
-from tensegrity_codegen.control.feedback.study.linear_loop import MOST_SAMPLES, Margins
 from tensegrity_codegen.control.feedback.study.loop_result import LoopResult
+from tensegrity_codegen.control.feedback.study.margins import (
+    MOST_SAMPLES,
+    Margins,
+    find_gain_range,
+    find_phase,
+)
 from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 
 LIMIT_NAMES = {"least_tension": "least tension", "most_tension": "largest tension", "clearance": "clearance"}
@@ -54,7 +60,10 @@ def describe_study(study: ControlStudy) -> dict[str, Any]:
             "spectral_radius": float(np.abs(gains.E).max(initial=0.0)),
             "time_constant": study.time_constant,
         },
-        "margins": {name: _describe_margins(margins) for name, margins in study.margins.items()},
+        "margins": {
+            name: _describe_margins(margins, study.gains.actuators) for name, margins in study.margins.items()
+        },
+        "noise": find_noise_errors(study),
         "estimator": _describe_estimator(study),
         "mpc": _describe_mpc(study),
         "least_tension": _describe_distribution(study),
@@ -219,10 +228,42 @@ def _describe_loop(loop: LoopResult) -> dict[str, Any]:
     }
 
 
-def _describe_margins(margins: Margins) -> dict[str, Any]:
-    values = {"delay": margins.delay, "gain": margins.gain}
-    found = {key: float(value) if np.isfinite(value) else None for key, value in values.items()}
-    return {"is_stable": margins.is_stable, **found}
+def _describe_margins(margins: Margins, actuators: Sequence[str]) -> dict[str, Any]:
+    worst = int(np.argmin(margins.actuator_disk))
+    return {
+        "is_stable": margins.is_stable,
+        "delay": _finite(margins.delay),
+        "gain": _finite(margins.gain),
+        "spectral_radius": margins.radius,
+        "all_actuators": _describe_disk(margins.disk),
+        "one_actuator": {"name": actuators[worst], **_describe_disk(float(margins.actuator_disk[worst]))},
+    }
+
+
+def _describe_disk(disk: float) -> dict[str, Any]:
+    least, largest = find_gain_range(disk)
+    return {"disk": disk, "gain": [least, _finite(largest)], "phase": find_phase(disk)}
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def find_noise_errors(study: ControlStudy) -> dict[str, Any] | None:
+    """Return errors by noise that the linear loop predicts beside simulated ones, None without an estimator.
+
+    Root mean squares of the distance from the motion [m], of the node where the predicted one is largest; the
+    simulated one is that of the end and contains all other errors.
+    """
+    if study.estimator is None:
+        return None
+    predicted, simulated = study.predicted["estimator"], study.loops["estimator"].end_rms
+    node = max(predicted, key=lambda name: predicted[name])
+    return {
+        "node": node,
+        "predicted_rms": _finite(predicted[node]),
+        "simulated_rms": _finite(simulated[node]),
+    }
 
 
 def _describe_estimator(study: ControlStudy) -> dict[str, Any] | None:

@@ -104,7 +104,7 @@ def test_in_a_browser(tmp_path: Path) -> None:
 
 def measure(error: float, **changes: Any) -> RunMeasures:
     """Measures of one draw whose error at the end is given in mm."""
-    made = RunMeasures("ok", error / 1000, error / 500, math.nan, "n1", 12.0, "c1", 12.5, {}, {"ok": 9})
+    made = RunMeasures("ok", error / 1000, error / 500, math.nan, "n1", 12.0, "c1", 12.5, {}, {}, {"ok": 9})
     return replace(made, **changes)
 
 

@@ -13,8 +13,8 @@ from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBou
 from tensegrity_codegen.control.feedback.loop.loop_parts import describe_unknown_delays
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.mpc import Mpc
-from tensegrity_codegen.control.feedback.study.linear_loop import Margins
 from tensegrity_codegen.control.feedback.study.loop_result import OPEN, LoopResult
+from tensegrity_codegen.control.feedback.study.margins import Margins
 from tensegrity_codegen.control.feedback.study.stated_errors import (
     DrawnErrors,
     StatedErrors,
@@ -66,6 +66,9 @@ class ControlStudy:
     margins : mapping of str to Margins
         Of each loop with feedback: how much more delay and effect of the actuators its linear model at the
         end of the motion stands.
+    predicted : mapping of str to mapping of str to float [m]
+        Of each loop with feedback: root mean square of the distance of each node from its place that noise of
+        the sensors causes in the linear loop, by the name of the node; beside `LoopResult.end_rms`.
     limits : Limits
         Limits of the scene.
     notes : tuple of str
@@ -91,6 +94,7 @@ class ControlStudy:
     drawn: tuple[DrawnErrors, ...]
     loops: Mapping[str, LoopResult]
     margins: Mapping[str, Margins]
+    predicted: Mapping[str, Mapping[str, float]]
     limits: Limits
     notes: tuple[str, ...]
     worst_draw: int
@@ -151,6 +155,9 @@ class ControlStudy:
                 found[f"estimator_{name}"] = np.asarray(getattr(self.estimator, name))
             found["estimator_state_name"] = np.array(self.estimator.state_name)
         for name, loop in self.loops.items():
+            if name in self.predicted:
+                found[f"{name}_predicted_rms"] = np.array([*self.predicted[name].values()])
+            found[f"{name}_end_rms"] = np.array([*loop.end_rms.values()])
             found |= {f"{name}_{key}": value for key, value in loop.run.arrays().items() if key != "message"}
             for key in ("end_error", "end_angle", "peak_error", "least_tension", "end_tension"):
                 found[f"{name}_draws_{key}"] = getattr(loop, key)

@@ -1,6 +1,6 @@
-"""The linear closed loop at the end of a motion: stability, margins, covariance of its errors by noise."""
+"""The linear closed loop at the end of a motion: stability, covariance of its errors by noise."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,28 +30,11 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray
 
-MOST_SAMPLES = 10  # of more delay that are tried
-FACTORS = tuple(1.5**k for k in range(1, 7))  # of the actuators' effect that are tried
-HALVINGS = 6
 MOST_ERROR = 0.005  # of the size of the structure: standard deviation of a displacement that is predicted
 ERROR_MARGIN = 4.0  # where this is exceeded: by which the deviation is to be smaller, for errors beside noise
 MOST_REDUCTIONS = 3
 WORTHWHILE_PART = 0.8  # of the displacements by noise in the loop: less left is worth a slower estimate
 SETTLING_CONSTANTS = 5.0  # time constants of the estimate, up to the time from which errors are compared
-
-
-@dataclass(frozen=True)
-class Margins:
-    """What a linear loop stands before it becomes unstable.
-
-    is_stable: whether the loop itself is stable.
-    delay [s]: largest further delay of all actuators, infinite where ten samples more are not too many.
-    gain: largest factor of the effect of all actuators, infinite where 11 is not too much.
-    """
-
-    is_stable: bool
-    delay: float
-    gain: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +70,27 @@ class LinearLoop:
         Returns F, G (n, n) and (n, n_y): s[k+1] = F s[k] + G v[k], s: state x, commands on their way,
             predicted estimate, sums of errors.
         """
+        whole, size, _, _ = self._build(more_delay, factor)
+        return whole[:, :size], whole[:, size:]
+
+    def open_at_inputs(self) -> tuple[FloatArray, list[FloatArray], FloatArray]:
+        """Return the loop with another input d [m] beside the commands of the actuators.
+
+        Returns F, D, C: s[k+1] = F s[k] + D[0] d[k] + D[1] d[k-1] + ..., with the commands C s, F (n, n),
+            D each (n, m) and C (m, n); the plant receives C s + d. The sensitivity at its inputs is
+            1 + C (z - F)^-1 (D[0] + D[1] / z + ...).
+        """
+        whole, size, command, push = self._build(0.0, 1.0)
+        rest = np.zeros((size - len(push[0]), len(self.delay)))
+        return whole[:, :size], [np.vstack([part, rest]) for part in push], command[:, :size]
+
+    def _build(
+        self, more_delay: float, factor: float
+    ) -> tuple[FloatArray, int, FloatArray, list[FloatArray]]:
+        """Return derivatives by states and noise of the next states, their number, those of the commands.
+
+        And the effect of the commands on x in the sample that begins with them, and in each later one.
+        """
         sample, n, m = self.gains.sample, len(self.state_matrix), len(self.delay)
         n_e, n_z, late = len(self.estimate_rate), len(self.gains.integral_action), self.delay + more_delay
         counts = [split_delays(delay, sample)[2] for delay in (late, self.delay, self.gains.delay)]
@@ -101,7 +105,9 @@ class LinearLoop:
         command = -gains[:, :n] @ known[:n] - gains[:, n : n + n_z] @ sums
         command -= _by_depth(gains[:, n + n_z :], counts[2], depth) @ past
         a, b, p = compute_delayed_hold(self.state_matrix, self.input_matrix, sample, late)
-        rows = [a @ x + factor * (b @ command + _by_depth(p, counts[0], depth) @ past)]
+        late_push = _by_depth(p, counts[0], depth)
+        rows = [a @ x + factor * (b @ command + late_push @ past)]
+        push = [b, *(late_push[:, k::depth] for k in range(depth))]
         for u in range(m if depth else 0):
             rows += [command[u : u + 1], past[u * depth : (u + 1) * depth - 1]]
         if n_e:
@@ -109,23 +115,27 @@ class LinearLoop:
             a, b, p = compute_delayed_hold(self.estimate_rate, padded, sample, self.delay)
             rows.append(a @ known + b @ command + _by_depth(p, counts[1], depth) @ past)
         whole = np.vstack([*rows, sums + self.gains.integral_action @ known[:n]])
-        return whole[:, : sizes[-2]], whole[:, sizes[-2] :]
+        return whole, int(sizes[-2]), command, push
 
     def radius(self, more_delay: float = 0.0, factor: float = 1.0) -> float:
         """Return the largest modulus of an eigenvalue of the transition, below 1 for a stable loop."""
         return float(np.abs(np.linalg.eigvals(self.step(more_delay, factor)[0])).max(initial=0.0))
 
-    def deviation(self) -> FloatArray:
-        """Return the standard deviation that noise gives each coordinate, (n_x / 2,); infinite if unstable.
+    def covariance(self) -> FloatArray:
+        """Return the covariance that noise gives the coordinates, (n_x / 2, n_x / 2); infinite if unstable.
 
         The covariance P of a stable loop satisfies Lyapunov's equation P = F P F^T + G V G^T.
         """
         n = len(self.state_matrix) // 2
         if not self.radius() < 1.0:
-            return np.full(n, np.inf)
+            return np.full((n, n), np.inf)
         f, g = self.step()
-        covariance = solve_discrete_lyapunov(f, (g * self.noise**2) @ g.T)
-        return np.sqrt(np.maximum(np.diag(covariance)[:n], 0.0))
+        covariance = np.asarray(solve_discrete_lyapunov(f, (g * self.noise**2) @ g.T), dtype=np.float64)
+        return covariance[:n, :n]
+
+    def deviation(self) -> FloatArray:
+        """Return the standard deviation that noise gives each coordinate, (n_x / 2,); or infinity."""
+        return np.sqrt(np.maximum(np.diag(self.covariance()), 0.0))
 
 
 def build_linear_loop(
@@ -152,33 +162,6 @@ def build_linear_loop(
         )
         correction, noise = estimator.L[-1], estimator.sensing.noise
     return LinearLoop(state_matrix, input_matrix, gains, delay, estimate, slope, correction, noise)
-
-
-def find_margins(loop: LinearLoop) -> Margins:
-    """Return by how much more delay and effect of the actuators a loop becomes unstable, to about 1 %."""
-    if not loop.radius() < 1.0:
-        return Margins(is_stable=False, delay=0.0, gain=1.0)
-    sample = loop.gains.sample
-    delays = [sample * count for count in range(1, MOST_SAMPLES + 1)]
-    return Margins(
-        is_stable=True,
-        delay=_find_first(lambda more: loop.radius(more_delay=more), 0.0, delays),
-        gain=_find_first(lambda factor: loop.radius(factor=factor), 1.0, FACTORS),
-    )
-
-
-def _find_first(radius: Callable[[float], float], stable: float, values: Sequence[float]) -> float:
-    """Return the largest value below which loops are stable, infinite where all values are."""
-    for value in values:
-        if radius(value) < 1.0:
-            stable = value
-            continue
-        above = value
-        for _ in range(HALVINGS):
-            middle = 0.5 * (stable + above)
-            stable, above = (middle, above) if radius(middle) < 1.0 else (stable, middle)
-        return stable
-    return float("inf")
 
 
 def _by_depth(columns: FloatArray, count: NDArray[np.int64], depth: int) -> FloatArray:

@@ -25,6 +25,7 @@ class RunMeasures:
     status: of the run; end_error, peak_error [m]: largest distance of a node from the motion, at the end and
     at all; end_angle [rad]: largest error of an angle at the end, nan without angles; end_node: the node;
     least_tension [N], least_member: of cables over all times; end_tension [N]: at the end;
+    end_rms [m]: root mean square of the distance of each node from the motion at the end, by its name;
     broken: limits of the scene that are exceeded at the end, with the members; steps: number of commands of
     each status.
     """
@@ -37,6 +38,7 @@ class RunMeasures:
     least_tension: float
     least_member: str
     end_tension: float
+    end_rms: Mapping[str, float]
     broken: Mapping[str, tuple[str, ...]]
     steps: Mapping[str, int]
 
@@ -74,6 +76,9 @@ def measure_run(model: CompiledModel, run: ControlRun, last: float) -> RunMeasur
         least_tension=least,
         least_member=member,
         end_tension=end,
+        end_rms=dict(
+            zip(model.manifest.node_name, np.sqrt((away[ending] ** 2).mean(axis=0)).tolist(), strict=True)
+        ),
         broken=_find_broken(model, run, ending),
         steps=dict(Counter(run.step_status)),
     )
@@ -155,6 +160,12 @@ class LoopResult:
     def end_tension(self) -> FloatArray:
         """Least tension of the cables at the end of each draw, (n_draws,) [N]."""
         return np.array([row.end_tension for row in self.measures])
+
+    @property
+    def end_rms(self) -> dict[str, float]:
+        """Root mean square of the distance of each node from the motion at the end, over all draws [m]."""
+        rows = [row.end_rms for row in self.measures]
+        return {name: float(np.sqrt(np.mean([row[name] ** 2 for row in rows]))) for name in rows[0]}
 
     @property
     def steps(self) -> dict[str, int]:

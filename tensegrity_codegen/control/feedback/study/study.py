@@ -24,7 +24,6 @@ from tensegrity_codegen.control.feedback.study.control_study import (
 from tensegrity_codegen.control.feedback.study.linear_loop import (
     build_linear_loop,
     design_slow_estimator,
-    find_margins,
 )
 from tensegrity_codegen.control.feedback.study.loop_result import (
     LOOPS,
@@ -33,6 +32,7 @@ from tensegrity_codegen.control.feedback.study.loop_result import (
     RunMeasures,
     measure_run,
 )
+from tensegrity_codegen.control.feedback.study.margins import find_margins, predict_errors
 from tensegrity_codegen.control.feedback.study.stated_errors import (
     HELD_TIME,
     DrawnErrors,
@@ -189,9 +189,22 @@ class _Work:
     notes: tuple[str, ...]
 
     def study(self, progress: Callable[[float], None] | None) -> ControlStudy:
-        """Simulate all draws; of the worst one the runs are kept."""
-        # All loops over all draws, some of them at once; the runs of the worst draw are kept.
+        """Judge the linear loops, simulate all draws; of the worst one the runs are kept."""
+        # What the linear loops stand, and what errors noise will cause in them.
         names = [name for name in LOOPS if name != LOOPS[2] or self.estimator is not None]
+        structure, bounds = self.model.structure, find_bounds(self.model, self.motion)
+        assert structure is not None  # find_bounds refuses models without
+        linear = {
+            name: build_linear_loop(
+                self.model, self.motion, self.gains, bounds.delay,
+                self.estimator if name == LOOPS[2] else None, self.given,
+            )
+            for name in names[1:]
+        }  # fmt: skip
+        margins = {name: find_margins(loop) for name, loop in linear.items()}
+        end = self.motion.coordinate[-1]
+        predicted = {name: predict_errors(loop, self.model, end) for name, loop in linear.items()}
+        # All loops over all draws, some of them at once; the runs of the worst draw are kept.
         rows: dict[str, list[RunMeasures]] = {name: [] for name in names}
         worst, kept, number = -np.inf, {}, 0
         scales, draws = self.tuning.scales, self.draws.number
@@ -212,20 +225,9 @@ class _Work:
                 if rank > worst:
                     worst, number = rank, draw
                     kept = {name: runs[name][draw - first] for name in names}
-        # What the loops show, and what their linear models stand.
+        # What the loops show.
         loops = {name: LoopResult(name, tuple(rows[name]), kept[name]) for name in names}
         status, message = judge_study(loops, self.tuning.tolerance)
-        structure, bounds = self.model.structure, find_bounds(self.model, self.motion)
-        assert structure is not None  # find_bounds refuses models without
-        margins = {
-            name: find_margins(
-                build_linear_loop(
-                    self.model, self.motion, self.gains, bounds.delay,
-                    self.estimator if name == LOOPS[2] else None, self.given,
-                )
-            )
-            for name in names[1:]
-        }  # fmt: skip
         return ControlStudy(
             status=status,
             message=message,
@@ -240,6 +242,7 @@ class _Work:
             drawn=tuple(drawn),
             loops=loops,
             margins=margins,
+            predicted=predicted,
             limits=structure.limits,
             notes=self.notes,
             worst_draw=number,

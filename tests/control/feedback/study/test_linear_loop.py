@@ -25,9 +25,9 @@ from tensegrity_codegen.control.feedback.study.linear_loop import (
     LinearLoop,
     build_linear_loop,
     design_slow_estimator,
-    find_margins,
     predict_displacement,
 )
+from tensegrity_codegen.control.feedback.study.margins import find_margins
 from tensegrity_codegen.control.feedback.study.tuning import find_scales
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion

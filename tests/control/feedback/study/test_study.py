@@ -15,7 +15,6 @@ from tensegrity_codegen.control.feedback.study.control_study import (
     find_warnings,
     judge_study,
 )
-from tensegrity_codegen.control.feedback.study.linear_loop import Margins
 from tensegrity_codegen.control.feedback.study.stated_errors import Draws, draw_errors, find_default_times
 from tensegrity_codegen.control.feedback.study.tuning import choose_weights, find_scales
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -186,8 +185,8 @@ def test_margins_below_a_sample_and_loops_without_are_warned_of(study: ControlSt
     assert list(study.margins) == ["true_state", "estimator"]
     assert all(0.005 < item.delay < 0.02 for item in study.margins.values())
     margins = {
-        "true_state": Margins(is_stable=True, delay=0.004, gain=2.0),
-        "estimator": Margins(is_stable=False, delay=0.0, gain=1.0),
+        "true_state": replace(study.margins["true_state"], delay=0.004),
+        "estimator": replace(study.margins["estimator"], is_stable=False),
     }
     close, lost = find_margin_warnings(margins, study.bounds, 0.005)
     assert close.startswith("true state: 4 ms more delay make the loop unstable, less than one sample (5 ms)")
