@@ -55,6 +55,14 @@ def test_each_row_equals_the_case_alone(tmp_path: Path) -> None:
     assert found.attrs["scene_name"] == "hanging_mass"
 
 
+def test_an_input_with_one_value_has_it() -> None:
+    scene = SCENE | {"actuators": [{"name": "winch", "members": "cable"}]}
+    for values in ([-0.1], [-0.1, -0.2]):
+        found = sweep(scene, do="evaluate", over={"input.winch": values}, workers=1)
+        stretched = np.hypot(0.1, 1.4) - 1.0 - np.array(values)
+        np.testing.assert_allclose(found["member_tension"].values[:, 0], 80.0 * stretched, rtol=1e-12)
+
+
 RING: dict[str, Any] = {
     "name": "ring",
     "shape": {"kind": "prism", "bars": 3, "bottom_radius": 0.15, "height": 0.3, "node_mass": 0.05},

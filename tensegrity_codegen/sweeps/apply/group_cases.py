@@ -278,12 +278,16 @@ class _GroupFinder:
 
 
 def _find_varying(probes: Sequence[_Probe], slots: Mapping[str, FloatArray], direct: DirectKeys) -> IntArray:
-    """Return the entries, of all slots in one row, that differ between probes or follow from direct keys."""
+    """Return the entries, of all slots in one row, that differ between probes or follow from direct keys.
+
+    And inputs that are not zero in all cases: those of a library are zero.
+    """
     starts = dict(zip(slots, accumulate((array.size for array in slots.values()), initial=0), strict=False))
     entries = list(direct.entries)
     if direct.rest_lengths is not None:
         entries += [("rest_length", row) for row in direct.rest_lengths.members.tolist()]
     named = np.array([starts[slot] + place for slot, place in entries], dtype=np.int64)
+    named = np.concatenate([named, starts["input"] + np.flatnonzero(slots["input"])])
     same = np.array([item.entries for item in probes if item.constants == probes[0].constants])
     return np.union1d(named, np.flatnonzero((same != same[0]).any(axis=0)))
 
