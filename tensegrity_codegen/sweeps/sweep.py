@@ -146,6 +146,7 @@ def prepare_sweep(
     if stored is not None:
         check_same_sweep(stored.path, stored.identity, identity)
         task_size = stored.task_size
+    operation = operation.prepared(scene)
     planned = plan_sweep(scene, cases, operation, task_size=task_size, workers=count, yes=yes, option=option)
     return PreparedSweep(planned, identity, describe_facts(scene, planned.work.plan, operation), place)
 
@@ -173,7 +174,8 @@ def sweep(
     scene : str, Path, mapping or Scene
         As for `read_scene`.
     do : str
-        An operation: ``"simulate"``, ``"equilibrium"``, ``"linearize"``, ``"analyse"`` or ``"evaluate"``.
+        An operation: ``"simulate"``, ``"equilibrium"``, ``"linearize"``, ``"analyse"``, ``"evaluate"`` or
+        ``"control"``.
     over : mapping or sequence of str
         Axes of a grid: key -> values, ``"start:stop:n"`` or ``"start:stop:n:log"``; or ``"KEY=..."``.
     sample : Sampling, optional

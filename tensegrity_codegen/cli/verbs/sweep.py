@@ -41,9 +41,13 @@ def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
     if kind is not None and kind.has_verb:
         for key, text in inputs.items():
             words += ["--input", f"{key.removeprefix(INPUT)}={text}"]
-    else:  # no verb: a sweep of one case
-        words = [PROGRAM, "sweep", file, "--do", results.operation]
-        for key, text in (inputs or dict(list(keys.items())[:1])).items():
+    else:  # no verb: a sweep of one case, of the unchanged scene where that matters
+        is_apart = kind is not None and kind.needs_scene
+        scene, varied = file, inputs or dict(list(keys.items())[:1])
+        if is_apart:
+            scene, varied = f"{results.scene}.toml", keys
+        words = [PROGRAM, "sweep", scene, "--do", results.operation, *_list_options(kind, results.options)]
+        for key, text in varied.items():
             words += ["--over", f"{key}={text}"]
         for text in results.keep:
             words += ["--keep", text]

@@ -9,7 +9,7 @@ import numpy as np
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler
 from tensegrity_codegen.sweeps.apply.direct_keys import NO_DIRECT_KEYS, DirectKeys, find_direct_keys
 from tensegrity_codegen.sweeps.apply.mapper import CaseGroup, CaseMapper
-from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots, name_changed
+from tensegrity_codegen.sweeps.apply.slots import OF_LOOPS, STATE, hash_constants, list_slots, name_changed
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
@@ -315,7 +315,7 @@ def _choose_parameters(
     for name, array in slots.items():
         inside = varying[(varying >= start) & (varying < start + array.size)] - start
         start += array.size
-        if name in STATE or not len(inside):
+        if name in (*STATE, *OF_LOOPS) or not len(inside):
             continue
         if name == "gravity":
             parameters[name] = ()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.apply.assembler import CaseAssembler
 from tensegrity_codegen.sweeps.apply.direct_keys import DirectKeys
-from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots
+from tensegrity_codegen.sweeps.apply.slots import WITHOUT_ROWS, hash_constants, list_slots
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.request import ModelRequest
@@ -257,6 +257,6 @@ class CaseMapper:
             flat_values[:, self.varying[inside] - start] = entries[:, inside]
             array = flat_values.reshape(len(entries), *nominal.shape)
             array[has_no_entries] = np.nan
-            used_rows = array if name in (*STATE, "gravity") else array[:, list(self.parameters[name])]
+            used_rows = array if name in WITHOUT_ROWS else array[:, list(self.parameters[name])]
             arguments[name] = np.ascontiguousarray(used_rows)
         return arguments

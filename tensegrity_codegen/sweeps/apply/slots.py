@@ -20,6 +20,8 @@ from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 STATE = ("coordinate", "velocity", "input")  # slots that are arguments of every library
+OF_LOOPS = ("actuator_delay", "sensor_noise")  # slots of closed loops, which no library takes
+WITHOUT_ROWS = (*STATE, *OF_LOOPS, "gravity")  # slots that are arguments as a whole
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
 # Parts by which lengths of rigid bars differ that are the same but for rounding.
 DIGITS = 12
@@ -38,14 +40,20 @@ def list_slots(case: AssembledCase) -> dict[str, FloatArray]:
         slots |= {name: getattr(subject, name) for name in (*OF_MEMBERS, "node_load")}
     else:
         slots |= _slots_of_nodes(subject, case.request)
+    slots["actuator_delay"] = np.array([item.delay for item in subject.actuators])
+    slots["sensor_noise"] = np.array([item.noise for item in subject.sensors])
     return {name: np.asarray(slots[name], dtype=np.float64) for name in sorted(slots)}
 
 
 def hash_constants(case: AssembledCase) -> str:
     """Return the hash of all that no argument of the library can change: equal hashes, one library."""
     subject, request = case.subject, case.request
-    blank = {name: np.zeros_like(getattr(subject, name)) for name in (*OF_MEMBERS, "node_load")}
+    blank: dict[str, Any] = {
+        name: np.zeros_like(getattr(subject, name)) for name in (*OF_MEMBERS, "node_load")
+    }
     blank |= {"gravity": np.zeros(3)}
+    blank |= {"actuators": tuple(replace(item, delay=0.0) for item in subject.actuators)}
+    blank |= {"sensors": tuple(replace(item, noise=0.0) for item in subject.sensors)}
     patterns = [subject.spring_constant > 0, subject.axial_stiffness > 0]
     extra: list[Any] = []
     if isinstance(subject, BodySystem):

@@ -120,6 +120,11 @@ def list_tables(summary: SweepSummary) -> Iterator[LongTable | str]:
     columns = ("result", "unit", "least", "5 %", "median", "mean", "95 %", "largest")
     yield _table(columns, [_describe_spread(item) for item in summary.chosen], "results")
     yield from _causes(summary)
+    worst = [
+        (str(item.case), ", ".join(f"{key} = {value:.5g}" for key, value in item.keys.items()), item.reason)
+        for item in summary.worst
+    ]
+    yield _table(("worst case", "its keys", "why"), worst, "worst cases")
 
 
 def _describe_spread(item: ResultSummary) -> tuple[str, ...]:

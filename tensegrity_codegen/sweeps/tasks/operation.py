@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any, ClassVar, get_args, get_type_hints
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.analyses import Needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.statuses import is_good
 from tensegrity_codegen.sweeps.tasks.quantities import CaseArguments, Outcomes, read_case_arguments
@@ -142,6 +144,11 @@ class Operation(ABC):
     name: ClassVar[str]  # as in `--do NAME`
     success_phrase: ClassVar[str] = "are ok"  # what is said of good cases, as in "12 of 12 cases converged"
     has_verb: ClassVar[bool] = True  # whether the command line has a verb of this name, for one case
+    needs_scene: ClassVar[bool] = False  # whether a case needs the unchanged scene too, see `prepared`
+
+    def prepared(self, scene: str | Path | Mapping[str, Any] | Scene) -> "Operation":
+        """Return the operation with what it makes of the unchanged scene once, before all cases."""
+        return self
 
     @abstractmethod
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:

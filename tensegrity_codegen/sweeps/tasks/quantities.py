@@ -4,7 +4,7 @@ Rows with numbers that are not finite fail alone.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, unify_name
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.structure.member_limits import check_members
+from tensegrity_codegen.sweeps.apply.slots import OF_LOOPS
 from tensegrity_codegen.sweeps.statuses import encode_status
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
@@ -29,13 +30,15 @@ class CaseArguments:
     """Run-time arguments of a chunk: one row a case, or one value for all.
 
     rows: arrays (count, ...) by argument, those of cases in `is_bad` replaced by the scene's values; shared:
-    arrays without the leading axis; messages: why a case is bad, by its number.
+    arrays without the leading axis; messages: why a case is bad, by its number; loops: rows of what only
+    closed loops have, delays of the actuators (count, n_actuators) [s] and noise of the sensors.
     """
 
     count: int
     rows: Mapping[str, NDArray[Any]]
     shared: Mapping[str, NDArray[Any]]
     messages: Mapping[int, str]
+    loops: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     @property
     def all(self) -> dict[str, NDArray[Any]]:
@@ -83,7 +86,9 @@ def read_case_arguments(model: CompiledModel, arguments: Mapping[str, Any], coun
         raise InvalidValueError("no cases", where="count", given=count, allowed="1 or more")
     rows: dict[str, NDArray[Any]] = {}
     shared: dict[str, NDArray[Any]] = {}
-    for name, value in _merge_inputs(model, arguments, count).items():
+    loops = {name: np.asarray(arguments[name]) for name in OF_LOOPS if name in arguments}
+    others = {name: value for name, value in arguments.items() if name not in loops}
+    for name, value in _merge_inputs(model, others, count).items():
         shape = model.nominal(name).shape
         array, is_batched = to_batch(value, shape, model.library.precision, name)
         if is_batched and len(array) != count:
@@ -94,7 +99,7 @@ def read_case_arguments(model: CompiledModel, arguments: Mapping[str, Any], coun
                 allowed=f"{count} rows, or one value without a leading axis",
             )
         (rows if is_batched else shared)[name] = array
-    return _replace_bad_rows(model, CaseArguments(count, rows, shared, {}))
+    return _replace_bad_rows(model, CaseArguments(count, rows, shared, {}, loops))
 
 
 def _merge_inputs(model: CompiledModel, arguments: Mapping[str, Any], count: int) -> dict[str, Any]:
@@ -145,7 +150,7 @@ def _replace_bad_rows(model: CompiledModel, arguments: CaseArguments) -> CaseArg
             rows[name] = array.copy()
             rows[name][bad] = model.nominal(name)
             messages |= {int(k): NOT_FINITE.format(name=name) for k in bad}
-    return CaseArguments(arguments.count, rows, shared, messages)
+    return replace(arguments, rows=rows, shared=shared, messages=messages)
 
 
 RealArray = NDArray[Any]

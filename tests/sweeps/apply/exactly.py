@@ -9,7 +9,7 @@ import numpy as np
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler, build_assembler
 from tensegrity_codegen.sweeps.apply.group_cases import ROUNDED, find_groups
 from tensegrity_codegen.sweeps.apply.mapper import CaseGroup
-from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots
+from tensegrity_codegen.sweeps.apply.slots import WITHOUT_ROWS, hash_constants, list_slots
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.system.errors import TensegrityError
 
@@ -46,7 +46,7 @@ def group_and_compare(scene: Mapping[str, Any] | Path, cases: Cases) -> tuple[Ca
                 if name not in applied.arguments:
                     assert np.array_equal(nominal[name], exact), name
                     continue
-                chosen = name in STATE or name == "gravity" or list(group.request.parameters[name])
+                chosen = name in WITHOUT_ROWS or list(group.request.parameters[name])
                 expected = exact if chosen is True else exact[chosen]
                 if name == "rest_length":  # of prestresses of shapes, which are rounded to 13 digits
                     assert np.allclose(applied.arguments[name][row], expected, rtol=ROUNDED, atol=0.0)

@@ -1,0 +1,267 @@
+"""The operation `control`: the closed loop of every case, with the controller of the unchanged scene."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.embedded.parts import (
+    SIMULATED_LOOP_NAME,
+    ControllerCode,
+    collect_parts,
+    find_model_and_request,
+)
+from tensegrity_codegen.control.embedded.write import write_files
+from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
+from tensegrity_codegen.control.feedback.loop.loop_parts import count_samples
+from tensegrity_codegen.control.feedback.lqr import design_lqr
+from tensegrity_codegen.control.feedback.study.control_study import find_time_constants
+from tensegrity_codegen.control.feedback.study.linear_loop import design_slow_estimator
+from tensegrity_codegen.control.feedback.study.loop_result import RunMeasures, measure_run
+from tensegrity_codegen.control.feedback.study.read_files import read_path
+from tensegrity_codegen.control.feedback.study.stated_errors import (
+    HELD_TIME,
+    Draws,
+    StatedErrors,
+    check_errors,
+    check_times,
+    draw_errors,
+    find_default_times,
+    read_draws,
+    read_times,
+)
+from tensegrity_codegen.control.feedback.study.tuning import choose_weights
+from tensegrity_codegen.control.feedback.time_motion import time_motion
+from tensegrity_codegen.control.planning.plan import plan
+from tensegrity_codegen.control.planning.target_text import read_targets
+from tensegrity_codegen.control.planning.targets import find_target_quantities
+from tensegrity_codegen.pipeline.analyses import Needs, find_needs, want_analyses
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import INPUT
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
+from tensegrity_codegen.sweeps.tasks.quantities import CaseArguments, Outcomes
+from tensegrity_codegen.sweeps.tasks.unchanged_loop import SweptPlant, UnchangedLoop
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InfeasibleError,
+    InvalidValueError,
+    NonFiniteError,
+    check_choice,
+)
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.precision import find_precision
+from tensegrity_codegen.tables.request import ModelRequest
+
+SLOWER = 2.0  # than the shortest motion: the other half of the rates is for feedback, as in the verb
+# Results of the worst draw of each case: type, unit, sentence.
+RESULTS = {
+    "end_error": ("float64", "m", "Largest distance of a node from the motion at the end."),
+    "peak_error": ("float64", "m", "Largest distance of a node from the motion at any time."),
+    "least_tension": ("float64", "N", "Least tension of a cable at any time."),
+    "end_tension": ("float64", "N", "Least tension of a cable at the end."),
+    "worst_node": ("int64", "1", "Place of the node with the largest error at the end, from 0 on."),
+    "end_angle": ("float64", "rad", "Largest error of an angle at the end; NAN without angles."),
+    "end_rms": ("float64", "m", "Largest root mean square of a node's distance from the motion at the end."),
+    "cut": ("float64", "1", "Part of the commands that were cut, or whose measurements were not used."),
+}
+DEFAULT_RESULTS = ("end_error", "peak_error", "least_tension", "end_tension", "worst_node")
+
+
+@dataclass(frozen=True)
+class SweptControl(Operation):
+    """Closed loops under one controller: that of the unchanged scene, while cases change what it controls.
+
+    Attributes
+    ----------
+    keep : tuple of str
+        Names of RESULTS; by default DEFAULT_RESULTS.
+    to, plan, duration, sample_time, effort, t_end, last, start_error, draws
+        As of the verb `control`, where `sample_time` is `sample`; several targets of `to` are joined by
+        semicolons.
+    draw_seed : int
+        Seed of start errors and noise.
+    design : UnchangedLoop, optional
+        Of the unchanged scene; `prepared` makes it.
+    """
+
+    name: ClassVar[str] = "control"
+    success_phrase: ClassVar[str] = "ran to their end"
+    has_verb: ClassVar[bool] = False  # the verb would design the controller for the scene of the case
+    needs_scene: ClassVar[bool] = True
+
+    to: Annotated[str | None, Option("TARGET=VALUE of a plan; several joined by semicolons.")] = None
+    plan: Annotated[str | None, Option("result file of the verb plan, in place of --to.")] = None
+    duration: Annotated[float | None, Option("time of the motion [s].")] = None
+    sample_time: Annotated[float, Option("time between two commands [s].")] = 0.005
+    effort: Annotated[float | None, Option("change of a rest length that is accepted [m].")] = None
+    t_end: Annotated[float | None, Option("simulated time [s].")] = None
+    last: Annotated[float | None, Option("time before the end in which errors count [s].")] = None
+    start_error: Annotated[float | None, Option("by how much coordinates are off at the start [m].")] = None
+    draws: Annotated[int, Option("number of draws of start errors and noise for each case.")] = 1
+    draw_seed: Annotated[int, Option("seed of start errors and noise.")] = 0
+    design: UnchangedLoop | None = None
+
+    def describe(self) -> dict[str, Any]:
+        """Return name and options, with the hash of the plan's file."""
+        found = super().describe()
+        if self.plan is not None and Path(self.plan).is_file():
+            found["plan_sha256"] = hashlib.sha256(Path(self.plan).read_bytes()).hexdigest()
+        return found
+
+    def prepared(self, scene: str | Path | Mapping[str, Any] | Scene) -> "SweptControl":
+        """Return the operation with the controller of the unchanged scene.
+
+        Raises
+        ------
+        InvalidValueError, InfeasibleError
+            An option out of range, or a plan that is not found.
+        FormulationError, StructureError
+            As of `design_lqr` and `design_kalman`: a scene without actuators, for example.
+        """
+        targets = [text.strip() for text in (self.to or "").split(";") if text.strip()]
+        self._check(targets)
+        # The motion of the unchanged scene, and feedback about it.
+        structure, request = load_scene(scene)
+        wanted = want_analyses(
+            structure,
+            request,
+            ("plan", "time_motion", "control") if self._moves else ("equilibrium", "control"),
+            besides=Needs(find_target_quantities(read_targets(targets)) if targets else ()),
+        )
+        model = build_library(structure, wanted, calls=MANY_CALLS).load()
+        motion = self._find_motion(model, targets)
+        tuning = choose_weights(model, motion, sample=self.sample_time, effort=self.effort)
+        gains = design_lqr(
+            model, motion, tuning.Q, tuning.R, sample=self.sample_time, integral_action=tuning.integral_action
+        )
+        estimator = None
+        if structure.sensors:
+            estimator, _ = design_slow_estimator(model, motion, gains, tuning.scales)
+        described, alone = find_model_and_request(model, motion)
+        parts = collect_parts(
+            described, motion, gains=gains, estimator=estimator, distribution=None, sample=self.sample_time,
+            limits=None, code=ControllerCode(name=SIMULATED_LOOP_NAME),
+        )  # fmt: skip
+        # What disturbs all cases alike, and how long.
+        draws = read_draws(Draws(self.draws, self.draw_seed))
+        stated = StatedErrors(start_error=self.start_error, stiffness_error=0.0)
+        check_errors(model, stated)
+        default = find_default_times(motion, *find_time_constants(gains, estimator))[0]
+        end, last = read_times(self.sample_time, default, self.t_end, self.last)
+        count_samples(end, self.sample_time)
+        design = UnchangedLoop(
+            model,
+            wanted,
+            parts,
+            write_files(parts, alone, find_precision("double")),
+            tuple(draw_errors(model, stated, tuning.scales, self.draw_seed, k) for k in range(draws.number)),
+            end,
+            last,
+        )
+        return replace(self, design=design)
+
+    @property
+    def _moves(self) -> bool:
+        return self.to is not None or self.plan is not None
+
+    def _check(self, targets: Sequence[str]) -> None:
+        """Raise InvalidValueError for options that do not fit each other or are out of range."""
+        if self.to is not None and (self.plan is not None or not targets):
+            raise InvalidValueError(
+                "no motion, or two", where="to", given=f"to {self.to!r}, plan {self.plan!r}",
+                allowed="targets such as tilt=10, or a plan, or neither: then the equilibrium is held",
+            )  # fmt: skip
+        if not self._moves and self.duration is not None:
+            raise InvalidValueError(
+                "an equilibrium that is held has no duration", where="duration", given=self.duration,
+                allowed="with `to` or `plan`", hint="`t_end` sets the simulated time",
+            )  # fmt: skip
+        check_times(self.sample_time, duration=self.duration, t_end=self.t_end, last=self.last)
+
+    def _find_motion(self, model: CompiledModel, targets: Sequence[str]) -> Motion:
+        """Return the motion of the unchanged scene."""
+        if not self._moves:
+            return build_rest(model, find_equilibrium(model), self.t_end or HELD_TIME)
+        if self.plan is not None:
+            path: Any = read_path(self.plan, model)
+        else:
+            path = plan(model, targets)
+            if not path.is_found or path.n_steps == 0:
+                raise InfeasibleError(
+                    f"there is no plan to hold: {path.message}", evidence={"status": path.status},
+                    where=", ".join(targets), hint="the verb plan shows what binds",
+                )  # fmt: skip
+        motion = time_motion(model, path, self.duration)
+        return motion if self.duration else time_motion(model, path, SLOWER * motion.duration)
+
+    def needs(self, structure: Subject, request: ModelRequest) -> Needs:
+        """Return what a simulated loop needs; parameters are those that the keys need."""
+        for name in self.keep:
+            check_choice(name, RESULTS, f"result of {self.name}", f"keep {name!r}")
+        if len(set(self.keep)) < len(self.keep):
+            raise DuplicateNameError("kept twice", where="keep", given=", ".join(self.keep))
+        return replace(find_needs("control", structure, request), parameters={})
+
+    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
+        """Return one number of each case for each thing that is kept."""
+        return tuple(Output(name, (), (), *RESULTS[name]) for name in self.keep or DEFAULT_RESULTS)
+
+    def compute(
+        self, model: CompiledModel, case_arguments: CaseArguments, outcomes: Outcomes, threads: int
+    ) -> Mapping[str, NDArray[Any]]:
+        """Simulate the loop of each case; the message names the worst node."""
+        assert self.design is not None  # prepare_sweep calls `prepared`
+        if INPUT in case_arguments.all:
+            raise InvalidValueError(
+                "inputs are those of the motion in a closed loop", where="over", given="a key of an input",
+                allowed="numbers of the scene or of its structure",
+            )  # fmt: skip
+        plant = SweptPlant(model, self.design)
+        arrays = {item.name: item.full_of_nan(case_arguments.count) for item in self.outputs(model.manifest)}
+        for k in np.flatnonzero(outcomes.is_ok).tolist():
+            own = {**case_arguments.shared, **{name: rows[k] for name, rows in case_arguments.rows.items()}}
+            loops = {name: rows[k] for name, rows in case_arguments.loops.items()}
+            try:
+                runs = [plant.run(own, loops, draw, self.draw_seed) for draw in range(self.draws)]
+            except (InvalidValueError, NonFiniteError) as error:
+                outcomes.mark(k, "bad_input", str(error))
+                continue
+            lost = next((run for run in runs if run.status != "ok"), None)
+            if lost is not None:
+                outcomes.mark(k, "unstable", lost.message)
+                continue
+            rows = [measure_run(model, run, self.design.last) for run in runs]
+            worst = max(rows, key=lambda row: row.end_error)
+            outcomes.mark(k, "ok", f"{1000 * worst.end_error:.3g} mm at {worst.end_node} at the end")
+            found = _describe(model, rows, worst)
+            for name, array in arrays.items():
+                array[k] = found[name]
+        return arrays
+
+
+def _describe(model: CompiledModel, rows: Sequence[RunMeasures], worst: RunMeasures) -> dict[str, float]:
+    """Return the results of a case from those of its draws."""
+    cut = [1.0 - row.steps.get("ok", 0) / max(sum(row.steps.values()), 1) for row in rows]
+    return {
+        "end_error": worst.end_error,
+        "peak_error": max(row.peak_error for row in rows),
+        "least_tension": min(row.least_tension for row in rows),
+        "end_tension": min(row.end_tension for row in rows),
+        "worst_node": model.manifest.node_name.index(worst.end_node),
+        "end_angle": max(row.end_angle for row in rows),
+        "end_rms": max(max(row.end_rms.values()) for row in rows),
+        "cut": max(cut),
+    }
+
+
+OPERATION = SweptControl
