@@ -242,7 +242,7 @@ def _check_held(plan_model: PlanModel, targets: Targets, at: PlanPoint) -> None:
     """Raise InvalidValueError for targets that rigid motions of the whole structure change."""
     if at.neutral.shape[1] == 0:
         return
-    problem = plan_model.problem(at.change)
+    problem, targets = plan_model.problem(at.change), targets.follow(at.position)
     motion = problem.node_velocities(at.coordinate, at.neutral)
     scale = plan_model.directions(at, at.neutral)
 

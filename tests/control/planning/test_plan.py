@@ -222,6 +222,26 @@ def test_a_target_that_is_reached_already_needs_no_step() -> None:
     assert (found.status, found.n_steps) == ("found", 0)
 
 
+def test_a_twist_that_begins_at_half_a_turn_is_no_rigid_motion() -> None:
+    shape = {"kind": "icosahedron", "bar_length": 1.0, "prestress": 40.0}
+    structure = assemble({"name": "ball", "classes": CLASSES, "shape": shape})
+    pairs = {frozenset(pair) for pair in structure.connectivity[~structure.is_bar].tolist()}
+    count = structure.n_nodes
+    facet = next(
+        (i, j, k)
+        for i in range(count)
+        for j in range(i)
+        for k in range(j)
+        if {frozenset(pair) for pair in ((i, j), (j, k), (k, i))} <= pairs
+    )
+    place = structure.node_position - structure.node_position.mean(axis=0)
+    opposite = [int(np.linalg.norm(place + place[k], axis=1).argmin()) for k in facet]
+    top, base = ("[" + ", ".join(structure.node_name[k] for k in nodes) + "]" for nodes in (opposite, facet))
+    found = plan(compile_plan(limit(actuate(structure))), {f"twist({top}, {base})": 170.0}, steps=3)
+    assert abs(found.target[0, 0]) == pytest.approx(180.0)
+    assert found.status == "found"
+
+
 def test_times_follow_from_the_slowest_actuator_of_each_step() -> None:
     structure = limit(actuate(build_prism(155.0), rate=0.002))
     found = plan(compile_plan(structure), "twist=157", steps=3)
