@@ -103,6 +103,16 @@ LeastOption = Annotated[
         "leave none.",
     ),
 ]
+AttemptsOption = Annotated[
+    int,
+    typer.Option(
+        "--attempts",
+        min=0,
+        help="Largest number of other paths where limits block the first: two begin with other changes, more "
+        "go over shapes that random walks lead to.",
+    ),
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Of the random changes and walks.")]
 DurationOption = Annotated[
     float | None,
     typer.Option("--duration", help="Time of the plan [s]; default: the shortest that the rates permit."),
@@ -116,6 +126,8 @@ class StepOptions:
     steps: StepsOption = 20
     max_steps: MostOption = 200
     least_progress: LeastOption = 0.4
+    attempts: AttemptsOption = 2
+    seed: SeedOption = 0
 
 
 def plan(

@@ -47,6 +47,7 @@ def describe_plan(found: PlanResult) -> dict[str, Any]:
         **_extremes(found),
         "binding": [[item.as_dict() for item in items] for items in found.binding],
         "block": None if found.block is None else found.block.as_dict(),
+        "branches": [item.as_dict() for item in found.branches],
         "certificate": _describe_proof(found),
         "warnings": found.warnings,
     }

@@ -269,12 +269,12 @@ class PlanPath:
             at = moved
         # What is left after all corrections.
         miss = target - wanted
-        worst = int(np.abs(miss).argmax())
-        what = (
-            f"{self.targets.names[worst]} is missed by {miss[worst]:.3g} {self.targets.units[worst]}".rstrip()
-        )
         if self._is_exact(miss):
             what = "the equilibrium is unstable" if self._is_inside(margins) else self._name_worst(margins)
+        else:
+            worst = int(np.abs(miss).argmax())
+            name, unit = self.targets.names[worst], self.targets.units[worst]
+            what = f"{name} is missed by {miss[worst]:.3g} {unit}".rstrip()
         self.failure = f"the corrections of the step do not converge: {what}"
         return None
 
@@ -307,4 +307,6 @@ class PlanPath:
         return float(margins.excess.max(initial=-1.0)) <= LIMIT_TOLERANCE
 
     def _is_exact(self, defect: FloatArray) -> bool:
-        return bool(np.all(np.abs(defect) <= TARGET_TOLERANCE * float(np.abs(self.direction).max())))
+        return bool(
+            np.all(np.abs(defect) <= TARGET_TOLERANCE * float(np.abs(self.direction).max(initial=0.0)))
+        )

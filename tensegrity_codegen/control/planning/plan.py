@@ -1,12 +1,12 @@
 """Plans: rest lengths that move a structure through stable equilibria within limits to a target."""
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from tensegrity_codegen.control.planning.actuation import find_actuation
+from tensegrity_codegen.control.planning.branches import find_path
 from tensegrity_codegen.control.planning.infeasible import (
     find_contradiction,
     find_fixed_shape,
@@ -35,10 +35,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, check_whole, is_number
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
-N_TRIES = 2  # paths that begin with other changes of the inputs, where limits block the first
 MOST_STEPS = 10**9
-FIRST_CHANGE = 0.01  # of the longest member: largest of these changes
-LEAST_GAIN = 1e-3  # progress by which another path comes further
 # Digits that order limits which are exceeded; equal ones stay in the order of the structure.
 SORTED_DIGITS = 9
 ROUNDING = 1e-9
@@ -54,6 +51,8 @@ def plan(
     steps: int = 20,
     least_progress: float = 0.4,
     max_steps: int = 200,
+    attempts: int = 2,
+    seed: int = 0,
     duration: float | None = None,
     progress: Progress | None = None,
 ) -> PlanResult:
@@ -79,6 +78,11 @@ def plan(
         where they leave none.
     max_steps : int
         Largest number of steps and attempts of a path.
+    attempts : int
+        Largest number of other paths that are tried where limits block that of the smallest changes: two that
+        begin with other changes of the inputs, then ways over shapes that random walks lead to.
+    seed : int
+        Of the random changes and walks; the same seed gives the same plan.
     duration : float, optional
         Time of the whole plan [s]; by default the shortest that the rates of the actuators permit.
     progress : callable, optional
@@ -102,7 +106,8 @@ def plan(
 
     Notes
     -----
-    docs/planning.md has the equations. Where limits block the path of the smallest changes, others are tried.
+    docs/planning.md has the equations. Where limits block the path of the smallest changes, others are tried;
+    `branches` of the result says how each ended.
 
     Examples
     --------
@@ -114,6 +119,8 @@ def plan(
     """
     require_model(model)
     _check_options(steps, max_steps, least_progress, duration, progress)
+    for name, value in (("attempts", attempts), ("seed", seed)):
+        check_whole(value, name, 0, MOST_STEPS)
     require_solver()
     texts = read_targets(targets)
     # The model with its actuators, the targets and the limits.
@@ -133,54 +140,19 @@ def plan(
     proof = _find_proof(plan_model, bounds, bound, start.at)
     if proof is not None:
         return record_infeasible(plan_model, bound, start.at, *proof)
-    path = _find_path(
-        partial(PlanPath, plan_model, bounds, bound, start.at, steps, least_progress), max_steps, progress
-    )
+
+    def build_path(
+        targets: Targets = bound,
+        start: PlanPoint = start.at,
+        preferred: FloatArray | None = None,
+        of: type[PlanPath] = PlanPath,
+    ) -> PlanPath:
+        return of(plan_model, bounds, targets, start, steps, least_progress, preferred)
+
+    path, branches = find_path(build_path, max_steps, progress, attempts, seed)
     change = np.array([point.at.change for point in path.points])
     time = compute_times(change, actuation.rate, duration, actuation.names)
-    return record_path(plan_model, path, time, start.warnings)
-
-
-def _find_path(build: Callable[..., PlanPath], max_steps: int, progress: Progress | None) -> PlanPath:
-    """Return the path of the smallest changes; where limits block it, the one of several that comes furthest.
-
-    A path that keeps a symmetry of the structure may end where all of its bars are in the way of each other.
-    The others begin with random changes of the inputs, as far as targets and limits leave them free.
-    """
-    furthest = build()
-    at, draw, count = furthest.points[0].at, np.random.default_rng(0), 0
-    is_blocked = _take_steps(furthest, max_steps, progress)
-    while is_blocked and count < N_TRIES:
-        preferred = FIRST_CHANGE * at.point.longest * draw.uniform(-1.0, 1.0, len(at.change))
-        other, count = build(preferred), count + 1
-        is_blocked = _take_steps(other, max_steps, progress, furthest)
-        if other.points[-1].progress > furthest.points[-1].progress + LEAST_GAIN:
-            furthest = other
-    if is_blocked:
-        furthest.failure += f"; {count} paths that begin with other changes end no further"
-    return furthest
-
-
-def _take_steps(
-    path: PlanPath, max_steps: int, progress: Progress | None, rival: PlanPath | None = None
-) -> bool:
-    """Take steps until the path ends, or as many as allowed; return whether limits block it.
-
-    A path that is behind its rival after twice as many steps and attempts is given up.
-    """
-    for count in range(max_steps):
-        if path.is_done:
-            return False
-        if rival and count > 2 * len(rival.points) and path.points[-1].progress < rival.points[-1].progress:
-            return True
-        can_go_on = path.advance()
-        if progress is not None:
-            progress(len(path.points) - 1, path.points[-1].progress)
-        if not can_go_on:
-            return path.is_limited and not path.is_done
-    if not path.is_done:
-        path.failure = f"the target is not reached after {max_steps} steps and attempts (`max_steps`)"
-    return False
+    return record_path(plan_model, path, time, start.warnings, branches)
 
 
 def _find_proof(

@@ -17,6 +17,7 @@ from tensegrity_codegen.runtime.records.plan_result import (
     LIMIT_WORDS,
     Binding,
     Block,
+    Branch,
     Contradiction,
     PlanResult,
 )
@@ -73,12 +74,17 @@ def record_infeasible(
 
 
 def record_path(
-    plan_model: PlanModel, path: PlanPath, time: FloatArray | None, warnings: tuple[str, ...]
+    plan_model: PlanModel,
+    path: PlanPath,
+    time: FloatArray | None,
+    warnings: tuple[str, ...],
+    branches: tuple[Branch, ...],
 ) -> PlanResult:
     """Return the record of a path, found or blocked.
 
     time (n_steps,) [s]: times of its points.
     warnings: what to check.
+    branches: the paths that were tried.
     Returns: of status ``"found"`` or ``"blocked"``.
     """
     points = path.points
@@ -96,6 +102,7 @@ def record_path(
         time=time,
         block=block,
         warnings=warnings,
+        branches=branches,
         **_describe_points(plan_model, path.targets, [point.at for point in points]),
     )
 

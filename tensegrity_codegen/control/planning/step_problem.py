@@ -67,7 +67,7 @@ class Program:
     def find_step(self, progress: float) -> Step | None:
         """Return the step with this progress, None where there is none."""
         rows, lower, upper = self._constraints(progress)
-        hessian = self._hessian()
+        hessian = self.hessian
         gradient = np.zeros(len(hessian)) if self.preferred is None else -hessian @ self.preferred / self.unit
         found = find_minimum(hessian, gradient, rows, lower, upper)
         return None if found is None else self._build_step(found.x, progress, found.multiplier)
@@ -78,7 +78,7 @@ class Program:
         count = rows.shape[1] - 1
         hessian = np.diag(np.append(np.zeros(count), 1.0))
         weight = CHANGE_WEIGHT * min((MOST_WEIGHTED_UNITS * self.unit / self.radius) ** 2, 1.0)
-        hessian[:count, :count] = weight * self._hessian()
+        hessian[:count, :count] = weight * self.hessian
         gradient = np.append(np.zeros(count), -1.0)
         found = find_minimum(hessian, gradient, rows, lower, upper)
         if found is None:
@@ -110,7 +110,9 @@ class Program:
     def _goal_unit(self) -> float:
         return max(float(np.abs(self.direction).max(initial=0.0)), 1e-300)
 
-    def _hessian(self) -> FloatArray:
+    @property
+    def hessian(self) -> FloatArray:
+        """Matrix of the objective over du / unit, (n_actuators, n_actuators)."""
         count = self.slopes.extension.shape[1]
         return np.asarray(np.eye(count) + EXTENSION_WEIGHT * self.slopes.extension.T @ self.slopes.extension)
 

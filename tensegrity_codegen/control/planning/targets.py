@@ -85,7 +85,7 @@ class Targets:
 
     def evaluate(self, problem: StaticProblem, coordinate: FloatArray) -> FloatArray:
         """Return the values of all components, (n_targets,)."""
-        return np.concatenate([part.evaluate(problem, coordinate) for part in self.parts])
+        return np.concatenate([np.zeros(0), *(part.evaluate(problem, coordinate) for part in self.parts)])
 
     def follow(self, position: FloatArray) -> "Targets":
         """Return the targets whose angles go on from those at node positions, also past half a turn.
@@ -97,7 +97,7 @@ class Targets:
     @property
     def goal(self) -> FloatArray:
         """Values to reach, (n_targets,)."""
-        return np.concatenate([part.goal for part in self.parts])
+        return np.concatenate([np.zeros(0), *(part.goal for part in self.parts)])
 
     def slopes(self, position: FloatArray, node_slope: FloatArray, moved: MovedBy, step: float) -> FloatArray:
         """Return the derivatives of all components along k directions, (n_targets, k).
@@ -107,7 +107,7 @@ class Targets:
         moved: (direction, length) -> static problem and coordinates at that length along a direction.
         step: length of the differences of expressions.
         """
-        rows = []
+        rows = [np.zeros((0, node_slope.shape[2]))]
         for part in self.parts:
             if part.shape is not None:
                 rows.append(_slope_of_shape(part.shape, part.reference, position, node_slope))
@@ -117,7 +117,7 @@ class Targets:
                 for k in range(node_slope.shape[2])
             ]
             rows.append(np.array([(plus - minus) / (2 * step) for plus, minus in ends]).T)
-        return np.concatenate(rows).reshape(-1, node_slope.shape[2])
+        return np.concatenate(rows)
 
 
 def _follow(part: BoundTarget, position: FloatArray) -> BoundTarget:

@@ -130,6 +130,36 @@ class Block:
         }
 
 
+@dataclass(frozen=True)
+class Branch:
+    """One path that was tried, and how it ended.
+
+    Attributes
+    ----------
+    kind : str
+        ``"smallest changes"``, ``"other first changes"``, or ``"random walk"``: straight to the target from
+        the shape that a random walk led to.
+    n_steps : int
+        Steps of the straight path.
+    progress : float
+        Progress of the straight path, from 0 to 1.
+    target : ndarray, shape (n_targets,)
+        Values of the targets at its end.
+    reason : str
+        Why it ended.
+    """
+
+    kind: str
+    n_steps: int
+    progress: float
+    target: FloatArray
+    reason: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the record, JSON-ready."""
+        return {**vars(self), "target": self.target.tolist()}
+
+
 @dataclass(frozen=True, repr=False)
 class PlanResult(ByName, Summarised):
     """A plan, or why there is none.
@@ -187,6 +217,8 @@ class PlanResult(ByName, Summarised):
         What to check.
     structure : Structure, BodySystem or None
         The structure, for pictures; None with a library that was loaded alone.
+    branches : tuple of Branch
+        The paths that were tried, in order; none where the plan is proved infeasible.
     """
 
     status: str
@@ -217,6 +249,7 @@ class PlanResult(ByName, Summarised):
     proof_displacement: FloatArray | None = None
     warnings: tuple[str, ...] = field(default=())
     structure: Structure | BodySystem | None = None
+    branches: tuple[Branch, ...] = ()
 
     def headline(self) -> str:
         """Return status and message."""
