@@ -195,11 +195,11 @@ class PlanPath:
             self.failure = "the limits leave no progress"
         return False
 
-    def find_bound(self) -> Step | None:
-        """Return the step of most progress at the last point, of the limits linearised."""
+    def build_last_program(self) -> Program:
+        """Return what the largest step from the last point is found from."""
         self.radius = self.most_radius
         here = self.points[-1]
-        return self._build_program(here.at, here.target, here.progress).find_bound()
+        return self._build_program(here.at, here.target, here.progress)
 
     def _has_stalled(self) -> bool:
         """Return whether the last steps together make next to no progress, or little of that of the first."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.control.planning.blocking import find_fewest_limits
 from tensegrity_codegen.control.planning.limits import Margins
 from tensegrity_codegen.control.planning.path import PlanPath
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
@@ -139,14 +140,18 @@ def _find_block(plan_model: PlanModel, path: PlanPath) -> Block:
     Without limits where these leave a whole step, which is rejected for another reason.
     """
     last = path.points[-1]
-    bound = path.find_bound()
+    program = path.build_last_program()
+    bound = program.find_bound()
     whole = min(path.most_step_progress, 1.0 - last.progress)
     if bound is None or not path.is_limited or bound.progress >= whole:
         return Block(last.progress, last.target, float("nan"), (), path.failure)
     weight = bound.multiplier * last.margins.size[bound.binding]
     order = np.argsort(-np.round(weight / float(weight.max(initial=1e-300)), SORTED_DIGITS), kind="stable")
     binding = _bindings(plan_model, last.margins, bound.binding[order], bound.multiplier[order])
-    return Block(last.progress, last.target, bound.progress, binding, path.failure)
+    rows, is_fewest = find_fewest_limits(program, bound)
+    kinds = [(last.margins.kind[row], int(last.margins.index[row])) for row in rows]
+    fewest = tuple((kind, _name(plan_model, kind, index)) for kind, index in kinds)
+    return Block(last.progress, last.target, bound.progress, binding, path.failure, fewest, is_fewest)
 
 
 def _bindings(
@@ -188,6 +193,11 @@ def _describe_block(path: PlanPath, block: Block) -> str:
     bound = "; ".join(f"{limit} ({', '.join(who)})".removesuffix(" ()") for limit, who in names.items())
     more = len(block.binding) - N_NAMED
     what = f"; binding: {bound}{f' and {more} more' if more > 0 else ''}" if bound else ""
+    if len(block.fewest) < len(block.binding):
+        alone = ", ".join(
+            f"{LIMIT_WORDS[limit]} of {who}".removesuffix(" of ") for limit, who in block.fewest
+        )
+        what += f"; these alone block as much: {alone}"
     return (
         f"at {block.progress:.1%} of the way, {', '.join(parts)}: {block.reason}{what}. "
         "Another path may exist"

@@ -25,6 +25,7 @@ EXTENSION_WEIGHT = 50.0  # w: weight of changes of extensions next to changes of
 CHANGE_WEIGHT, MOST_WEIGHTED_UNITS = 1e-6, 50.0
 AIMED_MARGIN = 1e-7  # of the size of a limit: where steps aim
 FINAL_MARGIN = -1e-7  # the same, of a last step that ends on a limit; limits count as satisfied to 5e-7
+WITHIN = 1e-9  # of the size of a limit: what rounding exceeds it by
 BINDING_PART = 1e-7  # of the largest multiplier
 
 
@@ -99,8 +100,14 @@ class Program:
         found = find_largest(np.append(np.zeros(rows.shape[1] - 1), 1.0), rows, lower, upper)
         return None if found is None else self._build_step(found.x[:-1], float(found.x[-1]), found.multiplier)
 
+    def is_within(self, change: FloatArray) -> NDArray[np.bool_]:
+        """Return whether changes of the inputs (n_actuators,) keep to each margin, linearised."""
+        assert self.margins.slope is not None
+        left = self.margins.value + self.margins.slope @ change - self.aimed_margin * self.margins.size
+        return np.asarray(left >= -WITHIN * self.margins.size)
+
     @property
-    def _reachable_rows(self) -> NDArray[np.int64]:
+    def reachable_rows(self) -> NDArray[np.int64]:
         """Rows of the margins that a step within the radius can reach."""
         assert self.margins.slope is not None
         reach = np.abs(self.margins.slope).sum(axis=1) * self.radius
@@ -118,7 +125,7 @@ class Program:
 
     def _constraints(self, progress: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows over du / unit and their bounds: targets, limits that are near, the box."""
-        near, count = self._reachable_rows, len(self.slopes.target.T)
+        near, count = self.reachable_rows, len(self.slopes.target.T)
         # Targets are scaled by the largest of their changes, inputs by their unit.
         assert self.margins.slope is not None
         goal = (self.defect + progress * self.direction) / self._goal_unit
@@ -144,7 +151,7 @@ class Program:
         return rows, np.append(lower, 0.0), np.append(upper, 1.0)
 
     def _build_step(self, x: FloatArray, progress: float, multiplier: FloatArray) -> Step:
-        near, first = self._reachable_rows, len(self.direction)
+        near, first = self.reachable_rows, len(self.direction)
         own = multiplier[first : first + len(near)]
         active = np.flatnonzero(own > BINDING_PART * float(own.max(initial=0.0)))
         return Step(self.unit * x, progress, near[active], own[active])

@@ -111,6 +111,11 @@ class Block:
         Limits that bind there, by their multipliers.
     reason : str
         A sentence.
+    fewest : tuple of (str, str)
+        Limit and name, as in `Binding`, of a set of limits that alone leaves no more progress than all limits
+        together, none of which can be spared.
+    is_fewest : bool
+        Whether it is proved that no smaller set does.
     """
 
     progress: float
@@ -118,6 +123,8 @@ class Block:
     least_progress: float
     binding: tuple[Binding, ...]
     reason: str
+    fewest: tuple[tuple[str, str], ...] = ()
+    is_fewest: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """Return the record, JSON-ready."""
@@ -127,6 +134,8 @@ class Block:
             "least_progress": self.least_progress,
             "binding": [item.as_dict() for item in self.binding],
             "reason": self.reason,
+            "fewest": [{"limit": limit, "name": name} for limit, name in self.fewest],
+            "is_fewest": self.is_fewest,
         }
 
 
