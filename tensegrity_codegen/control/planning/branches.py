@@ -111,7 +111,9 @@ def find_path(
         tree += [Reached(trail, targets, 1.0), _reach(path, trail, furthest)]
     if is_blocked and len(branches) > 1 + N_FIRST_CHANGES:
         count = len(branches) - 1 - N_FIRST_CHANGES
-        furthest.failure += f", and {count} ways over shapes drawn at random (seed {seed}) end too"
+        furthest.failure += (
+            f", and of {count} over shapes drawn at random (seed {seed}) none reaches the target"
+        )
     return furthest, tuple(branches)
 
 

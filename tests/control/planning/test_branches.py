@@ -1,6 +1,8 @@
 """Branches of a plan: other paths where limits block the first, how each ended, and the fewest limits."""
 
+import tomllib
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from tensegrity_codegen.system.errors import InvalidValueError
 from tests.cases import thorough
 from tests.control.planning.structures import (
     actuate,
+    assemble,
     build_passing_bars,
     build_prism,
     compile_plan,
@@ -51,12 +54,27 @@ def test_a_blocked_plan_says_how_all_branches_ended() -> None:
     default, more, none = (plan(model, "twist=165", attempts=count, steps=5) for count in (2, 4, 0))
     assert [len(found.branches) for found in (default, more, none)] == [3, 5, 1]
     assert "2 paths that begin with other changes end no further;" in default.message
-    assert "and 2 ways over shapes drawn at random (seed 0) end too" in more.message
+    assert "and of 2 over shapes drawn at random (seed 0) none reaches the target" in more.message
     assert "other changes" not in none.message
     np.testing.assert_array_equal(default.change, more.change)
     told = describe_plan(more)["branches"]
     assert [item["kind"] for item in told][3:] == ["random walk", "random walk"]
     assert all(item["reason"] and 0.0 <= item["progress"] < 1.0 for item in told)
+
+
+@pytest.mark.thorough
+def test_a_mast_leans_further_by_its_saddle_cables_alone() -> None:
+    """Straight paths end at 12.7 deg, by least tensions; walks lead to a branch that leans further."""
+    file = Path(__file__).parents[3] / "docs" / "gallery" / "deployable_mast.toml"
+    mast = assemble(tomllib.loads(file.read_text(encoding="utf-8")))
+    structure = limit(actuate(mast.with_changes(inputs=()), "saddle"))
+    model = compile_plan(structure)
+    blocked = plan(model, "tilt=15")
+    assert blocked.status == "blocked"
+    assert max(item.target[0] for item in blocked.branches) < 13.0
+    found = plan(model, "tilt=15", attempts=12)
+    check(found, structure, steps=120, least=1.0 - 1e-6, clearance=0.002 * (1 - 1e-6))
+    assert found.branches[-1].kind == "random walk"
 
 
 @pytest.mark.parametrize("options", [{"attempts": -1}, {"attempts": 1.5}, {"seed": -1}, {"seed": True}])
