@@ -259,7 +259,9 @@ class _Weights:
         for time, numbers in self.followed:
             piece = int(np.searchsorted(pieces.time[1:-1], time, side="right"))
             powers = (time - pieces.time[piece]) ** np.arange(found.shape[1])
-            found[piece] += np.outer(powers, [numbers[name][k] for name, k in schedule.place])
+            # What a column is along is in a profile too, and nothing that a loss depends on
+            row = [numbers[name][k] if name in numbers else 0.0 for name, k in schedule.place]
+            found[piece] += np.outer(powers, row)
         return found
 
     def _add_number(self, name: str, part: FloatArray) -> None:

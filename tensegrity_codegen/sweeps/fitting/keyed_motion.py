@@ -7,12 +7,13 @@ costs one column.
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
@@ -38,11 +39,15 @@ MEANINGLESS = 0.1  # of the largest derivative so far: a difference from which d
 
 @dataclass(frozen=True)
 class RunSettings:
-    """How motions are integrated: method, relative tolerance of its steps, inputs over time."""
+    """How motions are integrated: method, relative tolerance of its steps, inputs over time, arguments.
+
+    arguments: start and run-time parameters where they differ from the scene; keys that move one win.
+    """
 
     method: str = METHOD
     rtol: float = 1e-8
     schedule: Profile | None = None
+    arguments: Mapping[str, ArrayLike] = field(default_factory=dict)
 
 
 # A knot of the profile of an input: its name, and the number of the knot from 0 on.
@@ -248,7 +253,8 @@ class KeyedMotion(KeyedScene):
 
     def _give(self, values: FloatArray) -> "_Given":
         """Return the arguments of a motion with values (n_keys,) of the keys, and of its columns."""
-        arguments, slopes = self.differentiate(values)
+        moved, slopes = self.differentiate(values)
+        arguments: dict[str, Any] = {**self.settings.arguments, **moved}
         coordinate, velocity = (arguments.pop(name, None) for name in ("coordinate", "velocity"))
         manifest, count = self.model.manifest, self.mix.shape[1]
         shapes = {item.name: item.shape for item in manifest.arguments}

@@ -45,6 +45,9 @@ class LossGradient:
         Integrator with error control, and the relative tolerance of its steps.
     schedule : Profile, optional
         Inputs over time.
+    arguments : mapping, optional
+        Start (``"coordinate"``, ``"velocity"``, ``"internal"``) and run-time parameters by name, where they
+        differ from the scene.
     backwards : bool, optional
         Whether gradients are taken backwards over the steps of a motion, at the cost of 4 to 6 motions; else
         derivatives to each number are integrated beside it, at 0.6 to 1 motion each. By default the former
@@ -90,6 +93,7 @@ class LossGradient:
         method: str = METHOD,
         rtol: float = 1e-9,
         schedule: Profile | None = None,
+        arguments: Mapping[str, ArrayLike] | None = None,
         backwards: bool | None = None,
         compiler: str | None = None,
     ) -> None:
@@ -98,7 +102,7 @@ class LossGradient:
         self.times = read_sample_times(samples, t_end)
         names = check_names(keys, "keys")
         self.backwards = len(names) >= MANY_KEYS if backwards is None else backwards
-        settings = RunSettings(method, rtol, schedule)
+        settings = RunSettings(method, rtol, schedule, arguments or {})
         self.problem = KeyedMotion(scene, names, settings, compiler, backwards=self.backwards)
         self.n_motions, self.error = 0, 0.0
         self.motion: Trajectory | None = None

@@ -131,13 +131,28 @@ def test_remainders_of_taylor_are_of_second_order_through_jumps(
         assert np.log2(left[0] / left[1]) == pytest.approx(2.0, abs=0.02)
 
 
-@pytest.mark.parametrize("kind", ["linear", "cubic"])
-def test_knots_of_a_profile_have_derivatives(kind: Any) -> None:
+@pytest.mark.parametrize(("kind", "backwards"), [("linear", False), ("cubic", False), ("linear", True)])
+def test_knots_of_a_profile_have_derivatives(kind: Any, backwards: bool) -> None:
     """Of a winch that turns while the damped cable is pulled taut, beside a number of the scene."""
     schedule = Profile([0.0, 0.4, 0.8, 1.5], {"winch": [0.0, -0.1, 0.05, 0.0]}, kind)
     keys = [ROPE[0], "profile.winch[1]", "profile.winch[2]"]
-    gradient = LossGradient(WOUND, keys, all_parts, 1.5, samples=5, rtol=1e-11, schedule=schedule)
+    gradient = LossGradient(
+        WOUND, keys, all_parts, 1.5, samples=5, rtol=1e-11, schedule=schedule, backwards=backwards
+    )
     compare_with_differences(gradient, np.array([100.0, -0.1, 0.05]), 1e-5)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_motion_starts_where_its_arguments_say(backwards: bool) -> None:
+    """The weight is thrown upwards from elsewhere; derivatives are those of that motion."""
+    start = {"coordinate": [-0.7], "velocity": [0.4]}
+    gradient = LossGradient(
+        FALL, ROPE[:2], all_parts, 1.5, samples=5, rtol=1e-11, arguments=start, backwards=backwards
+    )
+    compare_with_differences(gradient, np.array([100.0, 2.0]), 1e-5)
+    assert gradient.motion is not None
+    assert gradient.motion.coordinate[0] == pytest.approx(-0.7)
+    assert gradient.motion.velocity[0] == pytest.approx(0.4)
 
 
 def test_a_winch_holds_a_weight_where_it_shall_be() -> None:
