@@ -40,6 +40,7 @@ export async function startPlay(scene, buffers) {
   app.stage.resize();
   update(app);
   app.reset();
+  if (scene.start?.follow) app.followBy(true);
   const write = pace(() => {
     showRun(app);
     showChosen(app);

@@ -42,10 +42,13 @@ function buildModel(engine, bytes) {
   reserve("counts", COUNTS);
   reserve("run", RUN);
   const pulled = 3 + engine.axes.length; // numbers of a pull
+  const inputs = engine.profile?.inputs ?? [];
+  const driven = inputs.length + pulled;
+  const pieces = 2 + (engine.profile?.time.length ?? 0); // at most
   reserve("profile", PROFILE);
-  reserve("profile_place", pulled);
-  reserve("profile_time", 3);
-  reserve("profile_coefficient", 4 * pulled);
+  reserve("profile_place", driven);
+  reserve("profile_time", pieces + 1);
+  reserve("profile_coefficient", 2 * pieces * driven);
   reserve("vibration", 3);
   reserve("sample_state", states);
   reserve("sample_tension", Math.max(...engine.methods.map((method) => method.tensions.length)));
@@ -61,10 +64,12 @@ function buildModel(engine, bytes) {
   const run = view(Int32Array, "run");
   const address = (name) => places[name][0];
   const pointers = ["place", "time", "coefficient"].map((name) => address(`profile_${name}`));
-  view(Int32Array, "profile").set([2, 0, 1, pulled, ...pointers, 0]); // two pieces, of degree 1
-  view(Int32Array, "profile_place").set(Array.from({ length: pulled }, (_, k) => engine.pull.place + k));
+  const profile = view(Int32Array, "profile");
+  profile.set([2, 0, 1, driven, ...pointers, 0]); // pieces of degree 1, of which `drive` states the number
+  const ofPull = Array.from({ length: pulled }, (_, k) => engine.pull.place + k);
+  view(Int32Array, "profile_place").set([...inputs.map((input) => engine.profile.place + input), ...ofPull]);
   const method = engine.methods.find(({ name }) => name === engine.method);
-  return { engine, exports, arrays, counts, sampled, run, address, n, method, pace: 0.05 };
+  return { engine, exports, arrays, counts, sampled, run, address, n, method, profile, pace: 0.05 };
 }
 
 function reset() {
@@ -100,7 +105,7 @@ function integrate(end, isTimed) {
   const head = [end, engine.rtol, engine.atol, BigInt(most), address("time"), address("step"), address("state"),
     ...method.arguments.map(address)];
   if (model.pull?.isReleased && arrays.time[0] >= model.pull.end) model.pull = null;
-  run[PROFILE_OF_RUN] = model.pull ? address("profile") : 0;
+  run[PROFILE_OF_RUN] = model.pull || engine.profile ? address("profile") : 0;
   sampled[0] = 0n;
   const start = performance.now();
   let status = 0;
@@ -112,6 +117,7 @@ function integrate(end, isTimed) {
   } else {
     status = exports[`${method.symbol}_run`](...head, 0n, 0, 0, address("n_sampled"), address("run"), address("work"));
   }
+  if (engine.profile) setInputs();
   const [steps, rejected] = [Number(tally[0] - before[0]), Number(rejectedSteps() - before[1])];
   model.steps += Math.max(steps, 0);
   model.rejected += Math.max(rejected, 0);
@@ -169,11 +175,41 @@ function setPull(pull) {
   const from = goesOn ? now : [to[0], 0, 0, ...to.slice(3)];
   const end = start + RAMP * Math.min(1, model.speed);
   model.pull = { from, to, start, end, isReleased: !pull };
-  arrays.profile_time.set([start, end, 1e300]);
-  arrays.profile_coefficient.set([
-    ...from, ...from.map((value, k) => (to[k] - value) / (end - start)), ...to, ...to.map(() => 0),
-  ]);
+  drive();
   if (!goesOn) restart();
+}
+
+/** Of each input that follows a profile, value and rate at its knot before a time, and the time since then. */
+function inputsOver(time) {
+  const { time: knots, values } = model.engine.profile;
+  const k = Math.max(knots.findLastIndex((knot) => knot <= time), 0);
+  const length = knots[k + 1] - knots[k]; // NaN behind the last knot
+  return values.map((row) => [row[k], length > 0 ? (row[k + 1] - row[k]) / length : 0, time - knots[k]]);
+}
+
+/** Give inputs their values of now, for tensions and energies. */
+function setInputs() {
+  const { arrays, engine } = model;
+  inputsOver(arrays.time[0]).forEach(([value, rate, since], k) => (arrays.input[engine.profile.inputs[k]] = value + rate * since));
+}
+
+/** State what the integrator follows from now on: inputs along their profile, the pull along its ramp. */
+function drive() {
+  if (model.engine.profile) setInputs();
+  const { arrays, engine, profile, pull } = model;
+  const start = arrays.time[0];
+  const kinks = [...(engine.profile?.time ?? []), ...(pull ? [pull.end] : [])].filter((time) => time > start);
+  const times = [...new Set([start, ...kinks])].sort((one, other) => one - other);
+  const still = new Array(3 + engine.axes.length).fill(0);
+  const rows = times.map((time) => {
+    const inputs = engine.profile ? inputsOver(time) : [];
+    const now = pull ? pullAt(time) : still;
+    const rates = pull && time < pull.end ? pull.from.map((value, j) => (pull.to[j] - value) / (pull.end - pull.start)) : still;
+    return [...inputs.map(([value, rate, since]) => value + rate * since), ...now, ...inputs.map(([, rate]) => rate), ...rates];
+  });
+  profile[0] = times.length;
+  arrays.profile_time.set([...times, 1e300]);
+  arrays.profile_coefficient.set(rows.flat());
 }
 
 /** Force of the pull on its node [N], along the modelled axes. */
@@ -269,6 +305,7 @@ const ORDERS = {
   build({ engine, bytes }) {
     model = { ...buildModel(engine, bytes), running: false, speed: 1 };
     reset();
+    if (engine.profile) drive();
   },
   run: ({ isOn }) => run(isOn),
   speed({ speed }) {
@@ -302,6 +339,7 @@ const ORDERS = {
     const kept = model.engine.changeable.map((name) => [name, Float64Array.from(model.arrays[name])]);
     reset();
     for (const [name, values] of kept) model.arrays[name].set(values);
+    if (model.engine.profile) drive();
   },
   advance({ time }) {
     check(Number.isFinite(time), "a time [s]");

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.inputs import warn_of_profile
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.system.files import write_text
@@ -255,16 +256,18 @@ def play_live(
     rtol: float,
     method: str,
     settle: bool,
+    profile: Path | None,
     three: Path | None,
     overwrite: bool,
 ) -> tuple[dict[str, Any], str]:
     """Write a page in which the model of a scene runs; return the result of the verb as data and as text."""
     from tensegrity_codegen.live.engine import add_engine
     from tensegrity_codegen.live.live_page import render_live
-    from tensegrity_codegen.live.live_scene import build_live_scene
+    from tensegrity_codegen.live.live_scene import LiveStart, build_live_scene
     from tensegrity_codegen.live.three_module import find_three
     from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library, check_buildable
     from tensegrity_codegen.pipeline.settle import find_settled
+    from tensegrity_codegen.runtime.profiles.read_profile import read_profile
 
     if not 1e-12 <= rtol <= 1e-2:
         raise InvalidValueError(
@@ -274,12 +277,17 @@ def play_live(
     subject, request = output.load(scene, settles=settle)
     wanted = request_play(subject, request, method)
     check_buildable(subject, wanted)
+    schedule = None if profile is None else read_profile(profile, [item.name for item in subject.inputs])
+    warn_of_profile(schedule, subject, output)
     module, licence = find_three(three)
     if settle:
         subject, _ = find_settled(subject, request, warn=output.warn)
     built = build_library(subject, wanted, target="wasm32", calls=MANY_CALLS)
-    shown = build_live_scene(subject)
-    running = add_engine(shown, subject, built.manifest, built.path.read_bytes(), rtol=rtol, method=method)
+    shown = build_live_scene(subject, start=LiveStart(follow=schedule is not None))
+    module_bytes = built.path.read_bytes()
+    running = add_engine(
+        shown, subject, built.manifest, module_bytes, rtol=rtol, method=method, profile=schedule
+    )
     text = render_live(replace(running, warnings=tuple(output.warned)), module, licence)
     write_text(text, out, overwrite=overwrite)
     size = len(text.encode("utf-8"))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.live.channels import pack
 from tensegrity_codegen.live.live_scene import LiveScene
+from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.structure.outline import outline_bodies
@@ -166,6 +167,7 @@ def add_engine(
     *,
     rtol: float,
     method: str = "auto",
+    profile: Profile | None = None,
 ) -> LiveScene:
     """Return a live scene with a compiled model inside.
 
@@ -183,6 +185,8 @@ def add_engine(
         Relative tolerance of each step.
     method : str
         Integrator with which the page starts; "auto" is that of `choose_method`.
+    profile : Profile, optional
+        Inputs over time, linear between knots, which have no sliders then; they stay at their last values.
 
     Returns
     -------
@@ -230,6 +234,17 @@ def add_engine(
             "place": sum(sizes[name] for name in manifest.driven[:-1]),
         },
     }
+    if profile is not None:
+        inputs = [manifest.input_name.index(name) for name in profile.values]
+        engine["profile"] = {
+            "inputs": inputs,
+            "place": sum(sizes[name] for name in manifest.driven[: manifest.driven.index("input")]),
+            "time": profile.time.tolist(),
+            "values": [row.tolist() for row in profile.values.values()],
+        }
+        engine["sliders"] = [
+            row for row in engine["sliders"] if row["argument"] != "input" or row["places"][0] not in inputs
+        ]
     places = [3 * node + axis for node, axis in manifest.coordinate_node_axis]
     channels = {name: item for name, item in scene.channels.items() if name not in UNSHOWN}
     channels |= {
@@ -245,6 +260,7 @@ def add_engine(
         f"The compiled model runs in this page: {' or '.join(methods)} with error control, relative "
         f"tolerance {rtol:g} of each step. A pull is a spring and a damper between node and pointer, in the "
         "equations of motion.",
+        *((f"Inputs follow their profile until {profile.t_end:g} s, then stand still.",) if profile else ()),
         *((DAMPED_OUT,) if any(item["is_stiff"] for item in engine["methods"]) else ()),
         *(fact for fact in scene.facts if not fact.startswith("Reactions")),
     )

@@ -32,3 +32,12 @@ def test_an_input_is_not_replaced(run: Run, two_nodes: Path) -> None:
     page.write_bytes(two_nodes.read_bytes())
     run.refused("play", page, "--out", page, "--json")
     assert page.read_bytes() == two_nodes.read_bytes()
+
+
+def test_a_profile_of_another_input_is_refused(run: Run, two_nodes: Path) -> None:
+    profile = two_nodes.with_suffix(".csv")
+    profile.write_text("time,motor\n0,0\n1,0.01\n", encoding="utf-8")
+    ended = run.refused("play", two_nodes, "--profile", profile, "--out", "a.html", "--json")
+    assert ended.data["where"] == str(profile)
+    assert "inputs" in ended.data["problem"]
+    run.refused("play", two_nodes, "--profile", profile, "--out", profile.with_suffix(".png"), "--json")

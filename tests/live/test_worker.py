@@ -96,9 +96,10 @@ return rows;
 """
 
 
-def run_worker(subject: Any, built: Any, script: str, **given: Any) -> Any:
+def run_worker(subject: Any, built: Any, script: str, profile: Profile | None = None, **given: Any) -> Any:
     """Return what a script says that orders a worker in node: `engine`, `given` and `order` are there."""
-    scene = add_engine(build_live_scene(subject), subject, built.manifest, built.path.read_bytes(), rtol=1e-6)
+    shown, module = build_live_scene(subject), built.path.read_bytes()
+    scene = add_engine(shown, subject, built.manifest, module, rtol=1e-6, profile=profile)
 
     def list_channel(name: str) -> list[float]:
         return np.asarray(unpack(scene.channels[name])).ravel().tolist()  # type: ignore[no-any-return]
@@ -230,3 +231,40 @@ def test_a_structure_on_the_ground_bounces_as_in_native_c() -> None:
     assert found["total"] == pytest.approx(motion.total_energy[-1], abs=1e-2)
     assert found["status"] == 0
     np.testing.assert_allclose(found["again"], found["rows"][-1], atol=1e-4)
+
+
+def test_inputs_follow_their_profile_as_in_native_c() -> None:
+    """Of three winches one stands still and one jumps; a pull without strength changes nothing."""
+    require_compiler("zig")
+    subject, request = load_scene(GALLERY / "icosahedron_roll.toml")
+    play = request_play(subject, request)
+    built = build_library(subject, play, target="wasm32")
+    values = {"winch_1": [0, -0.17, -0.17, 0, 0, 0], "winch_3": [0, 0, 0, -0.01, 0.01, 0.01]}
+    profile = Profile([0.0, 0.5, 0.9, 1.4, 1.4, 1.6], values)
+    script = """
+    const rows = [0.3, 0.95, 2.0].map((time) => {
+      const { nodes, tension } = order("advance", { time });
+      return [Array.from(nodes), Array.from(tension)];
+    });
+    order("reset");
+    order("advance", { time: 0.33 });
+    order("pull", { pull: { node: 5, target: [0, 0, 1], stiffness: 0, damping: 0 } });
+    order("advance", { time: 0.95 });
+    order("pull", { pull: null });
+    const { nodes, tension, status } = order("advance", { time: 2.0 });
+    return { rows, again: Array.from(nodes), status, labels: engine.sliders.map(({ label }) => label) };
+    """
+    found = run_worker(subject, built, script, profile)
+    native = build_library(subject, replace(play, integrators=("rk54", "rk853"), events=None)).load()
+    longer = Profile([*profile.time, 2.0], {name: [*row, row[-1]] for name, row in values.items()})
+    motion = simulate(
+        native, 2.0, samples=[0.0, 0.3, 0.95, 2.0], method="rk853", rtol=1e-10, schedule=longer,
+        stepping=Stepping(atol=1e-12, control="steps"),
+    )  # fmt: skip
+    assert np.abs(motion.node_position[-1] - motion.node_position[0]).max() > 0.1
+    for k, (nodes, tension) in enumerate(found["rows"], start=1):
+        np.testing.assert_allclose(np.reshape(nodes, (12, 3)), motion.node_position[k], atol=1e-4)
+        np.testing.assert_allclose(tension[6:], motion.member_tension[k, 6:], atol=0.05)
+    np.testing.assert_allclose(found["again"], found["rows"][-1][0], atol=1e-5)
+    assert found["status"] == 0
+    assert [label for label in found["labels"] if label.startswith("winch")] == ["winch_2"]

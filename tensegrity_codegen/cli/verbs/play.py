@@ -25,6 +25,10 @@ def play(
         ),
     ] = "auto",
     settle: Annotated[bool, typer.Option("--settle", help="Start from the equilibrium, at rest.")] = False,
+    profile: Annotated[
+        Path | None,
+        typer.Option("--profile", help="Inputs over time (.csv), as of simulate; the camera follows."),
+    ] = None,
     three: ThreeOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -37,8 +41,9 @@ def play(
     output = Output(json)
     with output.guard(scene):
         check_ending(out, ".html")
-        check_output(out, inputs=[scene], overwrite=overwrite)
-        output.result(*play_live(output, scene, out, rtol, method, settle, three, overwrite))
+        inputs = [path for path in (scene, profile) if path is not None]
+        check_output(out, inputs=inputs, overwrite=overwrite)
+        output.result(*play_live(output, scene, out, rtol, method, settle, profile, three, overwrite))
 
 
 VERB = Verb(play, order=240)
