@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.fitting.identification import Identification
     from tensegrity_codegen.sweeps.fitting.identify import identify
     from tensegrity_codegen.sweeps.fitting.optimise import Design, LossGradient, optimise
+    from tensegrity_codegen.sweeps.gaits.gait import Gait, Walk, design_gait
     from tensegrity_codegen.sweeps.sweep import sweep
     from tensegrity_codegen.system.errors import TensegrityError
     from tensegrity_codegen.tables.request import ModelRequest
@@ -105,6 +106,7 @@ __all__ = [
     "Estimator",
     "Form",
     "Gains",
+    "Gait",
     "Gust",
     "Identification",
     "LinearModel",
@@ -133,6 +135,7 @@ __all__ = [
     "Trajectory",
     "Tuning",
     "Until",
+    "Walk",
     "__version__",
     "add_segment_error",
     "analyse",
@@ -141,6 +144,7 @@ __all__ = [
     "choose_weights",
     "compile_scene",
     "design_distribution",
+    "design_gait",
     "design_kalman",
     "design_lqr",
     "design_mpc",
@@ -199,6 +203,9 @@ _HOME = {
     "Design": "sweeps.fitting.optimise",
     "LossGradient": "sweeps.fitting.optimise",
     "optimise": "sweeps.fitting.optimise",
+    "Gait": "sweeps.gaits.gait",
+    "Walk": "sweeps.gaits.gait",
+    "design_gait": "sweeps.gaits.gait",
     "Form": "pipeline.forming.formed",
     "form": "pipeline.forming.form",
     "Gust": "control.feedback.loop.sampled_plant",

@@ -171,6 +171,17 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
         tc.LossGradient(SCENE, ["gravity[2]"], loss, 0.1, samples=3), max_iterations=1
     )
     assert design.loss <= design.start_loss
+
+    def roll() -> tc.Walk:
+        gait: tc.Gait = tc.design_gait(SCENE)
+        return gait.walk(3, (0.0, 1.0))
+
+    refused = ""
+    try:
+        roll()
+    except tc.TensegrityError as error:
+        refused = str(error)
+    assert "winches" in refused
     shape: tc.Form = tc.form(SCENE, density={"cables": 5.0})
     assert shape.status == "stable"
     sizing: tc.Sizing = tc.size_members(

@@ -17,7 +17,10 @@ from site_pages.links import ROOT
 # What a live page is made by: the package, its templates.
 SOURCES = (ROOT / "tensegrity_codegen", ROOT / "templates")
 # Scenes that begin as stated, out of equilibrium, since their motion is the point; the others begin settled.
-MOVING = ("two_nodes", "icosahedron", "savin_prism", "superball_drop", "icosahedron_roll", "crawling_spine")
+MOVING = (
+    *("two_nodes", "icosahedron", "savin_prism", "superball_drop"),
+    *("icosahedron_gait", "icosahedron_roll", "crawling_spine"),
+)
 # Scenes whose shape is found in the page, with the force densities where its sliders begin.
 FORMED = {"cable_net": ("edge=20000", "sagging=3000", "hogging=3000")}
 
@@ -49,8 +52,10 @@ def write_live_pages(site: Path, cache: Path) -> list[str]:
 
 
 def compute_fingerprint(scene: Path, code: str, words: Sequence[str]) -> str:
-    """Return a hash of all that a live page follows from: scene file, code, words of the command."""
-    parts = [scene.read_bytes(), code.encode(), " ".join(words).encode()]
+    """Return a hash of all that a live page follows from: scene, its inputs, code, words of the command."""
+    profile = scene.with_suffix(".csv")
+    inputs = profile.read_bytes() if profile.exists() else b""
+    parts = [scene.read_bytes(), inputs, code.encode(), " ".join(words).encode()]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()
 
 
@@ -69,6 +74,8 @@ def _list_words(name: str) -> list[str]:
 def _write_page(scene: Path, page: Path) -> int:
     verb, *options = _list_words(scene.stem)
     command = [verb, str(scene), *options, "--out", str(page), "--overwrite"]
+    profile = scene.with_suffix(".csv")  # inputs over time, beside a scene that has any
+    command += ["--profile", str(profile)] if profile.exists() else []
     with tempfile.TemporaryDirectory() as folder:
         if scene.stem in RECORDED:
             end, samples = RECORDED[scene.stem]

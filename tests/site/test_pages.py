@@ -114,7 +114,9 @@ def test_a_live_page_is_due_where_scene_code_or_command_changed(tmp_path: Path) 
     ]
     scene.write_text('name = "b"', encoding="utf-8")
     marks.append(compute_fingerprint(scene, "code", ["play"]))
-    assert len(set(marks)) == 4
+    scene.with_suffix(".csv").write_text("time,winch\n0,0\n1,0\n", encoding="utf-8")  # inputs over time
+    marks.append(compute_fingerprint(scene, "code", ["play"]))
+    assert len(set(marks)) == 5
 
 
 TABLE = """

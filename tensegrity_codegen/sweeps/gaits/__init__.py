@@ -1,0 +1,1 @@
+"""Gaits of structures that roll from facet to facet on the ground."""
