@@ -1,6 +1,6 @@
 """Time of steps of model-predictive control by acados: the pinned prism and the two-stage tower.
 
-python benchmarks/mpc_against_acados.py [--case prism] [--only "blocks, in C"] [--reference FOLDER]
+python benchmarks/mpc_against_acados.py [--case prism] [--compare] [--only "blocks, in C"] [--reference FOLDER
 
 Needs acados (https://docs.acados.org) and its Python package, with ACADOS_SOURCE_DIR set. Each row is one way
 to state the problem of `design_mpc` in acados: blocks of equal deviations as phases without inputs
@@ -18,7 +18,7 @@ import subprocess
 import tempfile
 import time
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from acados_template import AcadosMultiphaseOcp, AcadosOcpSolver
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from tensegrity_codegen import ControllerCode, build_controller, design_mpc
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.control.feedback.loop.cable_tensions import find_cables
@@ -43,7 +44,7 @@ Array = NDArray[np.float64]
 TEMPLATE = Path(__file__).resolve().parent / "harness" / "acados_dynamics.c"
 BLOCKS = (1, 1, 2, 4, 12)
 SUBSTEPS = 1  # Runge-Kutta steps in a sample, as many as `design_mpc` chooses
-SOFT_WEIGHT = 1e3  # over the largest weight of an input
+SOFT_WEIGHT = 1e3  # over the largest weight
 FLAGS = "-O3 -march=native"
 HUGE = 1e10  # what acados takes as infinite
 MOST_ITERATIONS = 40  # until a reference has converged
@@ -437,6 +438,7 @@ SOLVERS: dict[str, dict[str, Any]] = {
     "DAQP, condensed": {**FULL, "qp_solver": "FULL_CONDENSING_DAQP", **WARM, "qp_solver_warm_start": 1},
 }
 EXACT = {**SOLVERS["DAQP, condensed"], "qp_tol": 1e-12}
+COMPARED = {"HPIPM, condensed, warm": {**FULL, **WARM}, "DAQP, exact": EXACT}
 ROWS = [
     *(("blocks", "in C", name) for name in SOLVERS if "20" not in name),
     *(("blocks", "by CasADi", "HPIPM, condensed"), ("held", "by CasADi", "HPIPM, 20 stages")),
@@ -491,15 +493,14 @@ def simulate_plant(problem: Problem, x: Array, command: Array, load: Array | Non
     return x
 
 
-def make_reference(peer: Peer) -> dict[str, Array]:
-    """Return states about the motion, and what acados plans from them.
+def list_states(problem: Problem) -> list[tuple[float, Array, Array, Array]]:
+    """Return time, state, sums and command before of states about the motion.
 
     At time t = i sample coordinates are those of the motion + SWING sin(w t + phase), with their rates;
     commands before are the motion's half a sample earlier + OFFSET sin(w t + their phase); the sums go on
-    from sample to sample. `fresh`: one iteration from the motion; `sequence`: one from the shifted plan of
-    the state before; `converged`: as many as change anything.
+    from sample to sample.
     """
-    problem, sample = peer.problem, peer.problem.gains.sample
+    sample = problem.gains.sample
     n, k, m = problem.sizes
     phase = np.random.default_rng(1).uniform(0.0, 2 * np.pi, n // 2 + m)
     turn = 2 * np.pi * FREQUENCY
@@ -516,6 +517,16 @@ def make_reference(peer: Peer) -> dict[str, Array]:
         before = problem.motion.at(now - 0.5 * sample).input + OFFSET * np.sin(turn * now + phase[n // 2 :])
         given.append((now, np.concatenate([point.coordinate, point.velocity]) + error, sums, before))
         sums = sums + problem.gains.integral_action @ error
+    return given
+
+
+def make_reference(peer: Peer) -> dict[str, Array]:
+    """Return states about the motion, and what acados plans from them.
+
+    `fresh`: one iteration from the motion; `sequence`: one from the shifted plan of the state before;
+    `converged`: as many as change anything.
+    """
+    given = list_states(peer.problem)
     found = {
         name: np.array(rows)
         for name, rows in zip(("time", "state", "sums", "before"), zip(*given, strict=True), strict=True)
@@ -542,6 +553,61 @@ def make_reference(peer: Peer) -> dict[str, Array]:
     return found
 
 
+def compare(problem: Problem, solver: str, folder: Path) -> str:
+    """Return a row: steps of a solver of acados and of `design_mpc` in turns, from the same states.
+
+    Both go on from their own plan of the state before; ours is compiled with the same flags.
+    """
+    peer = Peer(problem, "blocks", "in C", COMPARED[solver], folder)
+    tension = 5.0 if problem.name == "prism" else 1.0
+    mpc = design_mpc(
+        problem.model, problem.motion, *problem.weights, sample=problem.gains.sample, blocks=BLOCKS,
+        integral_action=problem.gains.integral_action, least_tension=tension, soft_weight=SOFT_WEIGHT,
+    )  # fmt: skip
+    least = np.where(np.isin(np.arange(len(mpc.least_tension)), mpc.cables.limited), tension, -np.inf)
+    mpc = replace(mpc, least_tension=least)  # the least tension itself, also below it on the motion
+    code = ControllerCode(name="ahead", qp_iterations=1000)
+    bundle = build_controller(problem.model, problem.motion, mpc, out=folder / "ours", code=code)
+    sources = ("ahead_control.c", "ahead_control_model.c", "-lm")
+    command = ["gcc", "-std=c99", *FLAGS.split(), "-fPIC", "-shared", "-o", bundle.description.library]
+    subprocess.run([*command, *sources], cwd=bundle.folder, check=True)
+    controller = bundle.load()
+    controller.init()
+    memory, (n, _, m) = controller._memory, problem.sizes
+    spent: dict[str, list[float]] = {"acados": [], "ours": []}
+    differences, unsolved = [], 0
+    for now, x, sums, before in list_states(problem):
+        peer.begin(now, x, sums, before)
+        since = time.thread_time_ns()
+        peer.solver.solve()
+        spent["acados"].append(1e-3 * (time.thread_time_ns() - since))
+        unsolved += peer.read() != 0
+        for place, value in enumerate(sums.tolist()):
+            memory.deviation[n + place] = value
+        for place, value in enumerate(before.tolist()):
+            memory.command[place] = memory.sent[place] = memory.sent[m + place] = value
+        since = time.thread_time_ns()
+        word, _ = controller.step_state(now, x)
+        spent["ours"].append(1e-3 * (time.thread_time_ns() - since))
+        unsolved += word == "not_solved"
+        state = np.array(list(memory.mpc.state)).reshape(-1, n)
+        differences.append(
+            (np.abs(np.array(list(memory.command)) - peer.command).max(), np.abs(state - peer.state).max())
+        )
+        peer.shift()
+    middle = {name: np.median(row[WARM_UP:]) for name, row in spent.items()}
+    high = {name: np.percentile(row[WARM_UP:], 99) for name, row in spent.items()}
+    away = np.array(differences).max(axis=0)
+    cells = [
+        f"{problem.name}, {solver}",
+        *(f"{middle[name]:.0f} / {high[name]:.0f}" for name in ("acados", "ours")),
+        f"{middle['ours'] / middle['acados']:.2f}",
+        f"{away[0]:.1e} m, {away[1]:.1e}",
+        str(unsolved),
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
 def main() -> None:
     """Print one row for each way to state and solve the problem, or write references."""
     parser = argparse.ArgumentParser(
@@ -549,10 +615,19 @@ def main() -> None:
     )
     parser.add_argument("--case", choices=("prism", "tower"), action="append")
     parser.add_argument("--only", default="", help="rows whose form, dynamics and solver contain this")
+    parser.add_argument("--compare", action="store_true", help="steps of acados and of design_mpc in turns")
     parser.add_argument(
         "--reference", type=Path, help="write plans of the blocks to FOLDER/CASE.npz, no table"
     )
     options = parser.parse_args()
+    if options.compare:
+        heads = ("acados, median / 99 % [us]", "ours", "ratio", "commands, plans differ by", "not solved")
+        print(f"| case, solver | {' | '.join(heads)} |\n|---|---|---|---|---|---|")
+        for case in options.case or ("prism", "tower"):
+            for solver in COMPARED:
+                with tempfile.TemporaryDirectory() as folder:
+                    print(compare(make_problem(case), solver, Path(folder)), flush=True)
+        return
     if options.reference is None:
         heads = ("median [us]", "99 % below [us]", "least [us]", "not solved", "last error [m, rad]")
         print(f"| case, form, dynamics, solver | {' | '.join(heads)} |")
