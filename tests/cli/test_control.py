@@ -345,4 +345,4 @@ def test_model_predictive_control_is_simulated_and_written_in_c(run: Run, folder
     ends = {name: loop["end_error"]["largest"] for name, loop in ended.data["loops"].items()}
     assert ends["true_state"] < 0.4 * ends["open"]
     assert ended.data["build"]["gain_knots"] is None
-    assert "N_HORIZON" in (folder / "ahead" / "lift_control.h").read_text()
+    assert "N_HORIZON" in (folder / "ahead" / "two_nodes_control.h").read_text()

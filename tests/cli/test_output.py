@@ -186,8 +186,9 @@ def report_sweep(output: Output, net: Structure) -> None:
     ]  # fmt: skip
     failing = [SimpleNamespace(key=key, distance=0.5, failed=1.0, good=2.0) for key in keys]
     endings = [SimpleNamespace(status=f"s{k}", count=k, first=k, message="") for k in range(12)]
+    worst = [SimpleNamespace(case=k, keys=dict.fromkeys(keys, 1.0), reason="largest") for k in range(3)]
     summary: Any = SimpleNamespace(
-        endings=endings, failing=failing, chosen=chosen, results=SimpleNamespace(keys=keys)
+        endings=endings, failing=failing, chosen=chosen, results=SimpleNamespace(keys=keys), worst=worst
     )
     output.result({"keys": list(keys)}, "8,000 of 9,000 cases converged", *list_tables(summary))
 
@@ -201,7 +202,7 @@ REPORTS: dict[str, tuple[Callable[[Output, Structure], None], int]] = {  # and t
     "plan": (report_plan, N_MEMBERS),
     "plan, infeasible": (report_infeasible_plan, N_MEMBERS),
     "control": (report_control, N_MEMBERS),
-    "sweep summary": (report_sweep, 12 + 2000 + 4 + 8000),
+    "sweep summary": (report_sweep, 12 + 2000 + 4 + 8000 + 3),
 }
 
 

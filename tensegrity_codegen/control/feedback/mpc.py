@@ -112,7 +112,7 @@ def design_mpc(
         What is summed, as of `design_lqr`.
     least_tension : float or array_like, shape (n_members,), optional [N]
         Least tensions of the members that actuators pull, but no more than the least on the motion; by
-        default those of the scene's ``[limits]``.
+        default those of the scene's ``[limits]``, and 0 for other cables. -infinity: none.
     coordinate_range : mapping of str to (least, largest), optional
         Limits of coordinates by name [m, rad].
     soft_weight : float
@@ -160,7 +160,11 @@ def design_mpc(
     n, m = len(gains.S[-1]), len(gains.actuators)
     reference = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
     # A member whose tension is below its least one on the motion keeps the tension of the motion.
-    stated = model.structure.limits.least_tension if least_tension is None else least_tension  # type: ignore[union-attr]
+    structure = model.structure
+    assert structure is not None  # design_lqr refuses models without
+    usual = structure.limits.least_tension
+    usual = np.where(np.isfinite(usual) | structure.is_bar, usual, 0.0)
+    stated = usual if least_tension is None else least_tension
     count = len(model.manifest.member_name)
     allowed = f"a tension [N], or one for each of {count} members"
     least = to_each(stated, count, "least_tension", lambda x: x < np.inf, allowed)

@@ -1,6 +1,6 @@
 """The finding of a sweep in one sentence of numbers, the headline of its page; its tables in the terminal."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummar
 from tensegrity_codegen.sweeps.tasks.quantities import BEYOND, LIMIT_USE
 
 MOST_STATUSES = 2
-MOST_NAMED = 3  # keys in the lead
+MOST_NAMED = 3  # keys in the lead, and of a worst case in the terminal
 
 
 def describe_finding(summary: SweepSummary) -> str:
@@ -120,11 +120,15 @@ def list_tables(summary: SweepSummary) -> Iterator[LongTable | str]:
     columns = ("result", "unit", "least", "5 %", "median", "mean", "95 %", "largest")
     yield _table(columns, [_describe_spread(item) for item in summary.chosen], "results")
     yield from _causes(summary)
-    worst = [
-        (str(item.case), ", ".join(f"{key} = {value:.5g}" for key, value in item.keys.items()), item.reason)
-        for item in summary.worst
-    ]
+    worst = [(str(item.case), _list_keys(item.keys), item.reason) for item in summary.worst]
     yield _table(("worst case", "its keys", "why"), worst, "worst cases")
+
+
+def _list_keys(keys: Mapping[str, float]) -> str:
+    """Return the first keys of a case with their values, and how many more it has."""
+    texts = [f"{key} = {value:.5g}" for key, value in keys.items()]
+    more = f", and {len(texts) - MOST_NAMED} more" if len(texts) > MOST_NAMED else ""
+    return ", ".join(texts[:MOST_NAMED]) + more
 
 
 def _describe_spread(item: ResultSummary) -> tuple[str, ...]:
