@@ -1,5 +1,6 @@
 #ifndef MPC_PROGRAM_H
 #define MPC_PROGRAM_H
+#include "daqp_settings.h"
 #include "mpc_condense.h"
 
 /* Least 0.5 x H x + gradient x within bounds of x and of rows: without active constraints by H = R^T R, else by DAQP with
@@ -7,10 +8,8 @@
 
 #if WITH_FLOAT
 #define MPC_TOLERANCE (real)1e-6 /* of bounds [m, and units of coordinates] */
-static inline real mpc_root(real value) { return sqrtf(value); }
 #else
 #define MPC_TOLERANCE (real)1e-10 /* of bounds [m, and units of coordinates] */
-static inline real mpc_root(real value) { return sqrt(value); }
 #endif
 
 /* Replace H by R in its upper triangle; returns whether H is positive definite. */
@@ -24,7 +23,7 @@ static inline int mpc_factor(scene_control_mpc *m)
     if (!(pivot > (real)0.0)) {
       return 0;
     }
-    inverse = (real)1.0 / mpc_root(pivot);
+    inverse = (real)1.0 / program_root(pivot);
     for (i = k; i < N_V; ++i) {
       own[i] *= inverse;
     }
@@ -88,21 +87,6 @@ static inline int mpc_is_within(int n_rows, real tolerance, const scene_control_
   return 1;
 }
 
-/* Divide a row by its norm; returns 1 over the norm. */
-static inline real mpc_make_unit(real *row, int count)
-{
-  real norm = (real)0.0;
-  int j;
-  for (j = 0; j < count; ++j) {
-    norm += row[j] * row[j];
-  }
-  norm = norm > (real)0.0 ? (real)1.0 / mpc_root(norm) : (real)1.0;
-  for (j = 0; j < count; ++j) {
-    row[j] *= norm;
-  }
-  return norm;
-}
-
 /* First entry of a row of a triangle, less its column. */
 static inline int mpc_row_start(int i) { return i * N_V - i * (i + 1) / 2; }
 
@@ -134,35 +118,11 @@ static inline void mpc_invert(scene_control_mpc *m)
         mpc_add_multiple(N_V - i, by, m->inverse + mpc_row_start(i) + i, to + i);
       }
     }
-    m->scaling[N_V + k] = mpc_make_unit(to, N_V);
+    m->scaling[N_V + k] = program_make_unit(to, N_V);
   }
   for (i = 0; i < N_V; ++i) {
-    m->scaling[i] = mpc_make_unit(m->inverse + mpc_row_start(i) + i, N_V - i);
+    m->scaling[i] = program_make_unit(m->inverse + mpc_row_start(i) + i, N_V - i);
   }
-}
-
-/* Settings of DAQP: its defaults, the tolerance of bounds, and a limit of iterations. */
-static inline DAQPSettings mpc_settings(void)
-{
-  DAQPSettings s;
-  memset(&s, 0, sizeof s);
-  s.primal_tol = MPC_TOLERANCE;
-  s.dual_tol = (real)DAQP_DEFAULT_DUAL_TOL;
-  s.zero_tol = (real)DAQP_DEFAULT_ZERO_TOL;
-  s.pivot_tol = (real)DAQP_DEFAULT_PIVOT_TOL;
-  s.progress_tol = (real)DAQP_DEFAULT_PROG_TOL;
-  s.cycle_tol = DAQP_DEFAULT_CYCLE_TOL;
-  s.iter_limit = QP_ITERATIONS + 1;
-  s.fval_bound = DAQP_INF;
-  s.rho_soft = (real)DAQP_DEFAULT_RHO_SOFT;
-  s.sing_tol = (real)DAQP_DEFAULT_SING_TOL;
-  s.refactor_tol = (real)DAQP_DEFAULT_REFACTOR_TOL;
-#if WITH_FLOAT
-  s.dual_tol = s.zero_tol = s.progress_tol = (real)1e-6;
-  s.pivot_tol = (real)1e-4;
-  s.sing_tol = s.refactor_tol = (real)1e-5;
-#endif
-  return s;
 }
 
 /* Bounds of y, which constraints are soft, and those that are active at first: as in the last step. */
@@ -189,11 +149,25 @@ static inline void mpc_set_constraints(scene_control_mpc *m)
   }
 }
 
+/* Largest excess of x over a soft limit. */
+static inline real mpc_find_excess(const scene_control_mpc *m)
+{
+  real largest = (real)0.0;
+  int k;
+  for (k = (N_BLOCKS - 1) * N_U; k < N_ROWS; ++k) {
+    const real value = mpc_row_product(k, m);
+    const real over = value - m->upper[N_V + k], under = m->lower[N_V + k] - value;
+    largest = over > largest ? over : largest;
+    largest = under > largest ? under : largest;
+  }
+  return largest;
+}
+
 /* x by DAQP; returns whether it was found. */
 static inline int mpc_solve_active(scene_control_mpc *m)
 {
   DAQPWorkspace work;
-  DAQPSettings settings = mpc_settings();
+  DAQPSettings settings = program_settings(MPC_TOLERANCE, QP_ITERATIONS);
   DAQPProblem problem;
   int exit;
   memset(&work, 0, sizeof work);
@@ -235,6 +209,7 @@ static inline int mpc_solve_active(scene_control_mpc *m)
   if (exit > 0) {
     mpc_turn_back(m);
     exit = mpc_is_within((N_BLOCKS - 1) * N_U, (real)1000.0 * MPC_TOLERANCE, m) ? exit : DAQP_EXIT_CYCLE;
+    m->soft_excess = mpc_find_excess(m);
   }
   /* At the limit of iterations the next step goes on with the constraints that are active now. */
   if (exit <= 0 && exit != DAQP_EXIT_ITERLIMIT) {
@@ -255,6 +230,7 @@ static inline int mpc_solve(scene_control_mpc *m)
     n_active += m->sense[k] & DAQP_ACTIVE;
   }
   m->iterations = 1;
+  m->soft_excess = (real)0.0;
   for (k = 0; k < N_V; ++k) {
     m->move_root[k] = (real)0.0;
   }
@@ -265,14 +241,6 @@ static inline int mpc_solve(scene_control_mpc *m)
   }
   if (!is_found) {
     is_found = mpc_solve_active(m);
-  }
-  /* The largest excess over a soft limit. */
-  m->soft_excess = (real)0.0;
-  for (k = (N_BLOCKS - 1) * N_U; is_found && k < N_ROWS; ++k) {
-    const real value = mpc_row_product(k, m);
-    const real over = value - m->upper[N_V + k], under = m->lower[N_V + k] - value;
-    m->soft_excess = over > m->soft_excess ? over : m->soft_excess;
-    m->soft_excess = under > m->soft_excess ? under : m->soft_excess;
   }
   return is_found;
 }

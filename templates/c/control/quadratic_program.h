@@ -1,6 +1,6 @@
 #ifndef QUADRATIC_PROGRAM_H
 #define QUADRATIC_PROGRAM_H
-#include "daqp_static.h"
+#include "daqp_settings.h"
 #include "distribution_memory.h"
 
 /* Least |A x - b|^2 within bounds of x and of some sums of its entries. A is a matrix on top of a multiple of the unit
@@ -8,10 +8,8 @@
  * formed. Triangular matrices are stored row by row, from the diagonal on. */
 
 #if WITH_FLOAT
-static inline real program_root(real value) { return sqrtf(value); }
 static inline real program_size(real value) { return fabsf(value); }
 #else
-static inline real program_root(real value) { return sqrt(value); }
 static inline real program_size(real value) { return fabs(value); }
 #endif
 
@@ -144,21 +142,6 @@ static inline int program_solve_freely(scene_control_program *m)
   return program_is_within(m->tolerance, m);
 }
 
-/* Makes the row of `count` numbers one of unit norm, and returns 1 over its norm. */
-static inline real program_make_unit(real *row, int count)
-{
-  real norm = (real)0.0;
-  int j;
-  for (j = 0; j < count; ++j) {
-    norm += row[j] * row[j];
-  }
-  norm = (real)1.0 / program_root(norm);
-  for (j = 0; j < count; ++j) {
-    row[j] *= norm;
-  }
-  return norm;
-}
-
 /* Rows of R^-1, entry by entry from row R = (0 .. 1 .. 0); the memory of the matrix is free for sums. */
 static inline void program_invert_rows(scene_control_program *m)
 {
@@ -204,30 +187,6 @@ static inline void program_invert(scene_control_program *m)
   m->is_inverted = 1;
 }
 
-/* Settings of DAQP: its defaults, and a limit of iterations. */
-static inline DAQPSettings program_settings(real tolerance)
-{
-  DAQPSettings s;
-  memset(&s, 0, sizeof s);
-  s.primal_tol = tolerance;
-  s.dual_tol = (real)DAQP_DEFAULT_DUAL_TOL;
-  s.zero_tol = (real)DAQP_DEFAULT_ZERO_TOL;
-  s.pivot_tol = (real)DAQP_DEFAULT_PIVOT_TOL;
-  s.progress_tol = (real)DAQP_DEFAULT_PROG_TOL;
-  s.cycle_tol = DAQP_DEFAULT_CYCLE_TOL;
-  s.iter_limit = QP_ITERATIONS + 1;
-  s.fval_bound = DAQP_INF;
-  s.rho_soft = (real)DAQP_DEFAULT_RHO_SOFT;
-  s.sing_tol = (real)DAQP_DEFAULT_SING_TOL;
-  s.refactor_tol = (real)DAQP_DEFAULT_REFACTOR_TOL;
-#if WITH_FLOAT
-  s.dual_tol = s.zero_tol = s.progress_tol = (real)1e-6;
-  s.pivot_tol = (real)1e-4;
-  s.sing_tol = s.refactor_tol = (real)1e-5;
-#endif
-  return s;
-}
-
 /* Binds DAQP to the memory. Active at first are the constraints of the program before, and those of equal bounds. */
 static inline void program_bind(program_solver *solver, scene_control_program *m)
 {
@@ -236,7 +195,7 @@ static inline void program_bind(program_solver *solver, scene_control_program *m
   int k;
   memset(&work, 0, sizeof work);
   memset(&problem, 0, sizeof problem);
-  solver->settings = program_settings(m->tolerance);
+  solver->settings = program_settings(m->tolerance, QP_ITERATIONS);
   problem.n = work.n = N_U;
   problem.m = work.m = N_BOUNDS;
   problem.ms = work.ms = N_U;

@@ -30,7 +30,7 @@ ALIASES = {
     "N_PULLS": "N_PULLS", "N_SHARED": "N_SHARED", "N_ROWS": "N_ROWS", "N_EQUILIBRIUM": "SIZE_EQUILIBRIUM",
     "N_BOUNDS": "N_BOUNDS", "N_SUMMED": "N_SUMMED", "N_SET": "N_SET",
 }  # fmt: skip
-FILES = ("distribution_memory.h", "quadratic_program.h", "distribute.h")
+FILES = ("distribution_memory.h", "daqp_settings.h", "quadratic_program.h", "distribute.h")
 TAIL = """
 int run(const real *coordinate, const real *wanted, const real *low, const real *high,
         const real *least, const real *most, const real *base, const real *preferred,
