@@ -1,7 +1,7 @@
 """C text of DAQP's solver as a controller includes it: static functions of one precision, without malloc.
 
 Of the source archive only the solver of least-distance programs is used: daqp.c, auxiliary.c, factorization.c
-and their headers. What makes such programs is `quadratic_program.h` and `mpc_program.h` in `templates/c/control/`.
+and their headers. `quadratic_program.h` and `mpc_program.h` in `templates/c/control/` make such programs.
 The archive is a file of the user, the copy in the cache, or what pip downloads; it is verified.
 """
 
