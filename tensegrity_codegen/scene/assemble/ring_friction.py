@@ -210,6 +210,6 @@ def _of_rings(value: Any, count: int, place: str) -> tuple[float, ...]:
             "not one number for each ring",
             where=place,
             given=list(values),
-            allowed=f"{count} numbers, or one",
+            allowed="one number" if count == 1 else f"{count} numbers, or one for all",
         )
     return values
