@@ -226,7 +226,7 @@ class Structure(WithMemberLaws, Summarised):
         """Number of free node coordinates."""
         return len(self.coordinate_node_axis)
 
-    @property
+    @cached_property
     def internal_name(self) -> tuple[str, ...]:
         """Names of the internal states, see structure/memory.py."""
         return name_internal_states(self)

@@ -108,7 +108,7 @@ class Contacts:
 
     def bristles(self, position: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the bristles s (n_contacts, n_tangents) [m], and which contacts slip (n_contacts,)."""
-        trial, _ = self._find_trial(position)
+        trial = self._find_trial(position)
         if not self.friction or not self.limited:
             return trial, np.zeros(len(trial), dtype=bool)
         limit = self.find_limit(position) / self.ground.stick_stiffness
@@ -149,7 +149,7 @@ class Contacts:
         if not self.friction or self.start is None:
             return scipy.sparse.csc_array((size, size))
         kt, ground = self.ground.stick_stiffness, self.ground
-        trial, slope = self._find_trial(position)
+        trial, slope = self._find_trial(position), self._find_trial_slope(position)
         bristle, slips = self.bristles(position)
         depth = self.depth(position)
         blocks = []
@@ -187,26 +187,40 @@ class Contacts:
 
     def _find_slip_energy(self, position: FloatArray) -> float:
         """Return the energy of friction F with constant limits besides kt s^2 / 2, sum F (|T| - |s|) [J]."""
-        trial, (bristle, _) = self._find_trial(position)[0], self.bristles(position)
+        trial, (bristle, _) = self._find_trial(position), self.bristles(position)
         size, left = np.linalg.norm(trial, axis=1), np.linalg.norm(bristle, axis=1)
         return float(np.sum(self.ground.stick_stiffness * left * (size - left)))
 
-    def _find_trial(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return T (n_contacts, n_tangents) [m] and dT/dx, (n_contacts, n_tangents, 3)."""
+    def _find_trial(self, position: FloatArray) -> FloatArray:
+        """Return T, what the bristles would be without a limit, (n_contacts, n_tangents) [m]."""
+        moved, depth, closed, _, weight = self._weigh(position)
+        if self.dragged is not None:
+            return np.where(depth > 0, -LONG, 0.0)[:, None] * self.dragged
+        return np.where(closed[:, None], self.start_bristle, 0.0) + weight[:, None] * moved
+
+    def _find_trial_slope(self, position: FloatArray) -> FloatArray:
+        """Return dT/dx, (n_contacts, n_tangents, 3)."""
+        moved, depth, _, closes, weight = self._weigh(position)
+        if self.dragged is not None:
+            return np.zeros((*moved.shape, 3))
+        span = np.where(closes, depth - self.start_depth, 1.0)
+        change = np.where(closes, -self.start_depth / span**2, 0.0)
+        slope: FloatArray = weight[:, None, None] * self.tangents
+        return slope - (change[:, None] * moved)[:, :, None] * self.ground.normal
+
+    def _weigh(self, position: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, FloatArray]:
+        """Return of each contact: way along the tangents since x0 [m], depth [m], closed at x0, closes, share.
+
+        The share is the part of the way that the bristle goes: all of it where the contact was closed, the
+        part after it closed where it closes on the way.
+        """
         assert self.start is not None
         moved = (position[self.ground.node] - self.start) @ self.tangents.T
         depth, before = self.depth(position), self.start_depth
-        if self.dragged is not None:
-            far = np.where(depth > 0, -LONG, 0.0)[:, None] * self.dragged
-            return far, np.zeros((*moved.shape, 3))
         closed = before >= 0.0
         closes = ~closed & (depth > 0) & (self.limited and self.limit is None)
-        span = np.where(closes, depth - before, 1.0)
-        weight = np.where(closed, 1.0, np.where(closes, depth / span, 0.0))
-        slope = weight[:, None, None] * self.tangents
-        change = np.where(closes, -before / span**2, 0.0)
-        slope = slope - (change[:, None] * moved)[:, :, None] * self.ground.normal
-        return np.where(closed[:, None], self.start_bristle, 0.0) + weight[:, None] * moved, slope
+        share = np.where(closed, 1.0, np.where(closes, depth / np.where(closes, depth - before, 1.0), 0.0))
+        return moved, depth, closed, closes, share
 
 
 def compute_external_force(structure: Structure, model: Model, arguments: Mapping[str, Any]) -> FloatArray:
