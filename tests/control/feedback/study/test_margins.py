@@ -148,12 +148,12 @@ def test_factors_inside_the_disks_keep_loops_stable(
 def test_noise_moves_nodes_as_predicted(
     model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator
 ) -> None:
-    """One Lyapunov equation beside a minute in the full model, with noise of the sensors alone."""
+    """One Lyapunov equation beside half a minute in the full model, with noise of the sensors alone."""
     predicted = predict_errors(build(model, motion, gains, estimator), model, motion.coordinate[-1])
     study = study_control(
-        model, motion, gains=gains, estimator=estimator, t_end=60.0,
+        model, motion, gains=gains, estimator=estimator, t_end=30.0,
         errors=StatedErrors(start_error=0.0, stiffness_error=0.0),
-        draws=Draws(2, last=55.0, batch=simulate_control_batch),
+        draws=Draws(2, last=27.0, batch=simulate_control_batch),
     )  # fmt: skip
     simulated = study.loops["estimator"].end_rms
     assert study.predicted["estimator"] == predicted
