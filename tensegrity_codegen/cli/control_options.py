@@ -291,18 +291,3 @@ def _read_force(text: str, node: str, axes: Sequence[int]) -> float | tuple[floa
             allowed="FX,FY,FZ or one number >= 0 [N]",
         )
     return size
-
-
-def read_least_tension(text: str | None) -> float | None:
-    """Return the least tension [N] of an option, None for that of the scene; raises InvalidValueError."""
-    if text is None or text == "scene":
-        return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or value < 0.0:
-        raise InvalidValueError(
-            "not a least tension", where="--least-tension", given=text, allowed="a number >= 0 [N], or scene"
-        )
-    return value

@@ -10,7 +10,6 @@ from tensegrity_codegen.cli.control_options import (
     DesignOptions,
     MotionOptions,
     StudyOptions,
-    read_least_tension,
 )
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.planned_motion import compile_actuated, find_plan
@@ -54,8 +53,7 @@ class ControlDesign:
 
     def build(self) -> dict[str, Any]:
         """Return tuning, gains, estimator and distribution, as `study_control` takes them."""
-        from tensegrity_codegen.control.feedback.loop.tension_distribution import design_distribution
-        from tensegrity_codegen.control.feedback.mpc import design_mpc
+        from tensegrity_codegen.control.feedback.study.limited_feedback import design_limited
         from tensegrity_codegen.control.feedback.study.read_files import read_weights
         from tensegrity_codegen.control.feedback.study.tuning import choose_weights
 
@@ -71,21 +69,14 @@ class ControlDesign:
             q, r = read_weights(self.options.weights)
             tuning = replace(tuning, Q=q, R=r)
         gains = self._design_gains(tuning)
-        senses = spread = None
+        senses = None
         if self.options.estimator and not self.lacks_sensors:
             senses = self._design_estimator(tuning, gains)
-        least = read_least_tension(self.options.least_tension)
-        ahead = None
-        if self.options.mpc:
-            ahead = design_mpc(
-                model, motion, tuning.Q, tuning.R, sample=self.options.sample, horizon=self.options.horizon,
-                integral_action=tuning.integral_action, least_tension=least, arguments=given,
-            )  # fmt: skip
-        elif self.options.least_tension is not None:
-            spread = design_distribution(model, motion, least_tension=least, arguments=given)
-        return {
-            "tuning": tuning, "gains": ahead or gains, "estimator": senses, "distribution": spread,
-        }  # fmt: skip
+        feedback, spread = design_limited(
+            model, motion, tuning, gains, least_tension=self.options.least_tension, mpc=self.options.mpc,
+            horizon=self.options.horizon, arguments=given,
+        )  # fmt: skip
+        return {"tuning": tuning, "gains": feedback, "estimator": senses, "distribution": spread}
 
     def _design_estimator(self, tuning: "Tuning", gains: "Gains") -> "Estimator":
         """Return the estimator; disturbances that are not stated are as large as noise permits."""

@@ -13,6 +13,7 @@ from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.apply.group_cases import find_groups
 from tensegrity_codegen.sweeps.apply.mapper import CaseGroup, CaseMapper
+from tensegrity_codegen.sweeps.apply.slots import OF_LOOPS
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.distributions import read_count
 from tensegrity_codegen.sweeps.cases.layout import LANES
@@ -183,7 +184,7 @@ def plan_sweep(
         case_seconds * cases.count,
         cases.count * _row_bytes(outputs),
     )
-    known = {item.name for item in model.manifest.arguments}
+    known = {item.name for item in model.manifest.arguments} | set(OF_LOOPS if operation.needs_scene else ())
     notes = (*_note_sample(cases), *_note_accuracy(operation), *_note_groups(cases, groups, known))
     return PlannedSweep(
         SweepWork(plan, operation, outputs, is_joint), libraries, case_seconds, build_seconds, workers, notes

@@ -39,27 +39,30 @@ static inline int closed_loop_move(const plant_functions *f, double from, double
   }
 }
 
-/* Set the inputs of the actuators to the commands that have arrived, so long after the last one was sent. */
-static inline void closed_loop_apply_arrived(double since, closed_loop *d)
+/* Set the inputs of the actuators where commands arrive in a sample, as far as their rates permit. */
+static inline void closed_loop_apply_arrived(long long sample, long long arrival, closed_loop *d)
 {
-  const scene_control *c = d->controller;
   int u;
   for (u = 0; u < N_U; ++u) {
-    int row = c->newest - DELAY_SAMPLES[u] - ((double)DELAY_REST[u] > since);
-    row += row < 0 ? N_SENT : 0;
-    d->with.input[ACTUATOR_PLACE[u]] = c->sent[row * N_U + u];
+    if (d->arrival[u] == arrival) {
+      const real command = d->command[(d->n_before + sample - d->delay_samples[u]) * N_U + u];
+      const double change = command - d->applied[u], most = d->most_change[u];
+      d->applied[u] = fabs(change) > most ? d->applied[u] + (change > 0.0 ? most : -most) : command;
+    }
+    d->with.input[ACTUATOR_PLACE[u]] = d->applied[u];
   }
 }
 
 /* Move the plant from a sample to the next one. */
-static inline int closed_loop_sample(const plant_functions *f, double time, real *state, closed_loop *d)
+static inline int closed_loop_sample(const plant_functions *f, long long sample, real *state, closed_loop *d)
 {
-  int k;
+  const double time = (double)sample * (double)CONTROL_SAMPLE;
+  long long k;
   memcpy(d->with.input, d->controller->input, N_IN * sizeof(real)); /* of the motion; those of actuators follow */
-  for (k = 0; k < N_ARRIVAL; ++k) {
-    const double end = k + 1 < N_ARRIVAL ? ARRIVAL_TIME[k + 1] : (double)CONTROL_SAMPLE;
-    closed_loop_apply_arrived(ARRIVAL_TIME[k], d);
-    if (!closed_loop_move(f, time + ARRIVAL_TIME[k], time + end, state, d)) {
+  for (k = 0; k < d->n_arrivals; ++k) {
+    const double end = k + 1 < d->n_arrivals ? d->arrival_time[k + 1] : (double)CONTROL_SAMPLE;
+    closed_loop_apply_arrived(sample, k, d);
+    if (!closed_loop_move(f, time + d->arrival_time[k], time + end, state, d)) {
       return 0;
     }
   }
@@ -83,6 +86,7 @@ static inline int closed_loop_step(const plant_functions *f, long long k, closed
   (void)f;
   d->status[k] = scene_control_next_state(d->controller, state, rest_length);
 #endif
+  memcpy(d->command + (d->n_before + k) * N_U, d->controller->command, N_U * sizeof(real));
   d->is_lost |= d->status[k] == SCENE_CONTROL_ESTIMATE_LOST || d->status[k] == SCENE_CONTROL_NON_FINITE_INPUT;
   return !d->is_lost;
 }
@@ -91,7 +95,6 @@ static inline int closed_loop_step(const plant_functions *f, long long k, closed
 static inline int closed_loop_store(const plant_functions *f, long long k, closed_loop *d)
 {
   const scene_control *c = d->controller;
-  memcpy(d->command + k * N_U, c->command, N_U * sizeof(real));
   memcpy(d->input + k * N_IN, d->with.input, N_IN * sizeof(real));
 #if WITH_ESTIMATOR
   memcpy(d->estimate + k * N_X, c->estimate, N_X * sizeof(real));
@@ -117,7 +120,7 @@ static inline void closed_loop_run(const plant_functions *f, closed_loop *d)
   for (k = 0; k < d->count && d->plant_status == PLANT_OK; ++k) {
     real *next = d->state + (k + 1) * N_X;
     memcpy(next, d->state + k * N_X, N_X * sizeof(real));
-    if (!closed_loop_step(f, k, d) || !closed_loop_sample(f, (double)k * (double)CONTROL_SAMPLE, next, d)
+    if (!closed_loop_step(f, k, d) || !closed_loop_sample(f, k, next, d)
         || !closed_loop_store(f, k, d)) {
       return;
     }

@@ -1,14 +1,15 @@
-/* Sample of what the generator writes for a simulated loop: the plant, its arguments, delays of the actuators. It is the
- * structure of config.h. */
+/* Sample of what the generator writes for a simulated loop: the plant and its arguments. It is the structure of
+ * config.h. */
 #ifndef CONTROL_CLOSED_LOOP_CONFIG_H
 #define CONTROL_CLOSED_LOOP_CONFIG_H
 #include "step.h"
 
+#include <math.h>
+
 #define WITH_LOADS 1 /* loads of the plant can change */
 
 enum { PLANT_OK = 0, PLANT_STEP_TOO_SMALL = 5 }; /* statuses of the plant */
-enum { N_TENSIONS = 1, LOAD_SIZE = 1, N_ARRIVAL = 2 };
-static const double ARRIVAL_TIME[N_ARRIVAL] = {0.0, 0.004}; /* [s] after a sample */
+enum { N_TENSIONS = 1, LOAD_SIZE = 1 };
 
 /* Functions of the plant. */
 typedef struct {

@@ -10,13 +10,20 @@ typedef struct {
   long long n_changes;      /* changes of the loads */
   const double *change_time; /* (n_changes,) [s], rising */
   const real *load;         /* (n_changes + 1, LOAD_SIZE) before, between and after them */
+  long long n_arrivals;     /* times in a sample at which commands arrive at the plant */
+  const double *arrival_time; /* (n_arrivals,) [s] after a sample, from 0 on */
+  const int *arrival;       /* (N_U,) at which of them those of each actuator arrive */
+  const int *delay_samples; /* (N_U,) whole samples before */
+  const double *most_change; /* (N_U,) [m] that the actuator can move from one command to the next */
+  long long n_before;       /* rows of commands before the first one */
   plant_arguments with;     /* arguments of the plant, which change on the way */
   scene_control *controller; /* memory of any content */
   real *work;               /* memory of the integrator */
   real *values;             /* memory of a measured quantity */
   real *state;              /* (count + 1, N_X) */
   real *tension;            /* (count + 1, N_TENSIONS) [N] */
-  real *command;            /* (count, N_U) [m] */
+  real *command;            /* (n_before + count, N_U) [m] */
+  real *applied;            /* (N_U,) [m] where the actuators are */
   real *input;              /* (count, N_IN) at the end of each sample */
   real *estimate;           /* (count, N_X) */
   real *disturbance;        /* (count, N_Q) */

@@ -14,7 +14,6 @@ from tensegrity_codegen.cli.control_options import (
     MotionOptions,
     StudyOptions,
     read_errors,
-    read_least_tension,
 )
 from tensegrity_codegen.cli.controlled_motion import (
     ControlDesign,
@@ -66,6 +65,7 @@ def control(
     """
     output = Output(printing.json, printing.all)
     with output.guard(scene):
+        from tensegrity_codegen.control.feedback.study.limited_feedback import read_least_tension
         from tensegrity_codegen.runtime.model.array_file import write_arrays
 
         inputs = [scene, *(file for file in (held.plan, design.weights) if file is not None)]

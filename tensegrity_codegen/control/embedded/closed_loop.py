@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.codegen.print.printer import print_numbers
 from tensegrity_codegen.codegen.print.render import BANNER, render, wrap_lines
 from tensegrity_codegen.control.embedded.calls import find_measured, write_measure
 from tensegrity_codegen.control.embedded.parts import CONTROL_STATUS, ControllerParts
 from tensegrity_codegen.control.embedded.tables import build_tables
 from tensegrity_codegen.control.embedded.write import ControllerFiles, read_declarations
+from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun, build_run
 from tensegrity_codegen.control.feedback.loop.loop_parts import LoopStart
 from tensegrity_codegen.control.feedback.loop.sampled_plant import (
@@ -45,7 +46,7 @@ from tensegrity_codegen.tables.precision import find_precision
 
 DOUBLE = find_precision("double")
 OF_STATE = {"coordinate": "state", "velocity": "state + N_Q"}
-TABLES = ("ACTUATOR_PLACE", "DELAY_SAMPLES", "DELAY_REST")
+TABLES = ("ACTUATOR_PLACE",)
 ESTIMATE_LOST = "the estimate is not finite"
 
 
@@ -130,7 +131,6 @@ def _write_code(
     types: str,
 ) -> dict[str, Any]:
     """Return what the template of the code needs besides names."""
-    offsets = sorted({0.0, *(float(time) for time in parts.delays().offset if time > 0.0)})
     load = next((item for item in plant.arguments if item.name == NODE_LOAD), None)
     # A function is a field of plant_functions here, and its arguments are fields of plant_arguments.
     fields = {
@@ -148,7 +148,6 @@ def _write_code(
         "declarations": f"{plant.declarations}\n\n{types}",
         "n_members": len(plant.member_name),
         "load_size": 0 if load is None else math.prod(load.shape),
-        "arrivals": print_numbers(offsets, DOUBLE, "delays"),
         "plant_ok": STATUS.index("ok"),
         "plant_step_too_small": STATUS.index("step_too_small"),
         "tables": [table for table in build_tables(parts, DOUBLE) if table.name in TABLES],
@@ -205,9 +204,12 @@ class CompiledLoop:
             setattr(functions, field, ffi.cast(ffi.typeof(getattr(functions, field)), address))
         self._functions = functions
 
-    def run(self, draw: LoopStart, count: int) -> ControlRun:
-        """Return the run of a draw over so many samples; several threads may call it at the same time."""
-        found, kept, loop = self._prepare(draw, count)
+    def run(self, draw: LoopStart, count: int, simulated: ActuatorBounds | None = None) -> ControlRun:
+        """Return the run of a draw over so many samples; several threads may call it at the same time.
+
+        simulated: delays and rates of the simulated actuators; by default those that the controller knows.
+        """
+        found, kept, loop = self._prepare(draw, count, simulated or self.parts.bounds)
         getattr(self._library, self._source.function)(self._functions, loop)
         del kept  # memory that the loop points to
         word = ESTIMATE_LOST if loop.is_lost else STATUS[loop.plant_status]
@@ -222,7 +224,7 @@ class CompiledLoop:
             self.parts.motion,
             self.parts.sample,
             state=found["state"][: done + 1],
-            command=found["command"][:done],
+            command=found["command"][len(found["command"]) - count :][:done],
             input=found["input"][:done],
             tension=found["tension"][: done + 1],
             known=None if self.parts.estimator is None else known,
@@ -247,15 +249,22 @@ class CompiledLoop:
         noise: FloatArray = size * np.random.default_rng(seed).normal(size=(count, len(size)))
         return noise
 
-    def _prepare(self, draw: LoopStart, count: int) -> tuple[dict[str, NDArray[Any]], list[Any], Any]:
+    def _prepare(
+        self, draw: LoopStart, count: int, simulated: ActuatorBounds
+    ) -> tuple[dict[str, NDArray[Any]], list[Any], Any]:
         """Return the arrays that are filled, what must stay alive, and the struct of a draw."""
-        manifest, ffi = self.model.manifest, self._ffi
-        n, m = len(manifest.coordinate_name), len(self.parts.bounds.names)
+        manifest, ffi, sample = self.model.manifest, self._ffi, self.parts.sample
+        n, known = len(manifest.coordinate_name), self.parts.bounds
+        # Actuators as fast as the controller believes, or faster, reach each command when it arrives.
+        back, rest, _ = split_delays(simulated.delay, sample)
+        arrivals, arrival = np.unique([0.0, *rest], return_inverse=True)
+        is_slow, before = simulated.rate < known.rate, int(back.max(initial=0))
+        first = self.parts.motion.at(0.0).input[known.place]
         # What the loop fills.
         found: dict[str, NDArray[Any]] = {
             "state": np.zeros((count + 1, 2 * n)),
             "tension": np.zeros((count + 1, len(manifest.member_name))),
-            "command": np.zeros((count, m)),
+            "command": np.tile(first, (before + count, 1)),
             "input": np.zeros((count, len(manifest.input_name))),
             "estimate": np.zeros((count, 2 * n)),
             "disturbance": np.zeros((count, n)),
@@ -269,6 +278,11 @@ class CompiledLoop:
         memory = {
             "start": np.ascontiguousarray(draw.state),
             "noise": self._draw_noise(draw.seed, count),
+            "arrival_time": arrivals,
+            "arrival": arrival[1:].astype(np.intc),
+            "delay_samples": back.astype(np.intc),
+            "most_change": np.where(is_slow, simulated.rate * sample, np.inf),
+            "applied": first.copy(),
             "change_time": time,
             "load": load,
             "work": np.zeros(self._spec.work_size),
@@ -284,7 +298,7 @@ class CompiledLoop:
             array = _read_argument(self.model, draw, name)
             setattr(getattr(loop, "with"), name, ffi.from_buffer("double[]", array))
             kept.append(array)
-        loop.count, loop.n_changes = count, len(time)
+        loop.count, loop.n_changes, loop.n_arrivals, loop.n_before = count, len(time), len(arrivals), before
         controller = ffi.new(f"{self.parts.name}_control *")
         loop.controller = controller
         kept.append(controller)

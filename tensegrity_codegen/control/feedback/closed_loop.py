@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from tensegrity_codegen.control.feedback.design.estimator import Estimator, Sensing
+from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, check_motion
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
@@ -133,14 +133,13 @@ def simulate_control(
     plant = SampledPlant(model, start.state, start.given, start.gusts)
     senses = None if estimator is None else Filter(model, estimator, reference, {})
     tensions = None if distribution is None else replace(distribution, bounds=bounds)
-    loop = SampledLoop(
+    loop = _Loop(
         model,
         reference,
         Controller(reference, gains, bounds, step, tensions),
         plant,
         bounds,
         senses,
-        None if estimator is None else estimator.sensing,
         start.seed,
     )
     late = describe_unknown_delays(gains, bounds)
@@ -157,26 +156,8 @@ def simulate_control(
 
 
 @dataclass
-class SampledLoop:
-    """One closed loop.
-
-    Attributes
-    ----------
-    model, plant : CompiledModel, SampledPlant
-        What is simulated.
-    motion : Motion
-        The motion to hold.
-    controller : Controller
-        With the bounds and delays of the actuators that it and the estimator know.
-    bounds : ActuatorBounds
-        Those that the simulated actuators have.
-    senses : Filter or None
-        The estimator at work, by the model that it knows.
-    sensing : Sensing or None
-        What the sensors measure of the simulated model, with their noise.
-    seed : int
-        Of the noise.
-    """
+class _Loop:
+    """One closed loop."""
 
     model: CompiledModel
     motion: Motion
@@ -184,35 +165,28 @@ class SampledLoop:
     plant: SampledPlant
     bounds: ActuatorBounds
     senses: Filter | None
-    sensing: Sensing | None
     seed: int
 
     def run(self, count: int) -> ControlRun:
         """Return the run over so many samples."""
         step = self.controller.sample
-        delayed, expected = (
-            DelayedInputs(item, self.controller.command, step)
-            for item in (self.bounds, self.controller.bounds)
-        )
+        delayed = DelayedInputs(self.bounds, self.controller.command, step)
         states, commands, inputs, statuses, yielding = [self.plant.state], [], [], [], []
         value = self.motion.at(0.0).input.copy()
-        believed = value
         tensions, estimates = [self._tension(states[0], value)], []
         noise = np.random.default_rng(self.seed)
         for k in range(count):
             try:
                 # The controller acts on what it knows.
-                known = self._estimate(k * step, states[-1], value, believed, noise)
+                known = self._estimate(k * step, states[-1], value, noise)
                 if self.senses is not None and self.senses.is_outlier:
                     command, status = self.controller.hold(k)
                 else:
                     command, status = self.controller.step(k, known[: len(states[-1])])
                 # The plant moves on, with the commands that have arrived.
                 value = self.motion.at((k + 0.5) * step).input.copy()
-                believed = value.copy()
                 if not self._advance(k * step, delayed.push(command), value):
                     break
-                self._predict(expected.push(command), believed)
             except NonFiniteError:
                 self.plant.word = "the estimate is not finite"
                 break
@@ -239,23 +213,15 @@ class SampledLoop:
         )
 
     def _estimate(
-        self,
-        time: float,
-        state: FloatArray,
-        value: FloatArray,
-        believed: FloatArray,
-        noise: np.random.Generator,
+        self, time: float, state: FloatArray, value: FloatArray, noise: np.random.Generator
     ) -> FloatArray:
-        """Return the true state, or the estimated one with the disturbance force on each coordinate.
-
-        value, believed: inputs (n_inputs,) of the simulated model, and those that the estimator knows.
-        """
-        if self.senses is None or self.sensing is None:
+        """Return the true state, or the estimated one with the disturbance force on each coordinate."""
+        if self.senses is None:
             return state
-        sensing, n = self.sensing, len(state) // 2
+        sensing, n = self.senses.estimator.sensing, len(state) // 2
         at = {**self.plant.arguments(), "coordinate": state[:n], "velocity": state[n:], INPUT: value}
         measured = sensing.measure(at) + sensing.noise * noise.normal(size=len(sensing.noise))
-        return np.concatenate([self.senses.correct(time, measured, believed), self.senses.disturbance])
+        return np.concatenate([self.senses.correct(time, measured, value), self.senses.disturbance])
 
     def _advance(self, start: float, stretches: list[tuple[float, FloatArray]], value: FloatArray) -> bool:
         """Move the model to the next sample; `value` (n_inputs,) becomes the inputs at its end."""
@@ -264,15 +230,9 @@ class SampledLoop:
             value[self.bounds.place] = arrived
             if not self.plant.advance(start + since, start + end, value):
                 return False
-        return True
-
-    def _predict(self, stretches: list[tuple[float, FloatArray]], value: FloatArray) -> None:
-        """Move the estimate to the next sample; `value` (n_inputs,) becomes the inputs that it knows."""
-        ends = [*(since for since, _ in stretches[1:]), self.controller.sample]
-        for (since, arrived), end in zip(stretches, ends, strict=True):
-            value[self.bounds.place] = arrived
             if self.senses is not None:
                 self.senses.predict(end - since, value)
+        return True
 
     def _tension(self, state: FloatArray, value: FloatArray) -> FloatArray:
         n = len(state) // 2

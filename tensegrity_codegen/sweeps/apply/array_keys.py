@@ -12,9 +12,12 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.key_schema import Bounds
 from tensegrity_codegen.sweeps.keys import Steps
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
 
 INPUT = "input"
+GUST, GUST_TIME = "gust", "gust_time"  # forces on nodes for a limited time, in closed loops
+GUST_TIMES = {"start": 0.0, "duration": 0.2}  # [s], where no key states them
 POSITIVE, NOT_NEGATIVE = Bounds(0.0, lower_is_open=True), Bounds(0.0)
 MEMBER_BOUNDS = {
     "rest_length": POSITIVE,
@@ -25,13 +28,14 @@ MEMBER_BOUNDS = {
 NODE_BOUNDS = {
     "node_mass": POSITIVE,
     "node_load": Bounds(),
+    GUST: Bounds(),
     "node_position": Bounds(),
     "anchor_position": Bounds(),
     "node_velocity": Bounds(),
 }
 COORDINATE_BOUNDS = {"coordinate": Bounds(), "velocity": Bounds()}  # of bodies, by the names of coordinates
-ARRAYS = (INPUT, *MEMBER_BOUNDS, *NODE_BOUNDS, *COORDINATE_BOUNDS)
-VECTORS = ("node_load", "node_position", "anchor_position", "node_velocity")
+ARRAYS = (INPUT, GUST_TIME, *MEMBER_BOUNDS, *NODE_BOUNDS, *COORDINATE_BOUNDS)
+VECTORS = ("node_load", GUST, "node_position", "anchor_position", "node_velocity")
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,11 @@ class ArrayKey:
             target[list(self.rows), self.axis] = value
 
 
+def build_no_gust(subject: Subject) -> dict[str, FloatArray]:
+    """Return forces of no gust (n_nodes, 3) [N], and its start and duration (2,) [s]."""
+    return {GUST: np.zeros((subject.n_nodes, 3)), GUST_TIME: np.array([*GUST_TIMES.values()])}
+
+
 def find_array_key(text: str, steps: Steps, subject: Subject, where: str) -> ArrayKey:
     """Return the entries that a key names.
 
@@ -100,7 +109,8 @@ def find_array_key(text: str, steps: Steps, subject: Subject, where: str) -> Arr
         )
     rows = known[str(steps[1])]
     axis = _find_axis(text, steps, array, where)
-    bounds = {**MEMBER_BOUNDS, **NODE_BOUNDS, **COORDINATE_BOUNDS}.get(array, Bounds())
+    known_bounds = {**MEMBER_BOUNDS, **NODE_BOUNDS, **COORDINATE_BOUNDS, GUST_TIME: NOT_NEGATIVE}
+    bounds = known_bounds.get(array, Bounds())
     field = "node_position" if array == "anchor_position" else array
     _check_entries_exist(text, field, rows, axis, subject, where)
     return ArrayKey(text, field, rows, axis, bounds)
@@ -111,6 +121,8 @@ def _list_names(array: str, subject: Subject) -> Mapping[str, tuple[int, ...]]:
     if array == INPUT:
         names = [item.name for item in subject.inputs]
         return {name: (row,) for row, name in enumerate(names)}
+    if array == GUST_TIME:
+        return {name: (row,) for row, name in enumerate(GUST_TIMES)}
     if array in MEMBER_BOUNDS:
         classes = dict.fromkeys(subject.member_class)
         of_class = {
@@ -119,11 +131,10 @@ def _list_names(array: str, subject: Subject) -> Mapping[str, tuple[int, ...]]:
         }
         single = {name: (row,) for row, name in enumerate(subject.member_name)}
         return {**{name: rows for name, rows in of_class.items() if name}, **subject.groups, **single}
-    if isinstance(subject, BodySystem):
-        if array in COORDINATE_BOUNDS:
-            return {name: (row,) for row, name in enumerate(subject.coordinate_name)}
-        return {name: (row,) for row, name in enumerate(subject.node_name)} if array == "node_load" else {}
-    return {name: (row,) for row, name in enumerate(subject.node_name)} if array in NODE_BOUNDS else {}
+    if isinstance(subject, BodySystem) and array in COORDINATE_BOUNDS:
+        return {name: (row,) for row, name in enumerate(subject.coordinate_name)}
+    known = ("node_load", GUST) if isinstance(subject, BodySystem) else NODE_BOUNDS
+    return {name: (row,) for row, name in enumerate(subject.node_name)} if array in known else {}
 
 
 def _find_axis(text: str, steps: Steps, array: str, where: str) -> int:

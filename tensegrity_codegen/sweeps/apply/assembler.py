@@ -16,7 +16,7 @@ from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.subject import Subject, assemble_scene
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.sweeps.apply.array_keys import ARRAYS, INPUT, ArrayKey, find_array_key
+from tensegrity_codegen.sweeps.apply.array_keys import ARRAYS, INPUT, ArrayKey, build_no_gust, find_array_key
 from tensegrity_codegen.sweeps.key_schema import Bounds
 from tensegrity_codegen.sweeps.keys import KeyPath, parse_path
 from tensegrity_codegen.system.arrays import FloatArray
@@ -49,12 +49,13 @@ class FileKey:
 
 @dataclass(frozen=True)
 class AssembledCase:
-    """The structure of one case, its request, the values of its inputs (n_inputs,), and its scene."""
+    """The structure of one case, its request, values of its inputs (n_inputs,), its scene, and its gust."""
 
     subject: Subject
     request: ModelRequest
     inputs: FloatArray
     scene: Scene | None = None
+    gust: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -126,18 +127,18 @@ class CaseAssembler:
             if isinstance(key, ArrayKey)
         ]
         names = {key.array for key, _ in chosen}
-        arrays = {name: np.array(getattr(subject, name)) for name in names - {INPUT}}
-        arrays[INPUT] = np.zeros(len(subject.inputs))
+        others = {INPUT: np.zeros(len(subject.inputs)), **build_no_gust(subject)}
+        arrays = {name: np.array(getattr(subject, name)) for name in names - others.keys()}
         for key, value in chosen:
-            key.write(arrays, value)
-        inputs = arrays.pop(INPUT)
+            key.write(arrays | others, value)
+        inputs = others.pop(INPUT)
         if arrays:
             subject = subject.with_changes(**arrays)
             if isinstance(subject, Structure):
                 check_structure(subject, self.where)
             else:
                 check_laws(subject, self.where)
-        return AssembledCase(subject, request, inputs, scene)
+        return AssembledCase(subject, request, inputs, scene, others)
 
 
 def build_assembler(

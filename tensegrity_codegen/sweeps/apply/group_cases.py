@@ -6,6 +6,7 @@ from itertools import accumulate
 
 import numpy as np
 
+from tensegrity_codegen.sweeps.apply.array_keys import GUST, GUST_TIME, ArrayKey
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler
 from tensegrity_codegen.sweeps.apply.direct_keys import NO_DIRECT_KEYS, DirectKeys, find_direct_keys
 from tensegrity_codegen.sweeps.apply.mapper import CaseGroup, CaseMapper
@@ -216,7 +217,10 @@ class _GroupFinder:
         base, slots = probes[0], list_slots(probes[0].case)
         ends, varies = self._find_ends(rows)
         at_ends = [self.probe(row) for row in ends]
-        of_keys = sorted({*varies, *keys})
+        # Gusts of all cases are arguments too, since no scene has one.
+        arrays = [key.array if isinstance(key, ArrayKey) else "" for key in self.assembler.keys]
+        gusts = (k for k, array in enumerate(arrays) if array in (GUST, GUST_TIME))
+        of_keys = sorted({*varies, *keys, *gusts})
         direct = find_direct_keys(base.case, self.assembler.keys, base.values, of_keys)
         indirect = [k for k in of_keys if k not in direct.keys]
         tried = [base, *(item for item in (*probes, *at_ends) if item is not None)]
@@ -315,11 +319,12 @@ def _choose_parameters(
     for name, array in slots.items():
         inside = varying[(varying >= start) & (varying < start + array.size)] - start
         start += array.size
-        if name in (*STATE, *OF_LOOPS) or not len(inside):
+        if not len(inside) or (name in (*STATE, *OF_LOOPS) and name != GUST):
             continue
         if name == "gravity":
             parameters[name] = ()
         else:
+            argument = "node_load" if name == GUST else name
             rows = set((inside // (array.size // len(array))).tolist())
-            parameters[name] = tuple(sorted({*parameters.get(name, ()), *rows}))
+            parameters[argument] = tuple(sorted({*parameters.get(argument, ()), *rows}))
     return parameters

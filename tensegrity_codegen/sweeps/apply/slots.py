@@ -13,6 +13,7 @@ from tensegrity_codegen.codegen.compilation.fingerprint import hash_request, has
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.sweeps.apply.array_keys import GUST, GUST_TIME, build_no_gust
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase
 from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
 from tensegrity_codegen.system.arrays import FloatArray
@@ -20,7 +21,8 @@ from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 STATE = ("coordinate", "velocity", "input")  # slots that are arguments of every library
-OF_LOOPS = ("actuator_delay", "sensor_noise")  # slots of closed loops, which no library takes
+# Slots of closed loops, which no library takes.
+OF_LOOPS = ("actuator_delay", "actuator_rate", "sensor_noise", GUST, GUST_TIME)
 WITHOUT_ROWS = (*STATE, *OF_LOOPS, "gravity")  # slots that are arguments as a whole
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
 # Parts by which lengths of rigid bars differ that are the same but for rounding.
@@ -41,7 +43,10 @@ def list_slots(case: AssembledCase) -> dict[str, FloatArray]:
     else:
         slots |= _slots_of_nodes(subject, case.request)
     slots["actuator_delay"] = np.array([item.delay for item in subject.actuators])
+    slots["actuator_rate"] = np.array([item.rate for item in subject.actuators])
     slots["sensor_noise"] = np.array([item.noise for item in subject.sensors])
+    slots |= case.gust or build_no_gust(subject)
+    slots[GUST] = slots[GUST] if isinstance(subject, BodySystem) else slots[GUST][:, list(subject.axes)]
     return {name: np.asarray(slots[name], dtype=np.float64) for name in sorted(slots)}
 
 
@@ -52,7 +57,13 @@ def hash_constants(case: AssembledCase) -> str:
         name: np.zeros_like(getattr(subject, name)) for name in (*OF_MEMBERS, "node_load")
     }
     blank |= {"gravity": np.zeros(3)}
-    blank |= {"actuators": tuple(replace(item, delay=0.0) for item in subject.actuators)}
+    # The rate of a motor with a lag is a constant of its equation.
+    blank |= {
+        "actuators": tuple(
+            replace(item, delay=0.0, rate=item.rate if item.time_constant else np.inf)
+            for item in subject.actuators
+        )
+    }
     blank |= {"sensors": tuple(replace(item, noise=0.0) for item in subject.sensors)}
     patterns = [subject.spring_constant > 0, subject.axial_stiffness > 0]
     extra: list[Any] = []

@@ -19,7 +19,9 @@ from tensegrity_codegen.control.embedded.write import write_files
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.control.feedback.loop.loop_parts import count_samples
 from tensegrity_codegen.control.feedback.lqr import design_lqr
+from tensegrity_codegen.control.feedback.mpc import HORIZON
 from tensegrity_codegen.control.feedback.study.control_study import find_time_constants
+from tensegrity_codegen.control.feedback.study.limited_feedback import design_limited, read_least_tension
 from tensegrity_codegen.control.feedback.study.linear_loop import design_slow_estimator
 from tensegrity_codegen.control.feedback.study.loop_result import RunMeasures, measure_run
 from tensegrity_codegen.control.feedback.study.read_files import read_path
@@ -85,7 +87,7 @@ class SweptControl(Operation):
     ----------
     keep : tuple of str
         Names of RESULTS; by default DEFAULT_RESULTS.
-    to, plan, duration, sample_time, effort, t_end, last, start_error, draws
+    to, plan, duration, sample_time, effort, least_tension, mpc, horizon, t_end, last, start_error, draws
         As of the verb `control`, where `sample_time` is `sample`; several targets of `to` are joined by
         semicolons.
     draw_seed : int
@@ -104,6 +106,11 @@ class SweptControl(Operation):
     duration: Annotated[float | None, Option("time of the motion [s].")] = None
     sample_time: Annotated[float, Option("time between two commands [s].")] = 0.005
     effort: Annotated[float | None, Option("change of a rest length that is accepted [m].")] = None
+    least_tension: Annotated[
+        str | None, Option("least tension of the controller [N], or scene: the limits of the scene.")
+    ] = None
+    mpc: Annotated[bool, Option("model-predictive control in place of gains.", ("mpc", True))] = False
+    horizon: Annotated[int, Option("commands that --mpc plans ahead.")] = HORIZON
     t_end: Annotated[float | None, Option("simulated time [s].")] = None
     last: Annotated[float | None, Option("time before the end in which errors count [s].")] = None
     start_error: Annotated[float | None, Option("by how much coordinates are off at the start [m].")] = None
@@ -126,10 +133,12 @@ class SweptControl(Operation):
         InvalidValueError, InfeasibleError
             An option out of range, or a plan that is not found.
         FormulationError, StructureError
-            As of `design_lqr` and `design_kalman`: a scene without actuators, for example.
+            As of `design_lqr`, `design_kalman`, `design_distribution` and `design_mpc`: a scene without
+            actuators, for example.
         """
         targets = [text.strip() for text in (self.to or "").split(";") if text.strip()]
         self._check(targets)
+        read_least_tension(self.least_tension)
         # The motion of the unchanged scene, and feedback about it.
         structure, request = load_scene(scene)
         wanted = want_analyses(
@@ -144,13 +153,16 @@ class SweptControl(Operation):
         gains = design_lqr(
             model, motion, tuning.Q, tuning.R, sample=self.sample_time, integral_action=tuning.integral_action
         )
+        feedback, spread = design_limited(
+            model, motion, tuning, gains, least_tension=self.least_tension, mpc=self.mpc, horizon=self.horizon
+        )
         estimator = None
         if structure.sensors:
             estimator, _ = design_slow_estimator(model, motion, gains, tuning.scales)
         described, alone = find_model_and_request(model, motion)
         parts = collect_parts(
-            described, motion, gains=gains, estimator=estimator, distribution=None, sample=self.sample_time,
-            limits=None, code=ControllerCode(name=SIMULATED_LOOP_NAME),
+            described, motion, gains=feedback, estimator=estimator, distribution=spread,
+            sample=self.sample_time, limits=None, code=ControllerCode(name=SIMULATED_LOOP_NAME),
         )  # fmt: skip
         # What disturbs all cases alike, and how long.
         draws = read_draws(Draws(self.draws, self.draw_seed))

@@ -9,21 +9,15 @@ import numpy as np
 from tensegrity_codegen.control.embedded.closed_loop import CompiledLoop
 from tensegrity_codegen.control.embedded.parts import ControllerParts
 from tensegrity_codegen.control.embedded.write import ControllerFiles
-from tensegrity_codegen.control.feedback.closed_loop import SampledLoop
 from tensegrity_codegen.control.feedback.design.estimator import Sensing
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits, find_bounds
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
-from tensegrity_codegen.control.feedback.loop.controller import Controller, Filter
-from tensegrity_codegen.control.feedback.loop.loop_parts import (
-    LoopStart,
-    check_parts,
-    count_samples,
-    read_disturbance,
-)
-from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, SampledPlant
-from tensegrity_codegen.control.feedback.study.stated_errors import DrawnErrors
+from tensegrity_codegen.control.feedback.loop.loop_parts import check_parts, count_samples, read_disturbance
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, Gust
+from tensegrity_codegen.control.feedback.study.stated_errors import DrawnErrors, check_gust_times
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.sweeps.apply.array_keys import GUST, GUST_TIME, build_no_gust
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -54,18 +48,17 @@ class UnchangedLoop:
 
 
 def _with_model(parts: ControllerParts, model: Any) -> ControllerParts:
-    """Return the parts with another model, or none, that the estimator measures."""
-    if parts.estimator is None:
-        return parts
-    sensing = replace(parts.estimator.sensing, model=model)
-    return replace(parts, estimator=replace(parts.estimator, sensing=sensing))
+    """Return the parts with another model, or none, that estimator and distribution know."""
+    senses, spread = parts.estimator, parts.distribution
+    if senses is not None:
+        senses = replace(senses, sensing=replace(senses.sensing, model=model))
+    if spread is not None:
+        spread = replace(spread, model=model)
+    return replace(parts, estimator=senses, distribution=spread)
 
 
 class SweptPlant:
-    """The model of some cases under the controller of the unchanged scene.
-
-    In C where the actuators have the delays that the controller knows, else in Python, where the two differ.
-    """
+    """The model of some cases under the controller of the unchanged scene, in one loop in C."""
 
     def __init__(self, model: CompiledModel, design: UnchangedLoop) -> None:
         self.model, self.design = model, design
@@ -78,15 +71,18 @@ class SweptPlant:
         """Return the run of a draw; raises InvalidValueError for a structure with other coordinates.
 
         own: arguments of the model; its start is that of the motion, with what the case adds to it.
-        loops: delays of the actuators and noise of the sensors of the scene, where they vary between cases.
+        loops: delays and rates of the actuators and noise of the sensors of the scene, and gusts, where they
+        vary between cases.
         """
         design, parts = self.design, self.design.parts
-        check_parts(self.model.manifest, parts.motion, parts.gains, parts.estimator, None)
+        known = parts.gains if parts.mpc is None else parts.mpc.gains
+        check_parts(self.model.manifest, parts.motion, known, parts.estimator, None)
         given = {name: value for name, value in own.items() if name not in ("coordinate", "velocity")}
         state = Disturbance(
             coordinate_error=design.drawn[draw].coordinate + self._find_change(own, "coordinate"),
             velocity_error=self._find_change(own, "velocity"),
             arguments=given,
+            gust=self._find_gusts(loops),
             seed=int(np.random.SeedSequence([seed, draw]).generate_state(1)[0]),
         )
         start = read_disturbance(self.model, parts.motion, state)
@@ -95,11 +91,23 @@ class SweptPlant:
         noise = loops.get("sensor_noise", np.array([item.noise for item in structure.sensors]))
         sensing = None if parts.estimator is None else self._find_sensing(noise)
         names = [item.name for item in structure.actuators]
+        places = [names.index(name) for name in parts.bounds.names]
         delay = loops.get("actuator_delay", np.array([item.delay for item in structure.actuators]))
-        delay = delay[[names.index(name) for name in parts.bounds.names]]
-        if not np.array_equal(delay, parts.bounds.delay):
-            return self._run_late(start, delay, sensing)
-        return self._find_loop(sensing).run(start, self.count)
+        rate = loops.get("actuator_rate", np.array([item.rate for item in structure.actuators]))
+        limits = ActuatorLimits(delay=delay[places], rate=rate[places])
+        bounds = find_bounds(self.design.model, parts.motion, limits, may_lag=True)
+        return self._find_loop(sensing).run(start, self.count, bounds)
+
+    def _find_gusts(self, loops: Mapping[str, FloatArray]) -> list[Gust]:
+        """Return the gusts of a case; raises InvalidValueError for one after the simulated time."""
+        assert self.model.structure is not None
+        manifest, none = self.model.manifest, build_no_gust(self.model.structure)
+        force, time = none[GUST], loops.get(GUST_TIME, none[GUST_TIME])
+        force[:, list(manifest.axes)] = loops.get(GUST, 0.0)
+        rows = [(manifest.node_name[k], *force[k].tolist()) for k in np.flatnonzero(force.any(axis=1))]
+        found = [Gust(name, (x, y, z), *time.tolist()) for name, x, y, z in rows]
+        check_gust_times(found, self.design.t_end)
+        return found
 
     def _find_change(self, own: Mapping[str, Any], name: str) -> FloatArray:
         """Return by how much the start of the case differs from that of the unchanged scene."""
@@ -127,18 +135,3 @@ class SweptPlant:
                 parts = replace(parts, estimator=replace(parts.estimator, sensing=sensing))
             self.loops[key] = CompiledLoop(self.model, parts, self.design.files, None)
         return self.loops[key]
-
-    def _run_late(self, start: LoopStart, delay: FloatArray, sensing: Sensing | None) -> ControlRun:
-        """Return the run with delays (n_actuators,) [s] that neither gains nor estimator know."""
-        parts, model = self.design.parts, self.model
-        loop = SampledLoop(
-            model,
-            parts.motion,
-            Controller(parts.motion, parts.gains, parts.bounds, parts.sample),
-            SampledPlant(model, start.state, start.given, start.gusts),
-            find_bounds(self.design.model, parts.motion, ActuatorLimits(delay=delay)),
-            None if parts.estimator is None else Filter(self.design.model, parts.estimator, parts.motion, {}),
-            sensing,
-            start.seed,
-        )
-        return loop.run(self.count)

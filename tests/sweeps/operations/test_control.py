@@ -7,7 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen import Disturbance, simulate_control, sweep
+from tensegrity_codegen import (
+    ActuatorLimits,
+    Disturbance,
+    Gust,
+    Sampling,
+    simulate_control,
+    simulate_control_batch,
+    sweep,
+)
 from tensegrity_codegen.cli.verbs.sweep import build_commands
 from tensegrity_codegen.control.feedback.study.linear_loop import build_linear_loop
 from tensegrity_codegen.control.feedback.study.loop_result import measure_run
@@ -18,13 +26,14 @@ from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.operations.control import SweptControl
 from tensegrity_codegen.sweeps.summary.results import read_results
 from tensegrity_codegen.sweeps.summary.summary import summarize
-from tensegrity_codegen.sweeps.tasks.unchanged_loop import UnchangedLoop
+from tensegrity_codegen.sweeps.tasks.unchanged_loop import SweptPlant, UnchangedLoop
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InfeasibleError,
     InvalidValueError,
     StructureError,
     TensegrityError,
+    UnknownKeyError,
     UnknownNameError,
 )
 from tests.control.feedback.pinned_prism import ROOT
@@ -133,10 +142,124 @@ def test_a_delay_that_the_scene_states_is_known(lift: Path) -> None:
     assert 5 * known[1] < unknown[0]
 
 
-def test_loops_in_python_and_in_c_are_the_same(lift: Path) -> None:
-    """A delay of rounding is another delay, so that Python simulates the case, and no delay at all."""
-    in_c, in_python = run(lift, {DELAY: [0.0, 1e-14]}).end_error.values
-    assert in_python == pytest.approx(in_c, rel=1e-7)
+def test_delays_that_the_controller_does_not_know_are_those_of_simulate_control(lift: Path) -> None:
+    """At rest, with the true state: gains for no delay, and commands that arrive within any sample."""
+    scene = lift.with_name("seen.toml")
+    scene.write_text(lift.read_text().partition("[[sensors]]")[0])
+    delays = [0.0, 0.3 * SAMPLE, SAMPLE, 2.6 * SAMPLE]
+    found, loop = run(scene, {DELAY: delays}), design(scene)
+    for delay, end in zip(delays, found.end_error.values.tolist(), strict=True):
+        alone = simulate_control(
+            loop.model, loop.parts.motion, loop.parts.gains, t_end=loop.t_end, compare=False,
+            disturbance=Disturbance(coordinate_error=loop.drawn[0].coordinate),
+            limits=ActuatorLimits(delay=delay),
+        )  # fmt: skip
+        assert end == pytest.approx(measure_run(loop.model, alone, loop.last).end_error, rel=1e-6)
+
+
+def test_slow_motors_lag_behind_their_commands(lift: Path) -> None:
+    """The controller believes in motors of any rate; faster ones than it believes change nothing."""
+    loop = design(lift, start_error=0.1)
+    for back, rate in ((0, 0.05), (2, 0.08)):
+        given = {"actuator_rate": np.array([rate]), "actuator_delay": np.array([(back + 0.4) * SAMPLE])}
+        slow = SweptPlant(loop.model, loop).run({}, given, 0, 0)
+        command = np.concatenate([np.repeat(loop.parts.motion.input[:1], back, axis=0), slow.command])
+        where = loop.parts.motion.input[0]
+        for k, value in enumerate(slow.input):
+            where = where + np.clip(command[k] - where, -rate * SAMPLE, rate * SAMPLE)
+            assert value == pytest.approx(where, abs=1e-15)
+        assert np.abs(np.diff(command[:, 0])).max() > 2 * rate * SAMPLE
+    key = "actuators.winch.rate"
+    slow_end, fast_end = run(lift, {key: [0.002, 1e9]}).end_error.values
+    assert slow_end > 2 * fast_end
+    limited = lift.with_name("limited.toml")
+    limited.write_text(lift.read_text().replace('name = "winch"', 'name = "winch"\nrate = 0.3'))
+    same = run(limited, {key: [0.3, 5.0]}).end_error.values
+    assert same[0] == same[1]
+
+
+def test_gusts_are_those_of_simulate_control(lift: Path) -> None:
+    """A force and the times of all gusts by their keys; the other node is held."""
+    forces = [0.0, -0.5, 2.0]
+    found = run(lift, {"gust.n2[2]": forces, "gust_time.start": [2.411], "gust_time.duration": [0.05]})
+    usual = run(lift, {"gust.n2[2]": [2.0], "gust.n1[2]": [5.0]})
+    loop = design(lift)
+    seed = int(np.random.SeedSequence([0, 0]).generate_state(1)[0])
+    for force, times, swept, k in (
+        *((force, (2.411, 0.05), found, k) for k, force in enumerate(forces)),
+        (2.0, (0.0, 0.2), usual, 0),
+    ):
+        away = Disturbance(
+            coordinate_error=loop.drawn[0].coordinate, gust=Gust("n2", (0.0, 0.0, force), *times), seed=seed
+        )
+        alone = simulate_control(
+            loop.model, loop.parts.motion, loop.parts.gains, estimator=loop.parts.estimator,
+            t_end=loop.t_end, disturbance=away, compare=False,
+        )  # fmt: skip
+        measured = measure_run(loop.model, alone, loop.last)
+        for name in ("end_error", "peak_error"):
+            assert swept[name].values.ravel()[k] == pytest.approx(getattr(measured, name), rel=1e-6)
+
+
+def test_gusts_that_are_none_are_named(lift: Path) -> None:
+    found = run(lift, {"gust.n2[2]": [1.0], "gust_time.start": [0.0, -1.0, 9.0]})
+    assert found.status.values.ravel().tolist()[0] == 0
+    messages = found.message.values.ravel().tolist()
+    assert "gust_time" in messages[1] or "start" in messages[1]
+    assert "the gust begins after the simulated time" in messages[2]
+    with pytest.raises(InvalidValueError, match="cannot move or be loaded along this axis"):
+        run(lift, {"gust.n2[0]": [1.0]})
+    with pytest.raises(UnknownKeyError, match="duration"):
+        run(lift, {"gust_time.durations": [1.0]})
+    with pytest.raises(UnknownKeyError, match="n2"):
+        run(lift, {"gust.n9[2]": [1.0]})
+
+
+@pytest.mark.parametrize("options", [{"least_tension": "0.5"}, {"mpc": True, "horizon": 10}])
+def test_other_controllers_are_those_of_the_verb(lift: Path, options: dict[str, Any]) -> None:
+    """A distribution of tensions, and model-predictive control, which another process has too."""
+    found = run(lift, {CORD: [70.0, 80.0]}, keep=["end_error", "least_tension"], **options)
+    loop = design(lift, **options)
+    parts = loop.parts
+    assert (parts.distribution is None, parts.mpc is None) == ("mpc" in options, "mpc" not in options)
+    seed = int(np.random.SeedSequence([0, 0]).generate_state(1)[0])
+    draws = [
+        Disturbance(
+            coordinate_error=loop.drawn[0].coordinate, arguments={"spring_constant": [value]}, seed=seed
+        )
+        for value in (70.0, 80.0)
+    ]
+    alone = simulate_control_batch(
+        loop.model, parts.motion, parts.mpc or parts.gains, draws=draws, estimator=parts.estimator,
+        distribution=parts.distribution, t_end=loop.t_end, compare=False,
+    )  # fmt: skip
+    for k, one in enumerate(alone):
+        measured = measure_run(loop.model, one, loop.last)
+        assert float(found.end_error[k]) == pytest.approx(measured.end_error, rel=1e-6)
+        assert float(found.least_tension[k]) == pytest.approx(measured.least_tension, rel=1e-6)
+    sent = pickle.loads(pickle.dumps(loop))
+    again = SweptPlant(sent.model, sent).run({}, {}, 0, 0)
+    np.testing.assert_array_equal(again.command, SweptPlant(loop.model, loop).run({}, {}, 0, 0).command)
+
+
+def test_random_loops_are_the_same_for_any_number_of_workers(lift: Path) -> None:
+    sampled = Sampling(
+        {
+            DELAY: "uniform(0,0.03)",
+            "actuators.winch.rate": "lognormal(-2,1)",
+            "gust.n2[2]": "normal(0,1)",
+            "gust_time.start": "uniform(0,1)",
+        },
+        n=6,
+        seed=3,
+    )
+    one, two = (
+        sweep(lift, do="control", sample=sampled, workers=workers, task_size=2, **OPTIONS)
+        for workers in (1, 2)
+    )
+    assert len(set(one.end_error.values.tolist())) == 6
+    np.testing.assert_array_equal(one.end_error.values, two.end_error.values)
+    np.testing.assert_array_equal(one.peak_error.values, two.peak_error.values)
 
 
 def test_more_noise_than_the_estimator_knows(lift: Path) -> None:
@@ -145,10 +268,16 @@ def test_more_noise_than_the_estimator_knows(lift: Path) -> None:
     assert float(more) == pytest.approx(1.5 * float(known), rel=1e-6)  # the lift is linear
 
 
-def test_delays_and_noise_need_no_other_library(lift: Path) -> None:
-    assembler = build_assembler(lift, [DELAY, NOISE, "nodes.n2.position[2]"])
-    one, other = (assembler.assemble(values) for values in ([0.0, 1e-4, -1.0], [0.1, 1e-2, -1.0]))
-    assert hash_constants(one) == hash_constants(other)
+def test_delays_rates_noise_and_gusts_need_no_other_library(lift: Path) -> None:
+    """But a motor with a lag has its rate in its equation."""
+    keys = [DELAY, NOISE, "actuators.winch.rate", "gust.n2[2]", "gust_time.start"]
+    one, other = [0.0, 1e-4, 1.0, 0.0, 0.0], [0.1, 1e-2, 2.0, 1.0, 1.0]
+    for motor, is_same in (("", True), ("time_constant = 0.1", False)):
+        scene = lift.with_name("motor.toml")
+        scene.write_text(lift.read_text().replace('name = "winch"', f'name = "winch"\n{motor}'))
+        assembler = build_assembler(scene, keys)
+        hashes = {hash_constants(assembler.assemble(values)) for values in (one, other)}
+        assert len(hashes) == (1 if is_same else 2)
 
 
 def test_another_process_builds_the_model_again(lift: Path) -> None:
@@ -206,6 +335,8 @@ def test_a_structure_with_other_coordinates_is_no_case() -> None:
         ({"last": 9.0}, InvalidValueError, "last"),
         ({"plan": "missing.npz"}, TensegrityError, "missing.npz"),
         ({"to": "n2.z=5"}, InfeasibleError, "no plan to hold"),
+        ({"least_tension": "much"}, InvalidValueError, "least tension"),
+        ({"mpc": True, "horizon": 0}, InvalidValueError, "horizon"),
         ({"keep": ["speed"]}, UnknownNameError, "speed"),
         ({"keep": ["cut", "cut"]}, DuplicateNameError, "kept twice"),
     ],
