@@ -122,7 +122,7 @@ def _study(
     from tensegrity_codegen.control.feedback.study.study import study_control
 
     batch = partial(simulate_control_batch, code=ControllerCode(compiler=compiler)) if options.in_c else None
-    draws = Draws(options.draws, options.seed, options.last, batch)
+    draws = Draws(options.draws, options.seed, options.last, batch, output.warn)
     with output.progress("simulating") as progress:
         study = study_control(model, motion, t_end=options.t_end, draws=draws, progress=progress, **parts)
     output.warn(*study.warnings)

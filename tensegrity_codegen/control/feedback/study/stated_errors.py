@@ -94,12 +94,15 @@ class Draws:
     batch : callable, optional
         `simulate_control_batch`: simulates many draws at once, in C; loops with a distribution are simulated
         in Python.
+    warn : callable, optional
+        Called with each warning of the linear loops before the first draw is simulated.
     """
 
     number: int = 5
     seed: int = 0
     last: float | None = None
     batch: Callable[..., Sequence[ControlRun]] | None = None
+    warn: Callable[[str], None] | None = None
 
 
 MOST_DRAWS = 10_000
@@ -111,6 +114,7 @@ def read_draws(draws: int | Draws) -> Draws:
     check_whole(found.number, "draws", 1, MOST_DRAWS)
     check_whole(found.seed, "seed", 0)
     check_callback(found.batch, "batch")
+    check_callback(found.warn, "warn")
     return found
 
 

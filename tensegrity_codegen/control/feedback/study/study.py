@@ -18,6 +18,7 @@ from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.control.feedback.study.control_study import (
     ControlStudy,
+    find_margin_warnings,
     find_time_constants,
     judge_study,
 )
@@ -202,6 +203,9 @@ class _Work:
             for name in names[1:]
         }  # fmt: skip
         margins = {name: find_margins(loop) for name, loop in linear.items()}
+        if self.draws.warn is not None:
+            for text in find_margin_warnings(margins, bounds, self.gains.sample):
+                self.draws.warn(text)
         end = self.motion.coordinate[-1]
         predicted = {name: predict_errors(loop, self.model, end) for name, loop in linear.items()}
         # All loops over all draws, some of them at once; the runs of the worst draw are kept.

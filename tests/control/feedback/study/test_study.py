@@ -125,13 +125,19 @@ def test_start_errors_are_displacements_of_nodes(model: CompiledModel, motion: M
 def test_a_loop_that_is_worse_than_none_does_not_hold(
     study: ControlStudy, model: CompiledModel, motion: Motion
 ) -> None:
-    """Gains of the wrong sign: the structure is pushed away."""
-    wrong = replace(study.gains, K=-0.3 * study.gains.K)
+    """Gains of the wrong sign: the structure is pushed away, as the linear loop says before."""
+    wrong, told = replace(study.gains, K=-0.3 * study.gains.K), list[str | float]()
     found = study_control(
-        model, motion, gains=wrong, errors=ERRORS, draws=Draws(1, seed=study.seed), t_end=1.5, estimator=None
-    )
+        model, motion, gains=wrong, errors=ERRORS, draws=Draws(1, seed=study.seed, warn=told.append),
+        t_end=1.5, estimator=None, progress=told.append,
+    )  # fmt: skip
     assert found.status in ("does_not_hold", "unstable")
     assert not found.holds
+    assert told[0] == "true state: the linear loop at the end of the motion is unstable" + (
+        ": weaker feedback (a smaller effort) tolerates more"
+    )
+    assert told[0] in found.warnings
+    assert [isinstance(item, str) for item in told] == [True, False, False]
 
 
 def test_an_unstable_loop_is_named(study: ControlStudy) -> None:
