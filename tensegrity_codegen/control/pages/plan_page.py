@@ -37,7 +37,7 @@ LEAD = {
     "found": "Changes of rest lengths move the structure through stable equilibria to its target.",
     "blocked": "Changes of rest lengths move the structure through stable equilibria towards its target, "
     "until it is blocked. Another path may exist: this one proves nothing about others.",
-    "infeasible": "There is no path to show: the target itself is impossible within the limits.",
+    "infeasible": "It is proved that no plan reaches the target within the limits.",
 }
 POINTS = " Every point is an equilibrium within all limits. Tensions are positive, compressions negative."
 STATUS = {"found": "target reached", "blocked": "path blocked", "infeasible": "target impossible"}

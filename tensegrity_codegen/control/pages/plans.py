@@ -11,7 +11,7 @@ from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, 
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.joined_series import join_names
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
-from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, Contradiction, PlanResult
+from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, Contradiction, Cover, PlanResult
 from tensegrity_codegen.structure.limits import Limits
 
 REACHED_WITHIN = 1e-6  # of the change of a target: what is missed by less counts as reached
@@ -133,7 +133,7 @@ def _extremes(found: PlanResult) -> dict[str, Any]:
     data: dict[str, Any] = dict.fromkeys(
         ("least_tension", "largest_tension", "least_distance", "smallest_eigenvalue", "largest_residual")
     )
-    if found.status == "infeasible":  # there is no path
+    if found.status == "infeasible" and found.block is None:  # there is no path
         return data
     cables = np.flatnonzero(np.array(found.is_cable))
     if len(cables):
@@ -158,6 +158,8 @@ def _describe_proof(found: PlanResult) -> dict[str, Any] | None:
     proof = found.certificate
     if proof is None:
         return None
+    if isinstance(proof, Cover):
+        return {"kind": "cover", "half": proof.half, "change": proof.change.tolist(), "end": proof.end}
     if not isinstance(proof, Certificate):
         return {"kind": "contradiction", **dataclasses.asdict(proof)}
     return {
@@ -261,6 +263,8 @@ def _describe_contradiction(found: PlanResult) -> str:
             f"No plan exists: {proof.target} needs {format_short(proof.given)} {proof.unit} of {proof.name}, "
             f"the limit ({word}) is {format_short(proof.allowed)} {proof.unit}"
         )
+    if isinstance(proof, Cover):
+        return f"No plan exists: {_describe_block(found)}"
     if proof is None:
         return "No plan exists"
     count = len(proof.shortening)

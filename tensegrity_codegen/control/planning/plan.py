@@ -7,6 +7,7 @@ import numpy as np
 
 from tensegrity_codegen.control.planning.actuation import find_actuation
 from tensegrity_codegen.control.planning.branches import find_path
+from tensegrity_codegen.control.planning.cover import find_cover
 from tensegrity_codegen.control.planning.infeasible import (
     find_contradiction,
     find_fixed_shape,
@@ -39,6 +40,7 @@ MOST_STEPS = 10**9
 # Digits that order limits which are exceeded; equal ones stay in the order of the structure.
 SORTED_DIGITS = 9
 ROUNDING = 1e-9
+CELLS_PER_ATTEMPT = 100  # of a proof that few motors reach no target
 
 
 def plan(
@@ -91,7 +93,8 @@ def plan(
     Returns
     -------
     PlanResult
-        The path, and its status: found, infeasible or blocked.
+        The path, and its status: found, infeasible or blocked. Proofs for few motors try up to 100 cells of
+        their inputs for each of `attempts`.
 
     Raises
     ------
@@ -150,9 +153,13 @@ def plan(
         return of(plan_model, bounds, targets, start, steps, least_progress, preferred)
 
     path, branches = find_path(build_path, max_steps, progress, attempts, seed)
+    cover = None
+    if path.is_limited and not path.is_done:
+        points = [point.at for point in path.points]
+        cover = find_cover(plan_model, bounds, bound, points, CELLS_PER_ATTEMPT * attempts)
     change = np.array([point.at.change for point in path.points])
     time = compute_times(change, actuation.rate, duration, actuation.names)
-    return record_path(plan_model, path, time, start.warnings, branches)
+    return record_path(plan_model, path, time, start.warnings, branches, cover)
 
 
 def _find_proof(

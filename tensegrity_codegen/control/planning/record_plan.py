@@ -20,6 +20,7 @@ from tensegrity_codegen.runtime.records.plan_result import (
     Block,
     Branch,
     Contradiction,
+    Cover,
     PlanResult,
 )
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
@@ -80,20 +81,30 @@ def record_path(
     time: FloatArray | None,
     warnings: tuple[str, ...],
     branches: tuple[Branch, ...],
+    cover: Cover | None = None,
 ) -> PlanResult:
     """Return the record of a path, found or blocked.
 
     time (n_steps,) [s]: times of its points.
     warnings: what to check.
     branches: the paths that were tried.
-    Returns: of status ``"found"`` or ``"blocked"``.
+    cover: the proof that none reaches the target.
+    Returns: of status ``"found"`` or ``"blocked"``, or ``"infeasible"`` with a proof.
     """
     points = path.points
     block = None if path.is_done else _find_block(plan_model, path)
-    message = f"a path of {len(points) - 1} steps reaches the target; every point is within all limits"
+    status, message = (
+        "found",
+        f"a path of {len(points) - 1} steps reaches the target; every point is within all limits",
+    )
+    if block is not None:
+        end = _describe_block(path, block)
+        status, message = "blocked", f"{end}. Another path may exist"
+        if cover is not None:
+            status, message = "infeasible", f"{cover.message}. The furthest path ends {end}"
     return PlanResult(
-        status="found" if block is None else "blocked",
-        message=message if block is None else _describe_block(path, block),
+        status=status,
+        message=message,
         progress=np.array([point.progress for point in points]),
         target=np.array([point.target for point in points]),
         goal=path.goal,
@@ -102,6 +113,7 @@ def record_path(
         ),
         time=time,
         block=block,
+        certificate=cover,
         warnings=warnings,
         branches=branches,
         **_describe_points(plan_model, path.targets, [point.at for point in points]),
@@ -179,7 +191,7 @@ def _name(plan_model: PlanModel, kind: str, index: int) -> str:
 
 
 def _describe_block(path: PlanPath, block: Block) -> str:
-    """Return where a path ends and what binds, and that this proves nothing about other paths."""
+    """Return where a path ends and what binds."""
     parts = [
         f"{name} = {value:.6g}{' ' + unit if unit else ''} of {goal:.6g}"
         for name, unit, value, goal in zip(
@@ -198,10 +210,7 @@ def _describe_block(path: PlanPath, block: Block) -> str:
             f"{LIMIT_WORDS[limit]} of {who}".removesuffix(" of ") for limit, who in block.fewest
         )
         what += f"; these alone block as much: {alone}"
-    return (
-        f"at {block.progress:.1%} of the way, {', '.join(parts)}: {block.reason}{what}. "
-        "Another path may exist"
-    )
+    return f"at {block.progress:.1%} of the way, {', '.join(parts)}: {block.reason}{what}"
 
 
 # Plans in files: all arrays (.npz), and the inputs over time (.csv) as profiles of `simulate`.

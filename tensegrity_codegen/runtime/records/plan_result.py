@@ -61,6 +61,31 @@ class Contradiction:
 
 
 @dataclass(frozen=True)
+class Cover:
+    """Cells of the inputs that cover all that a plan can reach: none has the values of the targets.
+
+    Attributes
+    ----------
+    half : float
+        Half of the width of each cell, of each input [m].
+    change : ndarray, shape (n_cells, n_actuators) [m]
+        Inputs at the centres of the cells; the first is that of the start.
+    node_position : ndarray, shape (n_cells, n_nodes, 3) [m]
+        Equilibria at the centres.
+    end : tuple of str
+        The limit that is broken in the whole cell; "" for a cell that a plan can enter.
+    message : str
+        A sentence.
+    """
+
+    half: float
+    change: FloatArray
+    node_position: FloatArray
+    end: tuple[str, ...]
+    message: str
+
+
+@dataclass(frozen=True)
 class Binding:
     """One limit that binds.
 
@@ -183,7 +208,7 @@ class PlanResult(ByName, Summarised):
         A sentence.
     progress : ndarray, shape (n_steps,)
         From 0 at the start to 1 at the target. All arrays have a row for the start, also of an infeasible
-        plan; `residual` says whether that is in balance.
+        plan; `residual` says whether that is in balance. With a `Cover`, they are those of the furthest path.
     target_name, target_unit : tuple of str
         Names and units of the targets' components.
     target : ndarray, shape (n_steps, n_targets)
@@ -217,8 +242,8 @@ class PlanResult(ByName, Summarised):
     time : ndarray, shape (n_steps,) [s], or None
         Times at which the points are reached, where rates or a duration are given.
     block : Block or None
-        Where a blocked path ends.
-    certificate : Certificate, Contradiction or None
+        Where a blocked path ends; also of a plan that a `Cover` proves infeasible.
+    certificate : Certificate, Contradiction, Cover or None
         The proof of ``"infeasible"``.
     proof_position, proof_displacement : ndarray, shape (n_nodes, 3) [m, 1], or None
         The shape that has no such tensions, and the displacements of its nodes that prove it.
@@ -253,7 +278,7 @@ class PlanResult(ByName, Summarised):
     binding: tuple[tuple[Binding, ...], ...]
     time: FloatArray | None = None
     block: Block | None = None
-    certificate: Certificate | Contradiction | None = None
+    certificate: Certificate | Contradiction | Cover | None = None
     proof_position: FloatArray | None = None
     proof_displacement: FloatArray | None = None
     warnings: tuple[str, ...] = field(default=())

@@ -151,6 +151,19 @@ def actuate(structure: Structure, start: str = "", *, within: float | None = Non
     return structure.with_changes(actuators=tuple(actuators), inputs=tuple(inputs))
 
 
+def gang(structure: Structure, *start: str, **more: Any) -> Structure:
+    """Return the structure with one motor for all cables whose names begin so."""
+    members = tuple(
+        e
+        for e, name in enumerate(structure.member_name)
+        if name.startswith(start) and not structure.is_bar[e]
+    )
+    return structure.with_changes(
+        actuators=(Actuator("motor", members, **more),),
+        inputs=(ActuatedInput("motor", "rest_length", members),),
+    )
+
+
 def limit(
     structure: Structure, least: float = 1.0, clearance: float = 0.002, most: float = np.inf
 ) -> Structure:
