@@ -209,7 +209,7 @@ class Contacts:
         return slope - (change[:, None] * moved)[:, :, None] * self.ground.normal
 
     def _weigh(self, position: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, FloatArray]:
-        """Return of each contact: way along the tangents since x0 [m], depth [m], closed at x0, closes, share.
+        """Return of each contact: way along tangents since x0 [m], depth [m], closed at x0, closes, share.
 
         The share is the part of the way that the bristle goes: all of it where the contact was closed, the
         part after it closed where it closes on the way.
