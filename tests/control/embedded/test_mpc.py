@@ -289,7 +289,7 @@ def test_single_precision_gives_the_same_commands(motion: Motion, mpc: Mpc, buil
 
 
 @pytest.mark.parametrize("family", ["gcc", "clang"])
-@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("precision", [*thorough("double"), "single"])
 def test_the_files_compile_without_a_warning_and_allocate_nothing(
     model: CompiledModel, motion: Motion, mpc: Mpc, precision: str, family: str, tmp_path: Path
 ) -> None:

@@ -85,10 +85,9 @@ def test_the_loss_of_a_roll_has_the_gradient_of_differences(gait: Gait) -> None:
     random = np.random.default_rng(2)
     values = 0.01 * random.normal(size=24 * len(KNOTS[FREE]))
     slope = loss(values)[1]
-    for _ in range(3):
-        way = random.normal(size=len(values))
-        ahead, behind = (loss(values + step * way)[0] for step in (1e-6, -1e-6))
-        assert slope @ way == pytest.approx((ahead - behind) / 2e-6, rel=1e-4)
+    way = random.normal(size=len(values))
+    ahead, behind = (loss(values + step * way)[0] for step in (1e-6, -1e-6))
+    assert slope @ way == pytest.approx((ahead - behind) / 2e-6, rel=1e-4)
     assert loss.error < 1e-8
 
 
