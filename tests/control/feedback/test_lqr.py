@@ -169,6 +169,24 @@ def test_rigid_motions_of_a_free_structure_are_named() -> None:
     )
 
 
+def test_a_held_structure_that_no_actuator_stabilises_is_said_so(tmp_path: Path) -> None:
+    """A weight between two upright cords: nothing pulls it sideways, and nothing rigid is free."""
+    (tmp_path / "cords.toml").write_text(
+        'name = "cords"\naxes = "xz"\n[classes.cord]\nkind = "cable"\nspring_constant = 100\n[nodes]\n'
+        "top = { position = [0, 1], anchored = true }\nlow = { position = [0, -1], anchored = true }\n"
+        "weight = { position = [0, 0], mass = 1.0 }\n[members]\n"
+        'upper = { class = "cord", nodes = ["top", "weight"], rest_length = 0.5 }\n'
+        'lower = { class = "cord", nodes = ["weight", "low"], rest_length = 0.5 }\n'
+        '[[actuators]]\nname = "winch"\nmembers = "upper"\n',
+        encoding="utf-8",
+    )
+    model = compile_scene(tmp_path / "cords.toml", for_=("control", "equilibrium"))
+    with pytest.raises(FormulationError, match="the actuators cannot stabilise the motion") as caught:
+        design_lqr(model, find_equilibrium(model), np.ones(4), np.ones(1))
+    assert "weight.x" in str(caught.value)
+    assert "rigid motions" not in str(caught.value)
+
+
 def test_an_unstable_mode_that_inputs_miss_is_found() -> None:
     a = np.diag([0.5, 1.1, 0.9])
     b = np.array([[1.0], [0.0], [1.0]])

@@ -244,5 +244,5 @@ def name_free_motions(
     velocity[node, axis] = free
     local = position - position.mean(axis=0)
     whole = np.array([(np.cross(turn[:3], local) + turn[3:]).ravel() for turn in np.eye(6)]).T
-    twist = np.linalg.lstsq(whole, velocity.reshape(-1, free.shape[1]), rcond=None)[0].T
+    twist = np.linalg.lstsq(whole, velocity.reshape(len(whole), free.shape[1]), rcond=None)[0].T
     return NeutralMotions(position.mean(axis=0), twist, np.zeros((len(position), 3, 0))).names
