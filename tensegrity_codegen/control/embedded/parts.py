@@ -1,7 +1,7 @@
 """The parts of a controller: scene or model, motion, gains, estimator, distribution and actuators."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.control.embedded.daqp_source import find_daqp_archive
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import MOST_KNOTS, Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import (
@@ -129,7 +128,7 @@ class ControllerParts:
     bounds: rates, ranges and delays.
     sample [s]: time between two commands.
     qp_iterations: most iterations of the solver in one quadratic program of the distribution.
-    daqp: source archive of DAQP, for a distribution.
+    daqp_sdist: source package of DAQP, for a quadratic program; None: the usual one.
     """
 
     name: str
@@ -143,7 +142,7 @@ class ControllerParts:
     sample: float
     mpc: Mpc | None = None
     qp_iterations: int = QP_ITERATIONS
-    daqp: bytes = field(default=b"", repr=False)
+    daqp_sdist: str | Path | None = None
 
     @property
     def model_name(self) -> str:
@@ -190,8 +189,7 @@ def collect_parts(
     """Return the parts of a controller after the checks that all controllers need.
 
     Parameters are those of `build_controller`. Raises what `check_independent`, `check_motion`,
-    `check_parts`, `find_bounds`, `find_sample`, `check_same_motion`, `check_start` and `find_daqp_archive`
-    raise.
+    `check_parts`, `find_bounds`, `find_sample`, `check_same_motion` and `check_start` raise.
     """
     manifest = described.manifest
     check_independent(described)
@@ -214,7 +212,7 @@ def collect_parts(
         sample=find_sample(regulator, estimator, sample),
         mpc=mpc,
         qp_iterations=code.qp_iterations,
-        daqp=b"" if distribution is None and mpc is None else find_daqp_archive(code.daqp_sdist),
+        daqp_sdist=code.daqp_sdist,
     )
     check_start(parts)
     return parts

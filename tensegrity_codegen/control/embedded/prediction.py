@@ -1,5 +1,6 @@
 """C text of the numbers of model-predictive control: sizes, weights, limits, places of derivatives."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,8 +9,8 @@ from tensegrity_codegen.control.embedded.parts import ControllerParts
 from tensegrity_codegen.control.embedded.tables import Table, TablePrinter, find_places, tabulate_lists
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
 from tensegrity_codegen.control.feedback.mpc import Mpc
-from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.precision import Precision
 
 ROOT_TOLERANCE = 1e-14  # of the largest eigenvalue of a weight, below which it is zero
@@ -56,16 +57,7 @@ def build_prediction_tables(
         printer.real("LAST_ROOT", last[np.triu_indices(len(last))], "triangle of the cost of the last state"),
         printer.real("INPUT_WEIGHT", mpc.R, "weight of the deviations of the inputs"),
         printer.real("SOFT_WEIGHT", [mpc.excess_weight], "weight of what exceeds least tensions and ranges"),
-        printer.whole(
-            "STATE_PLACE",
-            find_places(functions["state_jacobian"], np.arange(2 * n), n),
-            "place of each derivative by the state among those of the accelerations",
-        ),
-        printer.whole(
-            "INPUT_PLACE",
-            find_places(functions["input_jacobian"], parts.bounds.place, n),
-            "place of each derivative by the inputs among those of the accelerations by the actuators",
-        ),
+        *tabulate_derivatives(printer, functions, parts.bounds.place, n),
         printer.whole("BOUNDED", bounded, "coordinates with a range"),
         printer.real("BOUNDED_LEAST", mpc.coordinate_range[bounded, 0], "their least values"),
         printer.real("BOUNDED_MOST", mpc.coordinate_range[bounded, 1], "their largest values"),
@@ -114,6 +106,24 @@ def build_prediction_tables(
         },
         tables,
     )
+
+
+def tabulate_derivatives(
+    printer: TablePrinter, functions: Mapping[str, FunctionSpec], place: IntArray, n: int
+) -> list[Table]:
+    """Return where the derivatives of n accelerations belong: by the state, by the inputs at these places."""
+    return [
+        printer.whole(
+            "STATE_PLACE",
+            find_places(functions["state_jacobian"], np.arange(2 * n), n),
+            "place of each derivative by the state among those of the accelerations",
+        ),
+        printer.whole(
+            "INPUT_PLACE",
+            find_places(functions["input_jacobian"], place, n),
+            "place of each derivative by the inputs among those of the accelerations by the actuators",
+        ),
+    ]
 
 
 def _find_root(weight: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.print.printer import print_number, print_numbers
 from tensegrity_codegen.codegen.print.render import BANNER, render, wrap_lines
 from tensegrity_codegen.control.embedded.calls import Calls, find_measured, write_calls
-from tensegrity_codegen.control.embedded.daqp_source import emit_daqp, read_daqp_licence
+from tensegrity_codegen.control.embedded.daqp_source import emit_daqp, find_daqp_archive, read_daqp_licence
 from tensegrity_codegen.control.embedded.loaded import ControllerDescription
 from tensegrity_codegen.control.embedded.parts import CONTROL_STATUS, ControllerParts, find_quantities
 from tensegrity_codegen.control.embedded.prediction import PredictionTables, build_prediction_tables
@@ -120,8 +120,9 @@ def _write_daqp(parts: ControllerParts, precision: Precision) -> dict[str, str]:
     """Return file name -> text of the solver of quadratic programs and of its licence, {} without one."""
     if parts.distribution is None and parts.mpc is None:
         return {}
-    text = emit_daqp(parts.daqp, single=precision.name == "single", soft=parts.mpc is not None)
-    return {f"{parts.name}_control_daqp.h": text, "LICENSE-DAQP.txt": read_daqp_licence(parts.daqp)}
+    archive = find_daqp_archive(parts.daqp_sdist)
+    text = emit_daqp(archive, single=precision.name == "single", soft=parts.mpc is not None)
+    return {f"{parts.name}_control_daqp.h": text, "LICENSE-DAQP.txt": read_daqp_licence(archive)}
 
 
 def _find_settings(parts: ControllerParts, precision: str) -> dict[str, bool]:
