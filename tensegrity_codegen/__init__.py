@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.control.feedback.study.tuning import Tuning, choose_weights
     from tensegrity_codegen.control.feedback.time_motion import time_motion
     from tensegrity_codegen.control.planning.plan import plan
+    from tensegrity_codegen.export.export_acados import export_acados
     from tensegrity_codegen.export.export_fmu import export_fmu
     from tensegrity_codegen.live.draw import draw
     from tensegrity_codegen.live.live_page import LivePage, view
@@ -150,6 +151,7 @@ __all__ = [
     "design_mpc",
     "draw",
     "equilibrium_sensitivity",
+    "export_acados",
     "export_fmu",
     "find_catenary",
     "find_equilibria",
@@ -249,6 +251,7 @@ _HOME = {
     "design_mpc": "control.feedback.mpc",
     "draw": "live.draw",
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
+    "export_acados": "export.export_acados",
     "export_fmu": "export.export_fmu",
     "find_catenary": "structure.catenary",
     "find_equilibria": "runtime.statics.batch.find_equilibria",

@@ -23,6 +23,7 @@ MODULES = (
     "control.embedded.build_controller",
     "control.embedded.simulate_batch",
     "control.embedded.loaded",
+    "export.export_acados",
     "export.export_fmu",
     "pipeline.compile_scene",
     "live.draw",

@@ -152,6 +152,8 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
     )
     loaded: tc.LoadedController = tc.load_controller(bundle.folder)
     graphs: tc.SymbolicFunctions = tc.symbolic_functions(SCENE)
+    ahead = tc.design_mpc(model, motion, tuning.Q, tuning.R, sample=0.02)
+    tc.export_acados(model, motion, ahead, out=folder / "acados")
     fmu = tc.export_fmu(folder / "lift.toml", folder / "lift.fmu")
     stored = tc.sweep(
         SCENE, do="evaluate", over={"gravity[2]": "-10:0:3"}, out=folder / "sweep.zarr", workers=1

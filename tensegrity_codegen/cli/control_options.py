@@ -2,10 +2,11 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 
@@ -187,8 +188,8 @@ class MotionOptions:
 
 
 @dataclass(frozen=True)
-class DesignOptions:
-    """Weights, gains, least tensions and estimator of the controller."""
+class MpcOptions:
+    """Weights, horizon and least tensions of the controller."""
 
     sample: SampleOption = 0.005
     tolerance: ToleranceOption = None
@@ -197,8 +198,14 @@ class DesignOptions:
     integral_action: IntegralOption = None
     weights: WeightsOption = None
     least_tension: LeastTensionOption = None
-    mpc: MpcOption = False
     horizon: HorizonOption = 20
+
+
+@dataclass(frozen=True)
+class DesignOptions(MpcOptions):
+    """With gains, or model-predictive control; and an estimator."""
+
+    mpc: MpcOption = False
     estimator: EstimatorOption = True
     disturbance: DisturbanceOption = None
     only_observable: OnlyObservableOption = False
@@ -224,6 +231,29 @@ class CodeOptions:
 
     build: BuildOption = None
     precision: BuiltPrecisionOption = "double"
+
+
+def list_export_options() -> dict[str, tuple[Any, Any]]:
+    """Return annotation and default of the options of `export` for a motion and its control.
+
+    That of `sample` stands in the verb itself.
+    """
+    found: dict[str, tuple[Any, Any]] = {}
+    for group in (MotionOptions, MpcOptions):
+        for name, hint in get_type_hints(group, include_extras=True).items():
+            kind, option = get_args(hint)
+            own, default = copy(option), getattr(group, name)
+            own.help = f"acados: {option.help}" + ("" if default is None else f" [default: {default}]")
+            found[name] = (Annotated[kind | None, own], None)
+    del found["sample"]
+    return found
+
+
+def read_export_options(given: Mapping[str, Any]) -> tuple[MotionOptions, DesignOptions]:
+    """Return the options of `export` for a motion and its control as those of the verb `control`."""
+    stated = {name: value for name, value in given.items() if value is not None}
+    held = MotionOptions(**{key: stated.pop(key) for key in vars(MotionOptions()) if key in stated})
+    return held, DesignOptions(**stated, mpc=True, estimator=False)
 
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"

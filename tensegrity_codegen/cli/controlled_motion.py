@@ -11,6 +11,7 @@ from tensegrity_codegen.cli.control_options import (
     MotionOptions,
     StudyOptions,
 )
+from tensegrity_codegen.cli.inputs import read_inputs
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.planned_motion import compile_actuated, find_plan
 from tensegrity_codegen.system.errors import (
@@ -18,12 +19,14 @@ from tensegrity_codegen.system.errors import (
     FormulationError,
     InfeasibleError,
     InvalidValueError,
+    TensegrityError,
 )
 
 if TYPE_CHECKING:
     from tensegrity_codegen.control.feedback.design.estimator import Estimator
     from tensegrity_codegen.control.feedback.design.gains import Gains
     from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
+    from tensegrity_codegen.control.feedback.mpc import Mpc
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
     from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust
     from tensegrity_codegen.control.feedback.study.tuning import Tuning
@@ -205,7 +208,11 @@ def compile_control(
         needs = find_needs("time_motion", subject, request).alone(request)
         return want_analyses(subject, needs, ("control",))
 
-    return compile_actuated(output, scene, held.to, held.actuate, compiler, find_request)
+    try:
+        return compile_actuated(output, scene, held.to, held.actuate, compiler, find_request)
+    except TensegrityError as error:
+        error.where = "--to" if error.where == "targets" else error.where
+        raise
 
 
 def _check_formulation(request: "ModelRequest") -> None:
@@ -259,6 +266,21 @@ def find_motion(
         raise
     output.warn(*motion.warnings)
     return motion
+
+
+def design_prediction(
+    output: Output, scene: Path, held: MotionOptions, options: DesignOptions, compiler: str | None
+) -> "tuple[Subject, tuple[CompiledModel, Motion, Mpc]]":
+    """Return the structure with its actuators, its model, the motion, and model-predictive control."""
+    from tensegrity_codegen.control.feedback.study.limited_feedback import read_least_tension
+
+    check_motion_times(held, options, StudyOptions())
+    read_least_tension(options.least_tension)
+    subject, model, chosen = compile_control(output, scene, held, compiler)
+    arguments = read_inputs(held.input, subject, output)
+    motion = find_motion(output, model, held, chosen, arguments=arguments, t_end=None)
+    with output.progress("designing feedback"):
+        return subject, (model, motion, ControlDesign(model, motion, options, arguments).build()["gains"])
 
 
 def _find_plan(

@@ -11,7 +11,7 @@ COLORS = {"bars": 30, "cables": 5}  # of AutoCAD's index: orange, blue
 
 
 def write_dxf(
-    source: ExportSource, path: Path, *, trajectory: Path | None = None, sample: int | None = None
+    source: ExportSource, path: Path, *, trajectory: Path | None = None, sample: float | None = None
 ) -> Exported:
     """Write the shape of a scene, or one sample of a motion (by default the last), as lines in metres.
 
@@ -27,13 +27,13 @@ def write_dxf(
     shapes = read_shapes(source, trajectory)
     structure, n_samples = shapes.structure, len(shapes.time)
     chosen = -1 if sample is None else sample
-    if not -n_samples <= chosen < n_samples:
+    if chosen not in range(-n_samples, n_samples):
         allowed = f"0 to {n_samples - 1}, or -{n_samples} to -1 from the end"
         raise InvalidValueError("there is no such sample", where="sample", given=sample, allowed=allowed)
     largest_first = sorted(structure.groups.items(), key=lambda item: -len(item[1]))
     group_of = {row: name for name, rows in largest_first if name not in COLORS for row in rows}
     document = ezdxf.new("R2010", units=METRES)
-    position = shapes.node_position[chosen]
+    position = shapes.node_position[int(chosen)]
     for row, (first, second) in enumerate(structure.connectivity):
         kind = "bars" if structure.is_bar[row] else "cables"
         layer = f"{kind}-{group_of[row]}" if row in group_of else kind
@@ -42,7 +42,7 @@ def write_dxf(
         ends = position[first].tolist(), position[second].tolist()
         document.modelspace().add_line(*ends, dxfattribs={"layer": layer})
     document.saveas(path)
-    facts = {"n_members": structure.n_members, "time": float(shapes.time[chosen])}
+    facts = {"n_members": structure.n_members, "time": float(shapes.time[int(chosen)])}
     lost = "the file has lines alone: no names, stiffnesses, masses, anchors and loads"
     return Exported(facts, (lost, *shapes.notes))
 

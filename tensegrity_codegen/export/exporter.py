@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,7 @@ class Exporter:
         `write` returns.
     options : tuple of str
         Names of further keyword arguments of `write`, in Python as on the command line (with `-` for `_`).
+        A `design` is made of the options of the verb `control` there.
     order : int
         Place in lists of formats.
     is_folder : bool
@@ -112,18 +114,24 @@ def find_exporters() -> list[Exporter]:
 
 
 def check_export(
-    format_name: str, out: Path, *, overwrite: bool, inputs: tuple[Path, ...] = (), **options: Any
+    format_name: str,
+    out: Path,
+    *,
+    overwrite: bool,
+    inputs: tuple[Path, ...] = (),
+    of_design: Mapping[str, Any] = MappingProxyType({}),
+    **options: Any,
 ) -> Exporter:
     """Return the format of that name; raises the error of a wrong format, option or output before any work.
 
-    Options that are None are not given.
+    of_design: options of which a `design` is made. Options that are None are not given.
     """
     exporters = find_exporters()
     check_choice(format_name, [item.name for item in exporters], "format", "export")
     chosen = next(item for item in exporters if item.name == format_name)
-    for key, value in options.items():
-        if value is not None and key not in chosen.options:
-            having = [item.name for item in exporters if key in item.options]
+    for key, value in (options | dict(of_design)).items():
+        having = [item.name for item in exporters if key in _list_options(item, of_design)]
+        if value is not None and chosen.name not in having:
             raise InvalidValueError(
                 f"the format {chosen.name} does not have this option",
                 where=key,
@@ -144,6 +152,10 @@ def check_export(
         )
     check_folder(out)
     return chosen
+
+
+def _list_options(exporter: Exporter, of_design: Mapping[str, Any]) -> tuple[str, ...]:
+    return (*exporter.options, *(of_design if "design" in exporter.options else ()))
 
 
 def write_export(

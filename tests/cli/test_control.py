@@ -1,8 +1,10 @@
 """The verb `control`: a motion held under disturbances, files, JSON, exit codes, wrong input."""
 
+import json
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -346,3 +348,39 @@ def test_model_predictive_control_is_simulated_and_written_in_c(run: Run, folder
     assert ends["true_state"] < 0.4 * ends["open"]
     assert ended.data["build"]["gain_knots"] is None
     assert "N_HORIZON" in (folder / "ahead" / "two_nodes_control.h").read_text()
+
+
+def test_the_problem_is_exported_to_acados_by_the_same_options(run: Run, folder: Path, lift: Path) -> None:
+    words = ("--horizon", 8, "--sample", 0.01, "--effort", 0.002, "--least-tension", 1)
+    ended = run.good("export", "acados", lift, *words, "-o", "project", "--json")
+    assert (ended.facts["n_actuators"], ended.facts["blocks"]) == (1, [1, 1, 2, 4])
+    assert "sensors" in ended.facts["notes"][0]
+    problem = json.loads((folder / "project" / "problem.json").read_text(encoding="utf-8"))
+    assert (problem["sample"], problem["numbers"]["R"]) == (0.01, [[pytest.approx(0.002**-2)]])
+    assert problem["numbers"]["soft_most"] == [0.0]
+
+
+@pytest.mark.parametrize(
+    ("words", "where", "hint"),
+    [
+        (("acados", "--horizon", 0), "--horizon", "1 to 200"),
+        (("acados", "--sample", 0), "--sample", "> 0"),
+        (("acados", "--duration", 2), "--duration", "--to or --plan"),
+        (("acados", "--least-tension", "low"), "--least-tension", "scene"),
+        (("acados", "--to", "sideways"), "--to", "sideways"),
+        (("acados", "--t-end", 2), "--t-end", "with fmu only"),
+        (("mjcf", "--effort", 0.1), "--effort", "with acados only"),
+        (("late", "--horizon", 8), "actuators.winch.delay", "delays"),
+    ],
+)
+def test_what_acados_cannot_have_is_refused(
+    words: tuple[Any, ...], where: str, hint: str, run: Run, folder: Path, lift: Path
+) -> None:
+    if words[0] == "late":
+        change(lift, ('name = "winch"', 'name = "winch"\ndelay = 0.01'))
+    before = sorted(folder.rglob("*"))
+    format_name = words[0].replace("late", "acados")
+    ended = run.refused("export", format_name, lift, *words[1:], "-o", "project", "--json")
+    assert where in ended.data["where"]
+    assert hint in ended.out
+    assert sorted(folder.rglob("*")) == before

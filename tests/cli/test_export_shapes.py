@@ -66,7 +66,7 @@ def test_lines_come_back_with_a_stiffness(run: Run, prism: Path, folder: Path) -
         (("gltf", "tower.toml", "-o", "a.glb", "--trajectory", "m.npz"), "m.npz", "48 members of tower"),
         (("gltf", "prism.toml", "-o", "a.glb", "--trajectory", "nan.npz"), "nan.npz", "finite"),
         (("gltf", "prism.toml", "-o", "a.glb", "--trajectory", "no.npz"), "no.npz", "simulate"),
-        (("gltf", "prism.toml", "-o", "a.glb", "--sample", "1"), "--sample", "with dxf only"),
+        (("gltf", "prism.toml", "-o", "a.glb", "--sample", "1"), "--sample", "with dxf, acados only"),
         (
             ("mjcf", "prism.toml", "-o", "a.xml", "--trajectory", "m.npz"),
             "--trajectory",

@@ -6,9 +6,12 @@ from typing import Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.control_options import list_export_options, read_export_options
+from tensegrity_codegen.cli.controlled_motion import design_prediction
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.verb import Verb, VerbCommand
+from tensegrity_codegen.cli.verb import OptionGroup, Verb, VerbCommand
+from tensegrity_codegen.tables.request import ModelRequest
 
 FormatArgument = Annotated[
     str, typer.Argument(metavar="FORMAT", help="One of the formats below.", show_default=False)
@@ -48,10 +51,14 @@ TrajectoryOption = Annotated[
     typer.Option("--trajectory", help="csv, dxf, gltf, vtk: result file of the verb simulate (.npz)."),
 ]
 SampleOption = Annotated[
-    int | None, typer.Option("--sample", help="dxf: sample of --trajectory, from 0 (the last).")
+    float | None,
+    typer.Option(
+        "--sample",
+        help="dxf: sample of --trajectory, from 0 (the last); acados: time between two commands [s] (0.005).",
+    ),
 ]
 OutOption = Annotated[
-    Path, typer.Option("--out", "-o", help="File to write; for csv a folder.", show_default=False)
+    Path, typer.Option("--out", "-o", help="File to write; for csv and acados a folder.", show_default=False)
 ]
 
 
@@ -90,11 +97,14 @@ def export_scene(
     trajectory: TrajectoryOption = None,
     sample: SampleOption = None,
     fmu: FmuOptions,
+    controlled: Annotated[dict[str, Any], OptionGroup(list_export_options)],
     compiler: CompilerOption = None,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
     """Write a scene in the format of another program, its shape or a motion of it for viewers.
+
+    acados: the motion and model-predictive control of the verb control, by the same options.
 
     Example: tensegrity-codegen export fmu prism.toml --out prism.fmu
     """
@@ -108,9 +118,17 @@ def export_scene(
         from tensegrity_codegen.export.exporter import ExportSource, check_export, write_export
 
         inputs = (scene,) if trajectory is None else (scene, trajectory)
-        check_export(format_name, out, overwrite=overwrite, inputs=inputs, **options)
-        structure, request = output.load(scene)
-        source = ExportSource(scene, structure, request)
+        of_design = {key: None if value == [] else value for key, value in controlled.items()}
+        of_design["sample"] = sample
+        chosen = check_export(
+            format_name, out, overwrite=overwrite, inputs=inputs, of_design=of_design, **options
+        )
+        if "design" in chosen.options:
+            held, stated = read_export_options(of_design)
+            subject, design = design_prediction(output, scene, held, stated, compiler)
+            source, options = ExportSource(scene, subject, ModelRequest(())), {"design": design}
+        else:
+            source = ExportSource(scene, *output.load(scene))
         exported = write_export(format_name, source, out, overwrite=overwrite, **options)
         for note in exported.notes:
             output.warn(note)
