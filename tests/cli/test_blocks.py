@@ -35,6 +35,7 @@ NEEDS = {
     "docs/export.md": ("ezdxf",),
     "docs/import.md": ("ezdxf",),
     "docs/gallery/prism12.md": ("daqp",),
+    "docs/gallery/twisted_prism.md": ("daqp",),
     "docs/gallery/pinned_prism.md": ("daqp",),
 }
 
