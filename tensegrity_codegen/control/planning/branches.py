@@ -15,7 +15,7 @@ import numpy as np
 from tensegrity_codegen.control.planning.path import PathPoint, PlanPath, Progress
 from tensegrity_codegen.control.planning.step_problem import AIMED_MARGIN
 from tensegrity_codegen.control.planning.targets import Targets
-from tensegrity_codegen.runtime.records.plan_result import Branch
+from tensegrity_codegen.runtime.records.plan_result import Branch, Cover
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError, SingularStiffnessError
 
@@ -26,6 +26,7 @@ LEAST_WALK, MOST_WALK = 2, 10  # steps of a walk
 LEAST_CHANGE = 0.02  # of the largest change of a step: a walk that limits let move less has ended
 
 BuildPath = Callable[..., PlanPath]
+Prove = Callable[[PlanPath], Cover | None]
 
 
 @dataclass(frozen=True)
@@ -69,14 +70,15 @@ class Walk(PlanPath):
 
 
 def find_path(
-    build: BuildPath, max_steps: int, progress: Progress | None, attempts: int, seed: int
-) -> tuple[PlanPath, tuple[Branch, ...]]:
+    build: BuildPath, max_steps: int, progress: Progress | None, attempts: int, seed: int, prove: Prove
+) -> tuple[PlanPath, tuple[Branch, ...], Cover | None]:
     """Return a path to the targets; where limits block all, the one from the start that comes furthest.
 
     build: (targets=, start=, preferred=, of=) -> path, of the class `of`.
     attempts: largest number of other paths where limits block that of the smallest changes.
     seed: of the random changes and walks.
-    Returns: the path, and how each branch that was tried ended.
+    prove: finds the proof that there is no plan, from a blocked path; then nothing is drawn.
+    Returns: the path, how each branch that was tried ended, and the proof.
     """
     furthest = build()
     first, targets, draw = furthest.points[0], furthest.targets, np.random.default_rng(seed)
@@ -94,8 +96,9 @@ def find_path(
             furthest = other
     if is_blocked and count:
         furthest.failure += f"; {count} paths that begin with other changes end no further"
-    # Ways over shapes that random walks lead to.
-    for _ in range(attempts - count if is_blocked else 0):
+    # Ways over shapes that random walks lead to, where nothing proves that there are none.
+    cover = prove(furthest) if is_blocked else None
+    for _ in range(attempts - count if is_blocked and cover is None else 0):
         from_nearest = draw.random() < 0.5
         node = min(tree, key=lambda item: item.gap) if from_nearest else tree[draw.integers(len(tree))]
         try:
@@ -107,14 +110,14 @@ def find_path(
         branches.append(_record("random walk", path))
         if path.is_done:
             path.points = _join(trail, path.points)
-            return path, tuple(branches)
+            return path, tuple(branches), None
         tree += [Reached(trail, targets, 1.0), _reach(path, trail, furthest)]
     if is_blocked and len(branches) > 1 + N_FIRST_CHANGES:
         count = len(branches) - 1 - N_FIRST_CHANGES
         furthest.failure += (
             f", and of {count} over shapes drawn at random (seed {seed}) none reaches the target"
         )
-    return furthest, tuple(branches)
+    return furthest, tuple(branches), cover
 
 
 def take_steps(

@@ -30,7 +30,7 @@ from tensegrity_codegen.control.planning.target_text import read_targets
 from tensegrity_codegen.control.planning.targets import Targets, bind_targets
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_model
-from tensegrity_codegen.runtime.records.plan_result import PlanResult
+from tensegrity_codegen.runtime.records.plan_result import Cover, PlanResult
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, check_whole, is_number
@@ -152,11 +152,11 @@ def plan(
     ) -> PlanPath:
         return of(plan_model, bounds, targets, start, steps, least_progress, preferred)
 
-    path, branches = find_path(build_path, max_steps, progress, attempts, seed)
-    cover = None
-    if path.is_limited and not path.is_done:
+    def prove(path: PlanPath) -> Cover | None:
         points = [point.at for point in path.points]
-        cover = find_cover(plan_model, bounds, bound, points, CELLS_PER_ATTEMPT * attempts)
+        return find_cover(plan_model, bounds, bound, points, CELLS_PER_ATTEMPT * attempts)
+
+    path, branches, cover = find_path(build_path, max_steps, progress, attempts, seed, prove)
     change = np.array([point.at.change for point in path.points])
     time = compute_times(change, actuation.rate, duration, actuation.names)
     return record_path(plan_model, path, time, start.warnings, branches, cover)
