@@ -14,6 +14,7 @@ from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import ConvergenceError, FormulationError
+from tests.cases import thorough
 from tests.models import load, simulator
 
 STIFFNESS, REST = 1000.0, 2.2
@@ -121,7 +122,9 @@ def chain(n: int, friction: Any) -> dict[str, Any]:
     return {"name": "chain", "gravity": [0, 0, -9.81], "nodes": nodes, "members": members, "loads": loads}
 
 
-@pytest.mark.parametrize(("n", "friction"), [(2, 0.02), (3, [0.02, 0.4, 0.05]), (5, 0.05), (5, 0.3)])
+@pytest.mark.parametrize(
+    ("n", "friction"), [(2, 0.02), (3, [0.02, 0.4, 0.05]), *thorough((5, 0.05), (5, 0.3))]
+)
 def test_several_rings_slip_as_far_as_they_have_to(n: int, friction: Any) -> None:
     model = compile_scene(chain(n, friction), for_="equilibrium")
     found = find_equilibrium(model)
@@ -136,8 +139,8 @@ def test_several_rings_slip_as_far_as_they_have_to(n: int, friction: Any) -> Non
 
 
 def test_a_structure_stays_at_rest_where_friction_holds_it() -> None:
-    structure = build(chain(3, 0.1))
-    found = find_equilibrium(compile_scene(chain(3, 0.1), for_="equilibrium"))
+    structure = build(chain(2, 0.1))
+    found = find_equilibrium(compile_scene(chain(2, 0.1), for_="equilibrium"))
     motion = simulate(
         simulator(structure, "radau"), 0.5, coordinate=found.coordinate, samples=3, method="radau",
         rtol=1e-9, arguments=found.internal_argument,

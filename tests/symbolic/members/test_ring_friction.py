@@ -44,7 +44,7 @@ def test_flows_solve_the_equations_of_the_capstan(n: int) -> None:
     solve = ca.Function("f", symbols, [ca.vertcat(*flows), ca.vertcat(*margins)])
     rng = np.random.default_rng(n)
     seen = set()
-    for _ in range(1500):
+    for _ in range(400):
         pull = np.maximum(1.0 + rng.choice([1.0, 0.05]) * rng.normal(size=n + 1), 0.0)
         ratio = 1.0 + rng.choice([0.02, 2.0]) * rng.random(n)
         found, margin = (np.array(item).ravel() for item in solve(pull, ratio))
@@ -72,7 +72,7 @@ def test_large_ratios_of_several_rings_do_not_spoil_the_flows(n: int, total: flo
     solve = ca.Function("f", symbols, [ca.vertcat(*slip.solution[0])])
     ratio, rng = np.full(n, np.exp(total / n)), np.random.default_rng(n)
     n_slips = 0
-    for spread in (0.05, 1.0, 5.0) * 100:
+    for spread in (0.05, 1.0, 5.0) * 30:
         pull = 8.0 * np.exp(spread * rng.normal(size=n + 1)) * (rng.random(n + 1) > 0.15)
         flow = np.array(solve(pull, ratio)).ravel()
         slide = -np.diff(np.concatenate([[0.0], flow, [0.0]]))
