@@ -55,10 +55,10 @@ def measure(model: CompiledModel, motion: Trajectory, exact: Trajectory, method:
     return float((tolerance.lengths(found - wanted) / tolerance.allowed(found)).max())
 
 
-@pytest.mark.parametrize("seed", [0, *thorough(*range(1, 12), 112)])
-def test_stated_errors_are_above_the_true_ones(seed: int) -> None:
+@pytest.mark.parametrize(("seed", "draws"), [(0, 3), *thorough(*((seed, 5) for seed in (*range(12), 112)))])
+def test_stated_errors_are_above_the_true_ones(seed: int, draws: int) -> None:
     rng, held = np.random.default_rng(seed), 0
-    for _ in range(5):
+    for _ in range(draws):
         structure, t_end = draw(rng)
         formulation = "rigid_bar" if structure.is_rigid.any() else "node_position"
         model = simulator(structure, "rk54", "rk853", formulation=formulation)
@@ -72,16 +72,17 @@ def test_stated_errors_are_above_the_true_ones(seed: int) -> None:
                 assert motion.error_estimate is not None
                 assert 1.0 >= motion.error_estimate > true
                 held += 1
-    assert held >= 8
+    assert held >= 2 * draws - 2
 
 
-def test_rigid_bars_that_rounding_moves_at_an_impact_hold_up_no_event() -> None:
+@pytest.mark.parametrize("falls", [40, *thorough(200)])
+def test_rigid_bars_that_rounding_moves_at_an_impact_hold_up_no_event(falls: int) -> None:
     """Cables go slack right after the impact, where at this tolerance bars' lengths are off by 1e-7."""
     rng, ball = np.random.default_rng(2), make_icosahedron()
     ground = make_ground(12, friction=0.0, stiffness=2.2e4, dissipation=0.3)
     model = simulator(ball.with_changes(ground=ground), "rk853", formulation="rigid_bar")
     stepping = Stepping(atol=1e-5, control="steps")
-    for _ in range(200):
+    for _ in range(falls):
         place = ball.node_position @ rotate(tuple(rng.uniform(-3.0, 3.0, 3))).T
         place = place - [0.0, 0.0, place[:, 2].min() - 0.3]
         options = {"samples": [0.0, 0.32], "method": "rk853", "rtol": 1e-3, "stepping": stepping}

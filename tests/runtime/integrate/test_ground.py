@@ -185,11 +185,13 @@ def test_an_icosahedron_stands_on_three_feet(method: str) -> None:
 
 
 PRISM_TIMES = (0.0, 0.33, 0.4, 0.5, 0.6)
+IMPLICIT = ("rodas", "radau")  # of order five: a looser tolerance, so that their steps are not too many
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_an_upright_prism_lands_on_three_feet_at_once(method: str) -> None:
-    _, motion = move(make_prism(), method, PRISM_TIMES)
+    rtol = 1e-10 if method in IMPLICIT else 1e-12
+    _, motion = move(make_prism(), method, PRISM_TIMES, rtol=rtol, atol=0.01 * rtol)
     centre = motion.node_position.mean(axis=1)
     expected = [0.19239413106, 0.23075183622, 0.21352514159, 0.20482617638]
     np.testing.assert_allclose(centre[1:, 2], expected, rtol=1e-9)
@@ -237,7 +239,8 @@ def test_no_tolerance_loses_a_contact(method: str, rtol: float) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_friction_stays_within_the_cone_and_energy_only_falls(method: str) -> None:
     prism = make_prism(rotate((0.4, 0.3, 0.2)))
-    model, motion = move(prism, method, np.linspace(0.0, 0.6, 301))
+    rtol = 1e-10 if method in IMPLICIT else 1e-12
+    model, motion = move(prism, method, np.linspace(0.0, 0.6, 301), rtol=rtol, atol=0.01 * rtol)
     seen = 0
     for row in range(len(motion.time)):
         force = compute_at(model, motion, "contact_force", row)
@@ -318,7 +321,7 @@ def test_errors_fall_with_the_order_through_38_events(method: str, loose: float,
     assert np.log(coarse / fine) / np.log(many / few) > order
 
 
-@pytest.mark.parametrize("cycles", [100, 100_000])
+@pytest.mark.parametrize("cycles", [100, 5_000, *thorough(100_000)])
 def test_loads_inside_the_cone_move_nothing_in_the_long_run(cycles: int) -> None:
     """A push of 0.5 N to and fro, 50 times a second, where mu N is 4.9 N; LuGre friction drifts here."""
     push = ActuatedInput("push", "force", (0,), (1.0, 0.0, 0.0))
