@@ -1,6 +1,7 @@
 """Plans to far targets, drawn at random, on four structures with a motor on each cable.
 
 python benchmarks/far_plans.py --out FILE.jsonl [--scene NAME] [--first K] [--count N] [--attempts N]
+python benchmarks/far_plans.py --out FILE.jsonl --few-motors [--first K] [--count N]
 
 Scenes: the prism of 12 cables, a tower of five stages, a mast of three stages with 39 motors, the SuperBall.
 Each target has four components at once (twist, tilt in any direction, height), uniform in the ranges of
@@ -9,6 +10,8 @@ Each target has four components at once (twist, tilt in any direction, height), 
 A plan that is found is checked by a simulation of the full model: masses at the nodes, damped members, motors
 that follow the plan at 10 mm/s, 20 s of rest at its end. Its last shape is compared with that of the plan, up
 to a rigid motion of the whole. Each target adds a row to the file.
+
+With `--few-motors` the rows are those of `FEW_MOTORS`: a few motors, or one that moves many cables alike.
 """
 
 import argparse
@@ -30,15 +33,24 @@ from tensegrity_codegen.pipeline.analyses import want_analyses
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.profile import Profile
-from tensegrity_codegen.runtime.records.plan_result import PlanResult
+from tensegrity_codegen.runtime.records.plan_result import Cover, PlanResult
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest
-from tests.control.planning.structures import actuate, assemble, build_mast, build_prism, build_tower, limit
+from tests.control.planning.structures import (
+    actuate,
+    assemble,
+    build_mast,
+    build_prism,
+    build_tower,
+    gang,
+    limit,
+)
 
 SEED, COUNT = 26, 25
-SUPERBALL = Path(__file__).parents[1] / "docs" / "gallery" / "superball.toml"
+GALLERY = Path(__file__).parents[1] / "docs" / "gallery"
+SUPERBALL, MAST = GALLERY / "superball.toml", GALLERY / "deployable_mast.toml"
 FACETS = "[n4, n8, n12], [n1, n5, n9]"  # two facets of cables that face each other
 # Masses of nodes [kg], damping of members [N s/m], speed of the motors and rest at the end of the simulation.
 MASS, DAMPING, SPEED, REST = 0.05, 5.0, 0.01, 20.0
@@ -72,6 +84,52 @@ SCENES = {
     "mast": Scene(build_mast, (-180.0, 180.0), (90.0, 170.0), (0.5, 1.0)),
     "superball": Scene(build_superball, (-90.0, 90.0), (30.0, 80.0), (0.5, 1.1), FACETS),
 }
+
+
+@dataclass(frozen=True)
+class FewMotors:
+    """A motor on each cable whose name begins so, or one on all of them; targets; attempts of the plans."""
+
+    scene: str
+    cables: str
+    is_one: bool
+    targets: tuple[str, ...]
+    attempts: int
+
+    def build(self) -> Structure:
+        """Return the structure with its motors."""
+        place = gang if self.is_one else actuate
+        return place(FEW_SCENES[self.scene](), self.cables)
+
+
+def build_gallery_mast() -> Structure:
+    """Return the mast of four stages of the gallery, without its motors."""
+    return limit(assemble(tomllib.loads(MAST.read_text())).with_changes(inputs=()))
+
+
+FEW_SCENES: dict[str, Callable[[], Structure]] = {
+    "prism": lambda: limit(build_prism(155.0)),
+    "tower": lambda: limit(build_tower()),
+    "mast": build_mast,
+    "gallery mast": build_gallery_mast,
+}
+FEW_MOTORS = (
+    FewMotors("prism", "vertical", True, ("twist=158", "twist=165", "height=0.306", "height=0.32"), 2),
+    FewMotors("prism", "opposite", True, ("twist=165", "height=0.302", "height=0.32"), 2),
+    FewMotors("prism", "top", True, ("twist=165", "height=0.35"), 2),
+    FewMotors("prism", "vertical1", False, ("twist=155.3", "twist=156", "height=0.31"), 2),
+    FewMotors("prism", "vertical", False, ("twist=158", "twist=165"), 15),
+    FewMotors("tower", "vertical", True, ("height=2.115", "height=2.12", "height=1.9"), 4),
+    FewMotors("tower", "saddle", True, ("height=2.2", "height=2"), 4),
+    FewMotors("tower", "vertical5_1", False, ("height=2.05", "t5_1.x=0.3"), 2),
+    FewMotors("tower", "top1", False, ("t5_1.x=0.21", "t5_1.x=0.3"), 2),
+    FewMotors("tower", "vertical5", False, ("tilt=5", "tilt=10"), 2),
+    FewMotors("tower", "top", False, ("tilt=1", "tilt=5"), 2),
+    FewMotors("mast", "vertical", True, ("height=1.045", "height=1.05", "height=0.95"), 4),
+    FewMotors("mast", "saddle", True, ("height=1.05", "height=1.1", "height=1"), 4),
+    FewMotors("mast", "vertical3_1", False, ("height=1.0405", "height=1.045", "height=0.95"), 2),
+    FewMotors("gallery mast", "saddle", False, ("tilt=10", "tilt=13", "tilt=20"), 12),
+)
 
 
 class OutOfTimeError(Exception):
@@ -110,7 +168,7 @@ def draw_targets(scene: str, model: CompiledModel) -> list[dict[str, Any]]:
 
 
 def find(
-    model: CompiledModel, target: dict[str, Any], most_time: float, **options: Any
+    model: CompiledModel, target: dict[str, Any] | str, most_time: float, **options: Any
 ) -> tuple[PlanResult | None, float]:
     """Return a plan, None where it takes too long, and the time that it takes [s]."""
     begin = monotonic()
@@ -145,7 +203,7 @@ def simulate_plan(model: CompiledModel, found: PlanResult) -> tuple[float, float
 
 
 def describe(
-    scene: str, index: int, target: dict[str, Any], found: PlanResult | None, taken: float
+    scene: str, index: int, target: dict[str, Any] | str, found: PlanResult | None, taken: float
 ) -> dict[str, Any]:
     """Return the row of a plan."""
     row = {"scene": scene, "index": index, "target": target, "seconds": round(taken, 2)}
@@ -156,6 +214,7 @@ def describe(
         "progress": float(found.progress[-1]),
         "steps": found.n_steps,
         "branches": len(found.branches),
+        "cells": len(found.certificate.end) if isinstance(found.certificate, Cover) else 0,
         "message": found.message,
     }
 
@@ -170,20 +229,31 @@ def main() -> None:
     parser.add_argument("--most-time", type=float, default=120.0)
     parser.add_argument("--attempts", type=int, default=2)
     parser.add_argument("--no-simulation", action="store_true")
+    parser.add_argument("--few-motors", action="store_true")
     given = parser.parse_args()
-    for scene in [given.scene] if given.scene else SCENES:
+
+    def run(
+        scene: str, model: CompiledModel, index: int, target: dict[str, Any] | str, attempts: int
+    ) -> None:
+        found, taken = find(model, target, given.most_time, attempts=attempts)
+        row = describe(scene, index, target, found, taken)
+        if found is not None and found.is_found and not given.no_simulation:
+            begin = monotonic()
+            row["apart"], row["speed"] = simulate_plan(model, found)
+            row["simulation_seconds"] = round(monotonic() - begin, 2)
+        with given.out.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+
+    chosen = slice(given.first, given.first + given.count)
+    for index, item in list(enumerate(FEW_MOTORS))[chosen] if given.few_motors else []:
+        model = load(item.build())
+        for target in item.targets:
+            name = f"{item.scene}, {'one motor' if item.is_one else 'a motor each'} on {item.cables}"
+            run(name, model, index, target, item.attempts)
+    for scene in () if given.few_motors else [given.scene] if given.scene else SCENES:
         model = load(SCENES[scene].build())
-        for index, target in list(enumerate(draw_targets(scene, model)))[
-            given.first : given.first + given.count
-        ]:
-            found, taken = find(model, target, given.most_time, attempts=given.attempts)
-            row = describe(scene, index, target, found, taken)
-            if found is not None and found.is_found and not given.no_simulation:
-                begin = monotonic()
-                row["apart"], row["speed"] = simulate_plan(model, found)
-                row["simulation_seconds"] = round(monotonic() - begin, 2)
-            with given.out.open("a") as file:
-                file.write(json.dumps(row) + "\n")
+        for index, target in list(enumerate(draw_targets(scene, model)))[chosen]:
+            run(scene, model, index, target, given.attempts)
 
 
 if __name__ == "__main__":

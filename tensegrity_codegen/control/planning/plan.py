@@ -1,6 +1,7 @@
 """Plans: rest lengths that move a structure through stable equilibria within limits to a target."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,12 @@ from tensegrity_codegen.control.planning.limits import (
 from tensegrity_codegen.control.planning.path import PlanPath, Progress
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.control.planning.quadratic_program import require_solver
-from tensegrity_codegen.control.planning.record_plan import describe_margin, record_infeasible, record_path
+from tensegrity_codegen.control.planning.record_plan import (
+    ANOTHER_PATH,
+    describe_margin,
+    record_infeasible,
+    record_path,
+)
 from tensegrity_codegen.control.planning.start import check_stability, find_start
 from tensegrity_codegen.control.planning.target_text import read_targets
 from tensegrity_codegen.control.planning.targets import Targets, bind_targets
@@ -159,7 +165,11 @@ def plan(
     path, branches, cover = find_path(build_path, max_steps, progress, attempts, seed, prove)
     change = np.array([point.at.change for point in path.points])
     time = compute_times(change, actuation.rate, duration, actuation.names)
-    return record_path(plan_model, path, time, start.warnings, branches, cover)
+    found = record_path(plan_model, path, time, start.warnings, branches)
+    if cover is None:
+        return found
+    text = f"{cover.message}. The furthest path ends {found.message.removesuffix(ANOTHER_PATH)}"
+    return replace(found, status="infeasible", message=text, certificate=cover)
 
 
 def _find_proof(

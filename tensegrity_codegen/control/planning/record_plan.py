@@ -20,7 +20,6 @@ from tensegrity_codegen.runtime.records.plan_result import (
     Block,
     Branch,
     Contradiction,
-    Cover,
     PlanResult,
 )
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
@@ -32,6 +31,7 @@ UNITS = {"clearance": "m", "range": "m", "least_stiffness": "N/m"}  # of others:
 SORTED_DIGITS = 6  # digits of multipliers that order limits; equal ones stay in the order of the structure
 N_NAMED = 6  # limits that a message names
 ENDINGS = (".npz", ".csv")
+ANOTHER_PATH = ". Another path may exist"
 
 
 def describe_margin(plan_model: PlanModel, margins: Margins, row: int) -> str:
@@ -81,30 +81,20 @@ def record_path(
     time: FloatArray | None,
     warnings: tuple[str, ...],
     branches: tuple[Branch, ...],
-    cover: Cover | None = None,
 ) -> PlanResult:
     """Return the record of a path, found or blocked.
 
     time (n_steps,) [s]: times of its points.
     warnings: what to check.
     branches: the paths that were tried.
-    cover: the proof that none reaches the target.
-    Returns: of status ``"found"`` or ``"blocked"``, or ``"infeasible"`` with a proof.
+    Returns: of status ``"found"`` or ``"blocked"``.
     """
     points = path.points
     block = None if path.is_done else _find_block(plan_model, path)
-    status, message = (
-        "found",
-        f"a path of {len(points) - 1} steps reaches the target; every point is within all limits",
-    )
-    if block is not None:
-        end = _describe_block(path, block)
-        status, message = "blocked", f"{end}. Another path may exist"
-        if cover is not None:
-            status, message = "infeasible", f"{cover.message}. The furthest path ends {end}"
+    message = f"a path of {len(points) - 1} steps reaches the target; every point is within all limits"
     return PlanResult(
-        status=status,
-        message=message,
+        status="found" if block is None else "blocked",
+        message=message if block is None else _describe_block(path, block) + ANOTHER_PATH,
         progress=np.array([point.progress for point in points]),
         target=np.array([point.target for point in points]),
         goal=path.goal,
@@ -113,7 +103,6 @@ def record_path(
         ),
         time=time,
         block=block,
-        certificate=cover,
         warnings=warnings,
         branches=branches,
         **_describe_points(plan_model, path.targets, [point.at for point in points]),
