@@ -264,7 +264,7 @@ def _describe_contradiction(found: PlanResult) -> str:
             f"the limit ({word}) is {format_short(proof.allowed)} {proof.unit}"
         )
     if isinstance(proof, Cover):
-        return f"No plan exists: {_describe_block(found)}"
+        return f"No plan exists: {_describe_block(found).replace('Blocked', 'blocked', 1)}"
     if proof is None:
         return "No plan exists"
     count = len(proof.shortening)

@@ -391,7 +391,7 @@ def test_the_twist_of_a_prism_by_one_motor_on_its_verticals() -> None:
     assert found.n_steps > 2
     assert "least tension" in found.message
     assert describe_plan(found)["certificate"]["kind"] == "cover"
-    assert "No plan exists: Blocked at 36" in describe_plan_finding(found, structure.limits)
+    assert "No plan exists: blocked at 36" in describe_plan_finding(found, structure.limits)
     check_exactly(
         structure, proof, {"twist": 165.0}, [proof.end.index("least tension"), 0, len(proof.end) - 3]
     )
