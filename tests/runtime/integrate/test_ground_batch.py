@@ -14,6 +14,7 @@ from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest
+from tests.cases import thorough
 from tests.ground_cases import GRAVITY, make_block, make_prism, make_slope, move
 from tests.runtime.integrate.test_ground import rotate
 
@@ -88,7 +89,7 @@ def test_prisms_in_lanes_move_as_alone() -> None:
     np.testing.assert_array_equal(motions.coordinate[1], motions.coordinate[0])
 
 
-@pytest.mark.parametrize("integrators", [("rk54",), ("rk4", "rk54")])
+@pytest.mark.parametrize("integrators", [("rk4", "rk54"), *thorough((("rk54",),))])
 def test_loops_over_tables_move_lanes_one_by_one(integrators: tuple[str, ...]) -> None:
     """The emitter `table` has no rates over lanes; a fixed step, which has no batch, may come first."""
     prism = make_prism(rotate((0.0, 0.3, 0.2)))

@@ -69,7 +69,7 @@ def test_orders_hold_through_yield_and_unloading(method: str, least: float) -> N
     """Error over the number of steps, with the tolerance; 26 events of flow in a net would hide nothing."""
     end = 0.1
     exact = follow_mass([0.0, end], 0.3, 0.4)[0][-1, 0]
-    model = simulator(make_mass(0.3, 0.4), method)
+    model = simulator(make_mass(0.3, 0.4), *METHODS)
     runs = [move(model, [0.0, end], method, rtol) for rtol in (1e-7, 1e-9, 1e-11, 3e-13)]
     errors = [abs(run.coordinate[-1, 0] - 1.0 - exact) for run in runs]
     steps = [run.n_steps for run in runs]
@@ -129,14 +129,14 @@ def test_a_net_of_plastic_cables_moves_as_an_independent_integration_says() -> N
 
 
 def test_a_prism_of_plastic_members_falls_apart_the_same_by_three_methods() -> None:
-    """All bars and cables yield, 225 events in a second; two of a symmetric pair yield at one time."""
+    """All bars and cables yield, 177 events in half a second; two of a symmetric pair yield at one time."""
     twisted = prism(mass=0.5)
     limit = np.abs(twisted.static_tension()) * 1.05 + 1e-3
     random = np.random.default_rng(0).normal(size=(6, 3))
     structure = with_plastic(twisted, limit, 0.02, 0.5).with_changes(node_velocity=2.0 * random)
     model = simulator(structure, "rk853", "rodas")
-    found = [move(model, [0.0, 0.5, 1.0], method, 1e-9) for method in ("rk853", "rodas")]
-    assert found[0].log.count == found[1].log.count == 225
+    found = [move(model, [0.0, 0.5], method, 1e-9) for method in ("rk853", "rodas")]
+    assert found[0].log.count == found[1].log.count == 177
     assert found[0].coordinate[-1] == pytest.approx(found[1].coordinate[-1], abs=1e-6)
     assert max(motion.energy_drift or 0.0 for motion in found) < 1e-8
     hung = make_structure(

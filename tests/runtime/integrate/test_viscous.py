@@ -1,5 +1,6 @@
 """Motions with viscous members: closed forms, orders through slack, energy, an independent integration."""
 
+import functools
 from dataclasses import replace
 from math import exp, log, pi
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.linalg
+from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
@@ -22,6 +24,7 @@ from tests.plastic_cases import follow_mass, with_plastic
 from tests.runtime.build import bar, cable, make_structure, spring
 from tests.viscous_cases import FRACTION, MU, TIME, integrate_net, make_mass, make_net, with_viscous
 
+Array = NDArray[np.float64]
 METHODS = ("rk54", "tsit5", "rk853", "rodas", "radau")
 
 
@@ -45,11 +48,17 @@ def hold(x: float, kind: Any = cable) -> Structure:
     )
 
 
+@functools.cache
+def load_hold(x: float) -> CompiledModel:
+    """One library for all methods."""
+    return simulator(hold(x), *METHODS)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_the_tension_relaxes_at_a_constant_length(method: str) -> None:
     """t = mu x (h + (1 - h) exp(-s / T)) after a step of length, from p = 0."""
     x, times = 0.05, np.linspace(0.0, 1.0, 11)
-    motion = move(simulator(hold(x), method), times, method, 1e-11, arguments={"internal": [0.0, 0.0]})
+    motion = move(load_hold(x), times, method, 1e-11, arguments={"internal": [0.0, 0.0]})
     expected = MU * x * (FRACTION + (1.0 - FRACTION) * np.exp(-times / TIME))
     assert motion.member_tension[:, 0] == pytest.approx(expected, rel=1e-9)
     lost = 0.5 * MU * (1.0 - FRACTION) * x**2 * (1.0 - exp(-2.0 / TIME))
@@ -96,7 +105,7 @@ def test_creep_under_a_load_is_that_of_the_linear_equations(method: str) -> None
     matrix[1, 3] = 4.0
     state = np.array([0.05, 0.0, 0.035, 1.0])  # where it starts: relaxed as it stands in the scene
     exact = np.array([(scipy.linalg.expm(matrix * time) @ state)[:3] for time in times])
-    motion = move(simulator(make_mass(spring), method), times, method, 1e-12)
+    motion = move(simulator(make_mass(spring), *METHODS), times, method, 1e-12)
     assert motion.internal is not None
     assert motion.coordinate[:, 0] - 1.0 == pytest.approx(exact[:, 0], abs=1e-10)
     assert motion.internal[:, 0] == pytest.approx(exact[:, 2], abs=1e-10)
@@ -115,8 +124,7 @@ def test_the_loop_of_a_sinusoidal_length_has_its_area(method: str) -> None:
     winch = Profile(times, {"winch": -size * np.sin(omega * times)}, "cubic")
     swing = (1.0 - FRACTION) * size / (1.0 + 1j * omega * TIME)
     start = [(1.0 - FRACTION) * mean + swing.imag, 0.0]  # steady from the first period on
-    model = simulator(hold(mean), method)
-    motion = move(model, times, method, 1e-12, schedule=winch, arguments={"internal": start})
+    motion = move(load_hold(mean), times, method, 1e-12, schedule=winch, arguments={"internal": start})
     area = pi * MU * size**2 * (1.0 - FRACTION) * omega * TIME / (1.0 + (omega * TIME) ** 2)
     assert motion.work["viscous_work"] == pytest.approx(-area, rel=1e-9)
     power = motion.member_tension[:-1, 0] * size * omega * np.cos(omega * times[:-1])
@@ -125,9 +133,9 @@ def test_the_loop_of_a_sinusoidal_length_has_its_area(method: str) -> None:
     assert motion.internal[-1, 0] == pytest.approx(start[0], abs=1e-12)
 
 
-@pytest.mark.parametrize(("method", "least"), [("rk54", 4.7), ("tsit5", 4.7), ("rk853", 7.5)])
-def test_orders_hold_through_slack_and_taut(method: str, least: float) -> None:
-    """Error over the number of steps, with the tolerance; most of them for a stiff spring beside."""
+@pytest.fixture(scope="module")
+def thrown() -> tuple[CompiledModel, Array]:
+    """A mass on a viscous cable and one on a stiff spring, and where an independent integration ends."""
     pair = make_structure(
         [[0.0, 0, 0], [1.05, 0, 0], [0, 1.0, 0], [1.1, 1.0, 0]],
         [cable(0, 1, 1.0, MU), spring(2, 3, 1.0, 2e4)],
@@ -135,10 +143,18 @@ def test_orders_hold_through_slack_and_taut(method: str, least: float) -> None:
         load={1: (8.0, 0, 0)},
         mass=np.array([1.0, 2.0, 1.0, 1.0]),
     ).with_changes(node_velocity=np.array([[0.0] * 3, [-2.0, 0, 0], [0.0] * 3, [0.0] * 3]))
-    thrown = with_viscous(pair, [TIME, 0.3], FRACTION)
-    exact, _, _, kinks = integrate_net(thrown, np.array([0.035, 0.07]), 1.2)
+    pair = with_viscous(pair, [TIME, 0.3], FRACTION)
+    exact, _, _, kinks = integrate_net(pair, np.array([0.035, 0.07]), 1.2)
     assert kinks == 3
-    model = simulator(thrown, method)
+    return simulator(pair, "rk54", "tsit5", "rk853"), exact
+
+
+@pytest.mark.parametrize(("method", "least"), [("rk54", 4.7), ("tsit5", 4.7), ("rk853", 7.5)])
+def test_orders_hold_through_slack_and_taut(
+    thrown: tuple[CompiledModel, Array], method: str, least: float
+) -> None:
+    """Error over the number of steps, with the tolerance; most of them for a stiff spring beside."""
+    model, exact = thrown
     runs = [move(model, [0.0, 1.2], method, rtol) for rtol in (1e-7, 1e-8, 1e-9, 1e-10)]
     errors = [float(np.abs(run.coordinate[-1] - exact).max()) for run in runs]
     order = np.polyfit(np.log([run.n_steps for run in runs]), np.log(errors), 1)[0]
