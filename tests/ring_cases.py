@@ -218,9 +218,18 @@ class Motion:
         acceleration = force[self.places[:, 0], self.places[:, 1]] / one.node_mass[self.places[:, 0]]
         return np.concatenate([state[n : 2 * n], acceleration, flow])
 
-    def integrate(self, t_end: float, method: str = "DOP853", rtol: float = 1e-12) -> Array:
-        """Return the state at t_end; steps of one ring end where it begins or ends to slip or a strand."""
-        state, now = self.start(), 0.0
+    def integrate(
+        self,
+        t_end: float,
+        method: str = "DOP853",
+        rtol: float = 1e-12,
+        begin: tuple[float, Array] | None = None,
+    ) -> Array:
+        """Return the state at t_end; steps of one ring end where it begins or ends to slip or a strand.
+
+        begin: time and state to go on from.
+        """
+        now, state = begin or (0.0, self.start())
         watched = [self._watch(k) for k in range(4)] if self.n_rings == 1 else None
         while True:
             run = scipy.integrate.solve_ivp(

@@ -344,7 +344,9 @@ def test_two_load_cases_against_a_fine_grid() -> None:
 # --- derivatives -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("seed", "with_cases"), [(131, False), (137, False), (138, True), (141, False)])
+@pytest.mark.parametrize(
+    ("seed", "with_cases"), [(131, False), (138, True), *thorough((137, False), (141, False))]
+)
 def test_derivatives_by_positions_are_those_of_differences(seed: int, with_cases: bool) -> None:
     scene = draw_truss(seed, 1e5)
     random = np.random.default_rng(1)

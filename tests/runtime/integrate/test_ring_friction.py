@@ -68,7 +68,8 @@ def swing() -> CompiledModel:
 def exact() -> dict[float, Array]:
     """States of the swing at 0.5 s and 0.9 s by another program."""
     other = Motion(make_swing())
-    return {0.5: other.integrate(0.5, rtol=1e-13), 0.9: other.integrate(0.9)}
+    first = other.integrate(0.5, rtol=1e-13)
+    return {0.5: first, 0.9: other.integrate(0.9, begin=(0.5, first))}
 
 
 THREE = ("rk853", "rodas", "radau")
@@ -153,9 +154,9 @@ def test_the_methods_agree_through_several_rings_and_slack_strands() -> None:
     """Two rings, one of them with an angle of its own, by five methods and by SciPy with another solver."""
     garland = make_garland(2)
     other, model = Motion(garland), simulator(garland, *METHODS)
-    exact = other.integrate(0.5, rtol=1e-10)
+    exact = other.integrate(0.4, rtol=1e-10)
     for method in METHODS:
-        motion = move(model, [0.0, 0.25, 0.5], method, 1e-10)
+        motion = move(model, [0.0, 0.2, 0.4], method, 1e-10)
         assert motion.status == "ok"
         assert {"ring", "cable"} == set(motion.log.kind)
         assert motion.coordinate[-1] == pytest.approx(exact[: other.n], abs=1e-8)
