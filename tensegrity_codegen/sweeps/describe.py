@@ -11,7 +11,7 @@ from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.apply.array_keys import INPUT
+from tensegrity_codegen.sweeps.apply.array_keys import GUST, GUST_TIME, INPUT
 from tensegrity_codegen.sweeps.apply.assembler import read_scene_document
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.key_schema import root_place
@@ -28,6 +28,7 @@ PACKAGES = ("casadi", "numpy", "scipy", "zarr")
 SceneSource = str | Path | Mapping[str, Any] | Scene
 UNIT = re.compile(r"\[([^\]\d][^\]]*)\]")
 OF_SHAPES = {"nodes": "node_", "members": ""}
+OF_GUSTS = {GUST: ("force of a gust on the node", "N"), GUST_TIME: ("when gusts push", "s")}
 
 
 def identify_sweep(scene: SceneSource, cases: Cases, operation: Operation) -> dict[str, Any]:
@@ -123,6 +124,8 @@ def _of_structure(key: str, subject: Subject) -> tuple[str, str]:
     if name == INPUT:
         kind = next((item.kind for item in subject.inputs if rest and item.name == rest[0]), "")
         return "value of the input", INPUT_UNITS.get(kind, "")
+    if name in OF_GUSTS:
+        return OF_GUSTS[name]
     if name in OF_SHAPES and len(rest) > 1:  # a node or member that a shape makes
         name = OF_SHAPES[name] + rest[1]
     quantity = ARGUMENTS.get(name) or QUANTITIES.get(name)

@@ -21,6 +21,8 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "tensegrity_codegen" / "scene" 
         ("prism", "node_velocity.t1[0]", "m/s"),
         ("two_nodes", "nodes.n2.position[1]", "m"),
         ("prism12", "input.v1", "m"),
+        ("prism12", "gust.t1[2]", "N"),
+        ("prism12", "gust_time.start", "s"),
         ("prism", "shape.bars", ""),
     ],
 )

@@ -75,7 +75,7 @@ SCENES = {
     "docs/machines.md": ("prism",),
     "docs/pictures.md": ("prism",),
     "docs/python.md": ("prism",),
-    "docs/sweep.md": ("prism",),
+    "docs/sweep.md": ("prism", "pinned_prism"),
 }
 
 # Other files that a page presupposes.
