@@ -229,7 +229,7 @@ def find_needs(
     check_analysis(structure, analysis)
     if analysis not in ANALYSES_WITH_RING_FRICTION:
         require_no_ring_friction(structure, f"the analysis {analysis!r}")
-    if analysis in ANALYSES_WITHOUT_GROUND:
+    if analysis in (*ANALYSES_WITHOUT_GROUND, "control"):
         require_no_memory(structure, f"the analysis {analysis!r}")
         require_no_lag(structure, f"the analysis {analysis!r}")
     if method:

@@ -47,6 +47,9 @@ class Ground:
     balances_energy : bool
         Whether motions integrate the work of friction, impacts, damping and a belt, as internal states of
         their own: their sum is the change of the total energy.
+    stick_point : ndarray, shape (n_contacts, n_tangents) [m], or None
+        Where along the tangents each contact sticks: bristles reach from there to their nodes, and are no
+        internal states. None: they are.
 
     Raises
     ------
@@ -80,6 +83,7 @@ class Ground:
     stick_stiffness: float
     stick_damping: float
     balances_energy: bool = False
+    stick_point: FloatArray | None = None
 
     def __post_init__(self) -> None:
         freeze_fields(self)

@@ -17,7 +17,7 @@ WITHOUT_GROUND = (
 )
 # Analyses that do not know the ground, and what to do instead of them.
 ANCHOR = "remove the section [ground], and anchor the feet where `equilibrium` finds them"
-ANALYSES_WITHOUT_GROUND = ("plan", "time_motion", "control")
+ANALYSES_WITHOUT_GROUND = ("plan", "time_motion")
 # Quantities of equilibria, which have one coefficient of friction.
 STATIC = ("node_residual", "tangent_stiffness")
 ADVICE = f'simulate with formulation "node_position" or "rigid_bar" and {" or ".join(INTEGRATORS)}'

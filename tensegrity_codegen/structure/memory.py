@@ -41,7 +41,8 @@ class MemoryKind:
 
 def _name_bristles(structure: Any) -> Names:
     """Return a name for each tangent of each contact with friction."""
-    if structure.ground is None or not structure.ground.friction:
+    ground = structure.ground
+    if ground is None or not ground.friction or ground.stick_point is not None:
         return ()
     tangents = range(1, len(structure.axes))
     return tuple(f"{name}_stick{k}" for name in structure.contact_name for k in tangents)

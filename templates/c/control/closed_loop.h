@@ -72,7 +72,7 @@ static inline int closed_loop_sample(const plant_functions *f, long long sample,
 /* One step of the controller; returns whether there is an estimate to go on with. */
 static inline int closed_loop_step(const plant_functions *f, long long k, closed_loop *d)
 {
-  const real *state = d->state + k * N_X;
+  const real *state = d->state + k * N_PLANT;
   real rest_length[N_U];
 #if WITH_ESTIMATOR
   real measured[N_Y];
@@ -103,7 +103,7 @@ static inline int closed_loop_store(const plant_functions *f, long long k, close
 #if WITH_DISTRIBUTION
   memcpy(d->yields + k * N_DRIVEN, c->distribution.yields, N_DRIVEN * sizeof(int));
 #endif
-  d->plant_status = plant_tension(f, d->state + (k + 1) * N_X, &d->with, d->tension + (k + 1) * N_TENSIONS);
+  d->plant_status = plant_tension(f, d->state + (k + 1) * N_PLANT, &d->with, d->tension + (k + 1) * N_TENSIONS);
   return d->plant_status == PLANT_OK;
 }
 
@@ -113,13 +113,13 @@ static inline void closed_loop_run(const plant_functions *f, closed_loop *d)
   long long k;
   d->n_done = 0;
   d->is_lost = 0;
-  memcpy(d->state, d->start, N_X * sizeof(real));
+  memcpy(d->state, d->start, N_PLANT * sizeof(real));
   scene_control_init(d->controller, NULL);
   memcpy(d->with.input, d->controller->input, N_IN * sizeof(real));
   d->plant_status = plant_tension(f, d->state, &d->with, d->tension);
   for (k = 0; k < d->count && d->plant_status == PLANT_OK; ++k) {
-    real *next = d->state + (k + 1) * N_X;
-    memcpy(next, d->state + k * N_X, N_X * sizeof(real));
+    real *next = d->state + (k + 1) * N_PLANT;
+    memcpy(next, d->state + k * N_PLANT, N_PLANT * sizeof(real));
     if (!closed_loop_step(f, k, d) || !closed_loop_sample(f, k, next, d)
         || !closed_loop_store(f, k, d)) {
       return;

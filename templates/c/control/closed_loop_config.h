@@ -9,7 +9,7 @@
 #define WITH_LOADS 1 /* loads of the plant can change */
 
 enum { PLANT_OK = 0, PLANT_STEP_TOO_SMALL = 5 }; /* statuses of the plant */
-enum { N_TENSIONS = 1, LOAD_SIZE = 1 };
+enum { N_PLANT = N_X, N_TENSIONS = 1, LOAD_SIZE = 1 };
 
 /* Functions of the plant. */
 typedef struct {

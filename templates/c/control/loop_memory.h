@@ -5,7 +5,7 @@
 /* One simulated loop: what is given, memory, and arrays that are filled. */
 typedef struct {
   long long count;          /* samples */
-  const real *start;        /* (N_X,) state of the plant at time 0 */
+  const real *start;        /* (N_PLANT,) state of the plant at time 0 */
   const real *noise;        /* (count, N_Y) added to the measurements */
   long long n_changes;      /* changes of the loads */
   const double *change_time; /* (n_changes,) [s], rising */
@@ -20,7 +20,7 @@ typedef struct {
   scene_control *controller; /* memory of any content */
   real *work;               /* memory of the integrator */
   real *values;             /* memory of a measured quantity */
-  real *state;              /* (count + 1, N_X) */
+  real *state;              /* (count + 1, N_PLANT) of the plant */
   real *tension;            /* (count + 1, N_TENSIONS) [N] */
   real *command;            /* (n_before + count, N_U) [m] */
   real *applied;            /* (N_U,) [m] where the actuators are */

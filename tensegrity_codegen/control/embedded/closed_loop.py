@@ -147,6 +147,7 @@ def _write_code(
         "banner": BANNER,
         "declarations": f"{plant.declarations}\n\n{types}",
         "n_members": len(plant.member_name),
+        "n_internal": plant.n_internal,
         "load_size": 0 if load is None else math.prod(load.shape),
         "plant_ok": STATUS.index("ok"),
         "plant_step_too_small": STATUS.index("step_too_small"),
@@ -220,7 +221,7 @@ class CompiledLoop:
         done, words = int(loop.n_done), tuple(CONTROL_STATUS)
         known = np.hstack([found["estimate"][:done], found["disturbance"][:done]])
         return build_run(
-            self.model.manifest,
+            self.model,
             self.parts.motion,
             self.parts.sample,
             state=found["state"][: done + 1],
@@ -262,7 +263,7 @@ class CompiledLoop:
         first = self.parts.motion.at(0.0).input[known.place]
         # What the loop fills.
         found: dict[str, NDArray[Any]] = {
-            "state": np.zeros((count + 1, 2 * n)),
+            "state": np.zeros((count + 1, 2 * n + manifest.n_internal)),
             "tension": np.zeros((count + 1, len(manifest.member_name))),
             "command": np.tile(first, (before + count, 1)),
             "input": np.zeros((count, len(manifest.input_name))),
@@ -276,7 +277,7 @@ class CompiledLoop:
         time, load = _tabulate_loads(self.model, draw)
         largest = max((int(np.prod(item.shape)) for item in manifest.functions), default=1)
         memory = {
-            "start": np.ascontiguousarray(draw.state),
+            "start": np.concatenate([draw.state, draw.given.get("internal", np.zeros(0))]),
             "noise": self._draw_noise(draw.seed, count),
             "arrival_time": arrivals,
             "arrival": arrival[1:].astype(np.intc),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.feet import check_still_feet, hold_feet
 from tensegrity_codegen.control.feedback.design.gains import MOST_KNOTS, Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import (
     build_rest,
@@ -120,7 +121,8 @@ class ControllerParts:
     """What a controller in C is made from.
 
     name: first word of all names in C.
-    manifest: of a model of it.
+    subject: the scene; its feet stick where they stand.
+    manifest: of a model of the scene.
     gains: feedback, at the stored knots.
     estimator: estimates the state from measurements.
     distribution: distributes tensions.
@@ -198,11 +200,13 @@ def collect_parts(
     check_parts(manifest, motion, regulator, estimator, distribution)
     _check_mpc(mpc, distribution)
     check_same_motion(distribution, motion)
+    if mpc is not None or estimator is not None:
+        check_still_feet(described, motion, "a controller that predicts")
     assert described.structure is not None  # find_model_and_request refuses models without
     _check_gains(described.structure)
     parts = ControllerParts(
         name=manifest.name if code.name is None else code.name,
-        subject=described.structure,
+        subject=hold_feet(described.structure, described, motion),
         manifest=manifest,
         motion=motion,
         gains=_store_gains(None if mpc is not None else regulator, code.knots),

@@ -150,7 +150,7 @@ def simulate_control_batch(
     with ThreadPoolExecutor(workers) as pool:
         runs = list(pool.map(lambda draw: loop.run(draw, count), ready))
     late = describe_unknown_delays(None if isinstance(gains, Mpc) else gains, parts.bounds)
-    runs = [replace(run, warnings=(late,) if late else ()) for run in runs]
+    runs = [replace(run, warnings=((late,) if late else ()) + run.warnings) for run in runs]
     # The open loop of a motion that is too fast for its actuators is no comparison.
     lags = bool((reference.peak_rate > parts.bounds.rate).any())
     if gains is None or not compare or lags:

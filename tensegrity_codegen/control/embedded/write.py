@@ -23,7 +23,7 @@ from tensegrity_codegen.control.embedded.tables import (
     build_tables,
     count_knots,
 )
-from tensegrity_codegen.runtime.model.state_names import name_states
+from tensegrity_codegen.runtime.model.state_names import name_moving_states
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.precision import Precision
 from tensegrity_codegen.tables.request import ModelRequest
@@ -162,7 +162,7 @@ def find_sizes(parts: ControllerParts, calls: Calls) -> dict[str, int]:
 
 def find_names(parts: ControllerParts) -> dict[str, tuple[str, ...]]:
     """Return the names that a controller can tell, by what they are of."""
-    states = name_states(parts.manifest)
+    states = name_moving_states(parts.manifest)
     return {
         "actuator": parts.bounds.names,
         "coordinate": states[: len(states) // 2],

@@ -143,7 +143,8 @@ def simulate_control(
         start.seed,
     )
     late = describe_unknown_delays(gains, bounds)
-    run = replace(loop.run(count), warnings=(late,) if late else ())
+    run = loop.run(count)
+    run = replace(run, warnings=((late,) if late else ()) + run.warnings)
     if gains is None or not compare:
         return run
 
@@ -174,7 +175,7 @@ class _Loop:
         states, commands, inputs, statuses, yielding = [self.plant.state], [], [], [], []
         value = self.motion.at(0.0).input.copy()
         tensions, estimates = [self._tension(states[0], value)], []
-        noise = np.random.default_rng(self.seed)
+        noise, n = np.random.default_rng(self.seed), len(self.model.manifest.coordinate_name)
         for k in range(count):
             try:
                 # The controller acts on what it knows.
@@ -182,7 +183,7 @@ class _Loop:
                 if self.senses is not None and self.senses.is_outlier:
                     command, status = self.controller.hold(k)
                 else:
-                    command, status = self.controller.step(k, known[: len(states[-1])])
+                    command, status = self.controller.step(k, known[: 2 * n])
                 # The plant moves on, with the commands that have arrived.
                 value = self.motion.at((k + 0.5) * step).input.copy()
                 if not self._advance(k * step, delayed.push(command), value):
@@ -199,7 +200,7 @@ class _Loop:
             yielding.append(none if self.controller.yielding is None else self.controller.yielding)
             tensions.append(self._tension(states[-1], value))
         return build_run(
-            self.model.manifest,
+            self.model,
             self.motion,
             step,
             state=np.array(states),
@@ -218,8 +219,7 @@ class _Loop:
         """Return the true state, or the estimated one with the disturbance force on each coordinate."""
         if self.senses is None:
             return state
-        sensing, n = self.senses.estimator.sensing, len(state) // 2
-        at = {**self.plant.arguments(), "coordinate": state[:n], "velocity": state[n:], INPUT: value}
+        sensing, at = self.senses.estimator.sensing, self._at(state, value)
         measured = sensing.measure(at) + sensing.noise * noise.normal(size=len(sensing.noise))
         return np.concatenate([self.senses.correct(time, measured, value), self.senses.disturbance])
 
@@ -235,6 +235,9 @@ class _Loop:
         return True
 
     def _tension(self, state: FloatArray, value: FloatArray) -> FloatArray:
-        n = len(state) // 2
-        at = {**self.plant.arguments(), "coordinate": state[:n], "velocity": state[n:], INPUT: value}
-        return np.asarray(self.model.compute("member_tension", **at)).copy()
+        return np.asarray(self.model.compute("member_tension", **self._at(state, value))).copy()
+
+    def _at(self, state: FloatArray, value: FloatArray) -> dict[str, FloatArray]:
+        n = len(self.model.manifest.coordinate_name)
+        moving = {"coordinate": state[:n], "velocity": state[n : 2 * n], INPUT: value}
+        return {**self.plant.arguments(), **moving}

@@ -9,11 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm, qr
 
 from tensegrity_codegen.control.feedback.design.estimator import Estimator, Sensing, find_sensing
+from tensegrity_codegen.control.feedback.design.feet import check_still_feet
 from tensegrity_codegen.control.feedback.design.linear_samples import (
     build_rest,
     build_sample_time,
     check_independent,
     check_motion,
+    linearise,
     to_dense,
 )
 from tensegrity_codegen.control.feedback.design.riccati import (
@@ -27,7 +29,7 @@ from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.require import require_model, require_quantities
-from tensegrity_codegen.runtime.model.state_names import name_states
+from tensegrity_codegen.runtime.model.state_names import name_moving_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.actuators import Sensor
@@ -125,6 +127,7 @@ def design_kalman(
     check_switch(only_observable, "only_observable")
     reference = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
     check_motion(model, reference)
+    check_still_feet(model, reference, "an estimator")
     build_sample_time(reference, sample)
     # What is measured, which forces disturb, and how fast they change.
     sensing = find_sensing(model, sensors)
@@ -140,7 +143,7 @@ def design_kalman(
     # Linear models of the estimator's state at the knots.
     parts = [linearise_estimate(model, reference, now, given, sensing, disturbed) for now in time.tolist()]
     spectrum = np.diag(np.concatenate([np.zeros(len(rate_noise)), rate_noise, force_noise[disturbed]]) ** 2)
-    names = name_states(model.manifest)
+    names = name_moving_states(model.manifest)
     n = len(names) // 2
     names = (*names, *(f"force on {names[k]}" for k in disturbed))
     noise = np.diag(sensing.noise**2)
@@ -192,7 +195,7 @@ def linearise_estimate(
     """
     point = motion.at(time)
     at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
-    inner = model.compute("state_jacobian", **at).toarray()
+    inner = linearise(model, motion, time, (), given)[0]
     inverse = np.linalg.inv(to_dense(model.compute("mass_matrix", **at)))
     n = len(point.coordinate)
     rate = np.zeros((2 * n + len(disturbed), 2 * n + len(disturbed)))

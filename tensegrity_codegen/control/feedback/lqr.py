@@ -28,7 +28,7 @@ from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_model
-from tensegrity_codegen.runtime.model.state_names import name_states
+from tensegrity_codegen.runtime.model.state_names import name_moving_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.actuators import Actuator
@@ -128,7 +128,7 @@ def design_lqr(
         model, reference, ActuatorLimits(delay=delay), longest_delay=longest, may_lag=True
     ).delay
     _check_count(late, sample)
-    names = name_states(model.manifest)
+    names = name_moving_states(model.manifest)
     output, labels = _read_outputs(integral_action, names)
     n, k, m = len(names), len(output), len(reference.actuators)
     over = f"{n} states (q, q')" + (f" and {k} sums" if k else "")
@@ -137,32 +137,41 @@ def design_lqr(
     # Linear models along the motion, and whether the actuators can stabilise them.
     samples = sample_linear_models(model, reference, sample, reference.actuators, arguments, late)
     check_effects(model, samples.input_matrix, reference.actuators)
-    held = compute_hold(samples.state_matrix[-1], samples.input_matrix[-1], sample)[1]
-    hidden = find_uncontrolled(*_augment(samples.A[-1], held, np.zeros((n, 0)), output, 0.0 * late, sample))
+    a_end, end_slope = samples.A[-1, :n, :n], samples.input_matrix[-1, :n]
+    held = compute_hold(samples.state_matrix[-1, :n, :n], end_slope, sample)[1]
+    hidden = find_uncontrolled(*_augment(a_end, held, np.zeros((n, 0)), output, 0.0 * late, sample))
     if hidden:
         end, given = reference.at(reference.duration).coordinate, merge_inputs(model.manifest, arguments)
-        rigid = name_free_motions(model, end, samples.input_matrix[-1, n // 2 :], given)
+        by_ground = samples.state_matrix[-1, n // 2 : n, : n // 2] * bool(model.manifest.contact_name)
+        effect = np.hstack([end_slope[n // 2 :], by_ground])
+        rigid = name_free_motions(model, end, effect, given)
         _refuse(model.manifest.name, hidden, rigid, (*names, *labels))
     # The stationary solution at the end, and the recursion back to the start.
+    n_bristles = samples.A.shape[1] - n
+    watched = np.pad(output, ((0, 0), (0, n_bristles)))
     models = [
-        _augment(*parts, output, late, sample)
+        _augment(*parts, watched, late, sample)
         for parts in zip(samples.A, samples.B, samples.past, strict=True)
     ]
-    a, b = models[-1]
+    known = np.delete(np.arange(len(models[-1][0])), np.arange(n, n + n_bristles))  # to the controller
+    square = np.ix_(known, known)
+    a, b = models[-1][0][square], models[-1][1][known]
     weight = np.zeros_like(a)
     weight[: n + k, : n + k] = q
     p, residual = find_stationary(a, b, weight, r, f"{model.manifest.name}: design_lqr")
     costs, gains = [p[: n + k, : n + k]], [step_back(p, a, b, weight, r)[1]]
+    whole_p, whole_weight = (np.zeros_like(models[-1][0]) for _ in range(2))
+    whole_p[square], whole_weight[square] = p, weight
     for a_k, b_k in models[-2::-1]:
-        p, gain = step_back(p, a_k, b_k, weight, r)
-        costs.append(p[: n + k, : n + k])
-        gains.append(gain)
+        whole_p, gain = step_back(whole_p, a_k, b_k, whole_weight, r)
+        costs.append(whole_p[square][: n + k, : n + k])
+        gains.append(gain[:, known])
     return Gains(
         time=samples.time,
         K=np.array(gains[::-1]),
         S=np.array(costs[::-1]),
         E=np.linalg.eigvals(a - b @ gains[0]).astype(np.complex128),
-        A=samples.A[-1],
+        A=a_end,
         B=held,
         integral_action=output,
         delay=late,
@@ -241,7 +250,8 @@ def _refuse(
         given=f"{len(hidden)} uncontrolled {'mode' if len(hidden) == 1 else 'modes'}; "
         f"rank {first.rank} of {first.size} at eigenvalue {eigenvalue}",
         allowed="actuators that change every motion that does not decay",
-        hint="anchor a structure that can move freely; sum fewer outputs; or add actuators",
+        hint="anchor a structure that can move freely, or let friction hold its feet; sum fewer outputs; "
+        "or add actuators",
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.control.feedback.design.feet import check_still_feet
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, linearise
 from tensegrity_codegen.control.feedback.kalman import count_substeps
@@ -159,6 +160,7 @@ def design_mpc(
     )
     n, m = len(gains.S[-1]), len(gains.actuators)
     reference = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
+    check_still_feet(model, reference, "model-predictive control")
     # A member whose tension is below its least one on the motion keeps the tension of the motion.
     structure = model.structure
     assert structure is not None  # design_lqr refuses models without

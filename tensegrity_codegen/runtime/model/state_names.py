@@ -9,3 +9,8 @@ def name_states(manifest: Manifest) -> tuple[str, ...]:
     names = [f"{manifest.node_name[node]}.{'xyz'[axis]}" for node, axis in places]
     names = names or list(manifest.coordinate_name)
     return (*names, *(f"{name}'" for name in names), *manifest.internal_name)
+
+
+def name_moving_states(manifest: Manifest) -> tuple[str, ...]:
+    """Return the names of coordinates and their rates, without those of internal states."""
+    return name_states(manifest)[: 2 * len(manifest.coordinate_name)]

@@ -26,7 +26,7 @@ from tensegrity_codegen.system.summaries import (
 )
 from tensegrity_codegen.system.table_files import write_csv
 
-# Fields with a row for each knot; `residual` too where it has rows.
+# Fields with a row for each knot; `residual` and `internal` too where they have rows.
 KNOT_FIELDS = (
     *("time", "coordinate", "velocity", "acceleration"),
     *("rest_length", "input", "member_tension"),
@@ -43,12 +43,15 @@ class MotionPoint:
         Coordinates and their derivatives.
     input : ndarray, shape (n_inputs,)
         Values of the model's inputs.
+    internal : ndarray, shape (n_internal,)
+        Deflections of contacts that stick, linear between knots.
     """
 
     coordinate: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
     input: FloatArray
+    internal: FloatArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,6 +87,8 @@ class Motion(Summarised):
         over the most that a unit of the coordinate moves a node. Without entries for static inputs.
     warnings : tuple of str
         What to check.
+    internal : ndarray, shape (n_t, n_internal) [m]
+        Internal states of a structure on the ground: deflections of contacts; without columns elsewhere.
     """
 
     time: FloatArray
@@ -101,6 +106,7 @@ class Motion(Summarised):
     path_error: float = 0.0
     residual: FloatArray = field(default_factory=lambda: np.zeros(0))
     warnings: tuple[str, ...] = ()
+    internal: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         freeze_fields(self)
@@ -190,7 +196,8 @@ class Motion(Summarised):
         if time < 0.0 or time > self.duration:
             v, a = np.zeros_like(v), np.zeros_like(a)
         value = self._profile.pieces.at(since) if self.input_name else np.zeros(0)
-        return MotionPoint(q, v, a, value)
+        deflected = [np.interp(since, self.time, column) for column in self.internal.T]
+        return MotionPoint(q, v, a, value, np.array(deflected))
 
     def at_knots(self, count: int) -> "Motion":
         """Return the motion through some of its knots, which takes less memory in a controller in C.
@@ -221,7 +228,7 @@ class Motion(Summarised):
         kept = {
             name: value[rows]
             for name, value in vars(self).items()
-            if name in KNOT_FIELDS or (name == "residual" and len(value) == total)
+            if name in KNOT_FIELDS or (name in ("residual", "internal") and len(value) == total)
         }
         return replace(self, **kept)
 

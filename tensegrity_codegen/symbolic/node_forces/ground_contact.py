@@ -46,10 +46,15 @@ class GroundContact(NodeForce):
         self.names = structure.contact_name
         self.contacts: list[Contact] = []
         for k, (node, radius) in enumerate(zip(ground.node.tolist(), ground.radius.tolist(), strict=True)):
-            tangents = range(1, count_bristles(structure) + 1)
-            bristle = [arguments.internal[f"{self.names[k]}_stick{i}"] for i in tangents]
-            slips = arguments.internal.get(f"{self.names[k]}_slips")
             at, rate = arguments.position[node], arguments.velocity[node]
+            tangents = range(1, count_bristles(structure) + 1)
+            if ground.stick_point is None:
+                bristle = [arguments.internal[f"{self.names[k]}_stick{i}"] for i in tangents]
+            else:
+                basis = ground.tangents(structure.axes)[: len(tangents), list(structure.axes)]
+                places = zip(basis, ground.stick_point[k].tolist(), strict=True)
+                bristle = [_along(tangent, at) - place for tangent, place in places]
+            slips = arguments.internal.get(f"{self.names[k]}_slips")
             law = put_numbers(ground, arguments.ground)
             contact = build_contact(ground, law, structure.axes, (at, rate), radius, bristle, slips)
             self.contacts.append(contact)

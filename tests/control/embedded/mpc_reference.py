@@ -150,7 +150,8 @@ class ReferenceMpc:
         length = np.asarray(self.model.compute("member_length", **at))
         slopes = to_dense(self.model.compute("equilibrium_matrix", **at))
         longest, step = cables.find_rest_length(length, self.mpc.least_tension), 1e-6
-        slope = (cables.find_rest_length(length + step, self.mpc.least_tension) - longest) / step
+        with np.errstate(invalid="ignore"):  # members without a limit
+            slope = (cables.find_rest_length(length + step, self.mpc.least_tension) - longest) / step
         rest = cables.base + cables.other_incidence @ value + cables.incidence @ value[self.bounds.place]
         for e in cables.limited.tolist():
             row = cables.incidence[e] @ place - slope[e] * slopes[:, e] @ change

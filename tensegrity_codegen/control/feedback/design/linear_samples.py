@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
+from tensegrity_codegen.control.feedback.design.feet import find_bristles, find_following
 from tensegrity_codegen.control.planning.actuation import find_actuation
 from tensegrity_codegen.control.planning.plan_point import PlanModel
 from tensegrity_codegen.runtime.model.arrays import check_shape, to_sized
@@ -38,7 +39,8 @@ class LinearSamples:
         one.
     sample [s]: sample time.
     A, B (n_t, n_states, n_states) and (n_t, n_states, n_actuators): transition over the sample that starts
-        there, for inputs held constant.
+        there, for inputs held constant. Along a motion on the ground bristles are states behind (q, q'), but
+        at its end feet stick, and what belongs to bristles is zero.
     past (n_t, n_states, n_past): effect of the commands that are on their way then, see
         `compute_delayed_hold`; without delays n_past = 0.
     state_matrix, input_matrix same shapes: continuous-time matrices x' = state_matrix x + input_matrix u.
@@ -84,7 +86,13 @@ def sample_linear_models(
     if not (motion.velocity.any() or motion.acceleration.any() or np.ptp(motion.input, axis=0).any()):
         time = time[:2]  # at rest all models are the same
     merged = merge_inputs(model.manifest, arguments)
-    models = [linearise(model, motion, now, actuators, merged) for now in time.tolist()]
+    n_bristles = motion.internal.shape[1] if len(time) > 2 else 0
+    models = [
+        linearise(model, motion, now, actuators, merged, with_bristles=n_bristles > 0)
+        for now in time[:-1].tolist()
+    ]
+    end = linearise(model, motion, float(time[-1]), actuators, merged)
+    models.append((np.pad(end[0], (0, n_bristles)), np.pad(end[1], ((0, n_bristles), (0, 0)))))
     state_matrix, input_matrix = (np.array(item) for item in zip(*models, strict=True))
     late = np.zeros(len(actuators)) if delay is None else delay
     hold = [compute_delayed_hold(a, b, sample, late) for a, b in zip(state_matrix, input_matrix, strict=True)]
@@ -98,17 +106,29 @@ def to_dense(matrix: Any) -> FloatArray:
 
 
 def linearise(
-    model: CompiledModel, motion: Motion, time: float, actuators: Sequence[str], arguments: Mapping[str, Any]
+    model: CompiledModel,
+    motion: Motion,
+    time: float,
+    actuators: Sequence[str],
+    arguments: Mapping[str, Any],
+    *,
+    with_bristles: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """Return state and input matrix of a model at a time [s] of a motion.
 
+    with_bristles: whether bristles are states behind (q, q'); else they follow their nodes.
     Returns state_matrix, input_matrix: x' = state_matrix x + input_matrix u, u: inputs of the actuators.
     """
     point = motion.at(time)
     at = {**arguments, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
+    at |= find_bristles(model, point, point.coordinate)
     input_index = [model.manifest.input_name.index(name) for name in actuators]
     input_matrix = model.compute("input_jacobian", **at).toarray()[:, input_index]
-    return model.compute("state_jacobian", **at).toarray(), input_matrix
+    state_matrix, n = model.compute("state_jacobian", **at).toarray(), len(point.coordinate)
+    if with_bristles:
+        return state_matrix, input_matrix
+    state_matrix[:, :n] += state_matrix[:, 2 * n :] @ find_following(model)
+    return state_matrix[: 2 * n, : 2 * n], input_matrix[: 2 * n]
 
 
 def build_sample_time(motion: Motion, sample: float) -> FloatArray:
@@ -129,12 +149,19 @@ def build_sample_time(motion: Motion, sample: float) -> FloatArray:
 
 
 def check_independent(model: Described) -> None:
-    """Raise FormulationError for a model whose coordinates depend on each other, or with contacts."""
-    if model.manifest.has_contacts:
+    """Raise FormulationError for coordinates that depend on each other, or contacts of another kind."""
+    ground = getattr(model.structure, "ground", None)
+    if model.manifest.has_contacts and (
+        ground is None
+        or getattr(model.structure, "collision", None) is not None
+        or ground.velocity.any()
+        or ground.has_static_friction
+        or ground.balances_energy
+    ):
         raise FormulationError(
-            "feedback does not know contacts with the ground or between bars",
+            "feedback does not know belts, static friction, a balance of energy, or contacts between bars",
             where=model.manifest.name,
-            allowed="scenes without [ground] and without a stiffness in [interference]",
+            allowed="a [ground] at rest with one coefficient of friction, no stiffness in [interference]",
             hint="design the feedback without them, and simulate with them",
         )
     formulation = find_formulation(model.manifest.formulation)
@@ -154,7 +181,8 @@ def check_motion(model: Described, motion: Motion) -> None:
     check_instance(motion, Motion, "motion", "a Motion, as of time_motion")
     n, m = len(model.manifest.coordinate_name), len(model.manifest.input_name)
     names = ", ".join(motion.input_name) or "none"
-    if motion.coordinate.shape[1] != n or motion.input_name != model.manifest.input_name:
+    bristles = motion.internal.shape[1] == len(model.manifest.internal_name)
+    if motion.coordinate.shape[1] != n or motion.input_name != model.manifest.input_name or not bristles:
         raise InvalidValueError(
             "the motion belongs to another model",
             where="motion",
@@ -266,6 +294,15 @@ def build_rest(
         raise InvalidValueError(
             "not an equilibrium", where="motion", given=equilibrium.status, allowed=", ".join(FOUND_STATUSES)
         )
+    feet = equilibrium.feet
+    if feet is not None and "slip" in feet.state:
+        raise InvalidValueError(
+            "feedback about an equilibrium needs feet that stick",
+            where="motion.feet",
+            given=", ".join(f"{name} {how}" for name, how in zip(feet.node_name, feet.state, strict=True)),
+            allowed="stick and open",
+            hint="more friction, or other loads",
+        )
     check_positive(duration, "duration", "[s]")
     check_shape(equilibrium.coordinate, (len(model.manifest.coordinate_name),), "motion.coordinate")
     actuation = find_actuation(model, actuators)
@@ -285,4 +322,5 @@ def build_rest(
         peak_rate=np.zeros(len(rest)),
         actuators=actuation.names,
         input_name=model.manifest.input_name,
+        internal=np.array([equilibrium.internal_argument.get("internal", np.zeros(0))] * 2),
     )

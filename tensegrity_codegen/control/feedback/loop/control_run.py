@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.control.feedback.design.feet import measure_slip
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion
@@ -15,7 +16,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.summaries import Summarised
-from tensegrity_codegen.tables.manifest import Manifest
 
 COMPARED_PART = 1.0 / 6.0  # of the simulated time, in which errors are compared
 LEAST_WORSE = 0.005  # of the size of the structure, by which a loop may end further away than the open loop
@@ -60,6 +60,9 @@ class ControlRun(Summarised):
         Members whose least tension could not be reached; None without a distribution of tensions.
     warnings : tuple of str
         What to check.
+    slip : ndarray, shape (n_t, n_contacts) [m], or None
+        How far the points have moved where feet stick; zero for those that are open at the start. None
+        without friction.
     """
 
     status: str
@@ -79,6 +82,7 @@ class ControlRun(Summarised):
     member_name: tuple[str, ...]
     yielding: NDArray[np.bool_] | None = None
     warnings: tuple[str, ...] = ()
+    slip: FloatArray | None = None
 
     def __post_init__(self) -> None:
         freeze_fields(self)
@@ -126,7 +130,7 @@ class ControlRun(Summarised):
 
 
 def build_run(
-    manifest: Manifest,
+    model: CompiledModel,
     motion: Motion,
     sample: float,
     *,
@@ -141,9 +145,9 @@ def build_run(
 ) -> ControlRun:
     """Return the record of a run.
 
-    manifest: of the simulated model.
+    model: what is simulated.
     sample [s]: time between two commands.
-    state (n_t, n_states): coordinates and velocities at the samples.
+    state (n_t, n_states + n_internal): coordinates, velocities and internal states at the samples.
     command, input (n_t - 1, n_actuators) and (n_t - 1, n_inputs): of each sample.
     tension (n_t, n_members) [N]: tensions at the samples.
     known (n_t - 1, n_states + n_coordinates): estimated states and disturbance forces, with an estimator.
@@ -151,17 +155,19 @@ def build_run(
     word: ``"ok"``, or why the run ended.
     yielding (n_t - 1, n_members): members whose least tension yields.
     """
+    manifest = model.manifest
     n_t, n = len(state), len(manifest.coordinate_name)
     time = sample * np.arange(n_t, dtype=float)
     goal = np.array([motion.at(float(now)).coordinate for now in time])
     limited = sum(status != "ok" for status in statuses)
+    slip, what_slips = measure_slip(model, state)
     is_ok, has_known = word == "ok", known is not None and len(known) > 0
     return ControlRun(
         status="ok" if is_ok else "unstable",
         message=f"{n_t - 1} samples, {limited} limited" if is_ok else f"{word} at {time[-1]:.6g} s",
         time=time,
         coordinate=state[:, :n],
-        velocity=state[:, n:],
+        velocity=state[:, n : 2 * n],
         error=state[:, :n] - goal,
         command=command.reshape(n_t - 1, len(motion.actuators)),
         input=input.reshape(n_t - 1, len(manifest.input_name)),
@@ -173,6 +179,8 @@ def build_run(
         coordinate_name=manifest.coordinate_name,
         member_name=manifest.member_name,
         yielding=yielding,
+        warnings=(what_slips,) if what_slips else (),
+        slip=slip,
     )
 
 

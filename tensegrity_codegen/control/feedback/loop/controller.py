@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.feet import find_bristles
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import shift_commands, to_dense
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
@@ -137,7 +138,7 @@ class Filter:
         self, model: CompiledModel, estimator: Estimator, motion: Motion, arguments: Mapping[str, Any]
     ) -> None:
         self.model, self.estimator, self.arguments = model, estimator, dict(arguments)
-        start = motion.at(0.0)
+        self.start = start = motion.at(0.0)
         self.n = len(start.coordinate)
         self.state = np.concatenate([start.coordinate, start.velocity, np.zeros(len(estimator.disturbed))])
         self.is_outlier, self.n_outliers, self.innovation = False, 0, FIRST_INNOVATION
@@ -192,4 +193,5 @@ class Filter:
             "coordinate": state[:n].copy(),
             "velocity": state[n : 2 * n].copy(),
             INPUT: value,
+            **find_bristles(self.model, self.start, state[:n]),
         }

@@ -20,7 +20,7 @@ from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles, to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.state_names import name_states
+from tensegrity_codegen.runtime.model.state_names import name_moving_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_positive, check_whole, is_number
@@ -44,7 +44,7 @@ def check_parts(
     if distribution is not None:
         made = getattr(distribution, "bounds", None)
         check_instance(made, ActuatorBounds, "distribution", "a TensionDistribution of design_distribution")
-    states, members = name_states(manifest), manifest.member_name
+    states, members = name_moving_states(manifest), manifest.member_name
     parts = {
         "gains": gains is None or (gains.actuators == motion.actuators and gains.state_name == states),
         "estimator": estimator is None or estimator.state_name[: len(states)] == states,
@@ -132,6 +132,8 @@ def read_disturbance(
         allowed = "one stiffness for each member of the run-time parameter [N]"
         given["axial_stiffness"] = to_doubles(stated.axial_stiffness, "axial_stiffness", allowed)
     check_arguments(model.manifest, given)
+    if model.manifest.internal_name:
+        given["internal"] = motion.at(0.0).internal
     start = _find_state(motion, stated)
     return LoopStart(start, given, bind_gust(model, stated.gust, given.get(NODE_LOAD)), seed)
 

@@ -184,7 +184,7 @@ class SampledPlant:
 
     @property
     def state(self) -> FloatArray:
-        """Coordinates and velocities now, (n_states,)."""
+        """Coordinates, velocities and internal states now, (n_states + n_internal,)."""
         return self._bound.state.copy()
 
     def arguments(self) -> dict[str, FloatArray]:

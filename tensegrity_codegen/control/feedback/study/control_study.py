@@ -270,6 +270,8 @@ def find_warnings(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[st
                 "actuator, and integrals of errors stand still then: weaker feedback (a smaller effort), a "
                 "slower motion or faster actuators avoid that"
             )
+        if loop.run.slip is not None and loop.run.warnings:
+            found.append(f"{LOOP_NAMES[name]}, worst draw: {loop.run.warnings[-1]}")
         left = float(loop.end_error.max())
         if not loops[OPEN].unstable and left > LITTLE_GAIN * without and left > LEAST_WORSE * tolerance:
             kind = "makes the error larger" if left > without else "gains little"

@@ -6,7 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.control.feedback.design.linear_samples import check_independent, check_motion
+from tensegrity_codegen.control.feedback.design.linear_samples import (
+    check_independent,
+    check_motion,
+    linearise,
+)
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
@@ -64,11 +68,8 @@ def find_scales(model: CompiledModel, motion: Motion, arguments: Mapping[str, An
     is_angle = find_angles(model)
     lever = np.array([_find_lever(model, q, k, arguments) if is_angle[k] else 1.0 for k in range(n)])
     lever[lever < NO_STIFFNESS * size] = size  # a coordinate that moves no node
-    end = motion.at(motion.duration)
-    at = {**arguments, "coordinate": end.coordinate, "velocity": np.zeros(n), INPUT: end.input}
-    stiffness = -model.compute("state_jacobian", **at).toarray()[n:, :n]
-    place = [model.manifest.input_name.index(name) for name in motion.actuators]
-    push = model.compute("input_jacobian", **at).toarray()[n:, place]
+    state_matrix, input_matrix = linearise(model, motion, motion.duration, motion.actuators, arguments)
+    stiffness, push = -state_matrix[n:, :n], input_matrix[n:]
     gain = lever[:, None] * np.linalg.lstsq(stiffness, push, rcond=NO_STIFFNESS)[0]
     # Lowest frequency of q'' = -stiffness q [rad/s].
     squares = np.linalg.eigvals(stiffness).real

@@ -1,27 +1,16 @@
 """Delays in samples, and linear models in which commands arrive late, beside small steps of the model."""
 
 import numpy as np
-import pytest
 from scipy.linalg import expm
 
 from tensegrity_codegen.control.feedback.design.linear_samples import (
-    check_independent,
     compute_delayed_hold,
     shift_commands,
     split_delays,
 )
-from tensegrity_codegen.system.errors import FormulationError
-from tests.ground_cases import make_block
-from tests.models import simulator
 
 SAMPLE = 0.1
 DELAY = np.array([0.0, 0.03, 0.1, 0.23, 0.03, 0.3 - 1e-12])
-
-
-def test_contacts_are_refused() -> None:
-    model = simulator(make_block([0.0, 0.0, 0.1]), "rk54")
-    with pytest.raises(FormulationError, match="feedback does not know contacts"):
-        check_independent(model)
 
 
 def test_delays_are_whole_samples_and_a_rest() -> None:
