@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     )
     from tensegrity_codegen.control.feedback.lqr import design_lqr
     from tensegrity_codegen.control.feedback.mpc import Mpc, design_mpc
+    from tensegrity_codegen.control.feedback.recorded_motion import record_motion
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
     from tensegrity_codegen.control.feedback.study.stated_errors import Draws, RandomGust, StatedErrors
     from tensegrity_codegen.control.feedback.study.study import study_control
@@ -167,6 +168,7 @@ __all__ = [
     "plan",
     "read_profile",
     "read_scene",
+    "record_motion",
     "simulate",
     "simulate_batch",
     "simulate_control",
@@ -260,6 +262,7 @@ _HOME = {
     "load_controller": "control.embedded.loaded",
     "plan": "control.planning.plan",
     "read_profile": "runtime.profiles.read_profile",
+    "record_motion": "control.feedback.recorded_motion",
     "simulate": "runtime.simulate.simulate",
     "simulate_batch": "runtime.simulate.simulate_batch",
     "stand": "runtime.analysis.stand",

@@ -80,6 +80,8 @@ def main(folder: Path) -> dict[str, object]:
     (folder / "profile.csv").write_text("time,winch\n0,0\n0.5,-0.1\n1,-0.1\n", encoding="utf-8")
     profile: tc.Profile = tc.read_profile(folder / "profile.csv", ["winch"])
     motion: tc.Trajectory = tc.simulate(model, t_end=1.0, samples=11, schedule=profile)
+    recorded: tc.Motion = tc.record_motion(model, motion)
+    assert recorded.duration == 1.0
     steps = tc.Stepping(atol=1e-10, max_steps=10_000)
     fall = tc.simulate(model, t_end=0.1, samples=3, until=tc.Until("load.z < -5"), stepping=steps)
     batch: tc.BatchTrajectory = tc.simulate_batch(model, t_end=0.1, samples=3, coordinate=[[-1.0], [-1.1]])
