@@ -205,7 +205,8 @@ def compile_control(
 
     def find_request(subject: "Subject", request: "ModelRequest") -> "ModelRequest":
         _check_formulation(request)
-        needs = find_needs("time_motion", subject, request).alone(request)
+        moves = bool(held.to) or held.plan is not None
+        needs = find_needs("time_motion" if moves else "equilibrium", subject, request).alone(request)
         return want_analyses(subject, needs, ("control",))
 
     try:
