@@ -1,6 +1,7 @@
 """Feedback of a structure from elsewhere: the imported NTRT spine, bent by 20 deg and straightened."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -76,12 +77,12 @@ def build_pose(model: CompiledModel) -> Array:
     return np.array(columns).T
 
 
-def design_gains(model: CompiledModel, motion: Motion) -> Gains:
+def design_gains(model: CompiledModel, motion: Motion, **options: Any) -> Gains:
     """Return gains that sum the errors of position and turn of each vertebra."""
     pose, n = np.linalg.pinv(build_pose(model)), 75
     weight = np.concatenate([np.full(n, 1e3), np.ones(n), np.full(len(pose), 1e2)])
     sums = np.hstack([pose, np.zeros((len(pose), n))])
-    return design_lqr(model, motion, weight, np.full(40, 1e5), sample=SAMPLE, integral_action=sums)
+    return design_lqr(model, motion, weight, np.full(40, 1e5), sample=SAMPLE, integral_action=sums, **options)
 
 
 def design_estimator(model: CompiledModel, motion: Motion, *, disturbance: float = 2.0) -> Estimator:

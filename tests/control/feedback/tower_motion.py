@@ -53,11 +53,13 @@ def move_tower(model: CompiledModel, knots: int = 501) -> Motion:
     )
 
 
-def design_tower_gains(model: CompiledModel, motion: Motion) -> Gains:
+def design_tower_gains(model: CompiledModel, motion: Motion, **options: Any) -> Gains:
     """Return the gains of the acceptance table, with the weights of the prism."""
     weight = np.concatenate([np.full(18, 100.0), np.full(18, 0.1), np.full(18, 10.0)])
     names = model.manifest.coordinate_name
-    return design_lqr(model, motion, weight, np.full(18, 1e6), sample=TOWER_SAMPLE, integral_action=names)
+    return design_lqr(
+        model, motion, weight, np.full(18, 1e6), sample=TOWER_SAMPLE, integral_action=names, **options
+    )
 
 
 def design_tower_estimator(model: CompiledModel, motion: Motion, noise: float = 1e-4) -> Estimator:
