@@ -44,7 +44,7 @@ def test_quantities_without_the_ground_are_refused(quantity: str) -> None:
 @pytest.mark.parametrize(
     "analysis",
     [
-        *("plan", "time_motion", "control"),
+        *("plan", "time_motion"),
     ],
 )
 def test_other_analyses_are_refused(analysis: str) -> None:

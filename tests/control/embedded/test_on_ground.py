@@ -82,10 +82,22 @@ def test_predictions_in_c_are_those_of_the_reference(
         np.testing.assert_allclose(list(controller._memory.command), command, atol=1e-10)
 
 
-def test_prediction_brings_the_structure_back(
-    standing: CompiledModel, stands: Equilibrium, ahead: Mpc
+@pytest.mark.thorough
+def test_prediction_brings_back_feet_that_gains_let_slip(
+    standing: CompiledModel, stands: Equilibrium
 ) -> None:
-    run = simulate_control_batch(standing, stands, ahead, draws=[PUSH], t_end=1.0)[0]
-    without = simulate_control(standing, stands, disturbance=PUSH, t_end=1.0)
-    assert (run.status, run.warnings) == ("ok", ())
-    assert run.worst_error(0.2) < 0.2 * without.worst_error(0.2)
+    strong = Disturbance(gust=Gust("t1", (2.0, 0.0, 0.0), 0.1, 0.1))
+    draws = [PUSH, strong]
+    runs = simulate_control_batch(
+        standing, stands, design_mpc(standing, stands, Q, R), draws=draws, t_end=1.0
+    )
+    assert [run.status for run in runs] == ["ok", "ok"]
+    without, held = (
+        [simulate_control(standing, stands, item, disturbance=draw, t_end=1.0) for draw in draws]
+        for item in (None, design_lqr(standing, stands, Q, R))
+    )
+    assert runs[0].worst_error(0.2) < 0.2 * without[0].worst_error(0.2)
+    assert runs[0].warnings == ()
+    assert runs[1].worst_error(0.2) < 0.4 * without[1].worst_error(0.2)
+    assert held[1].worst_error(0.2) > without[1].worst_error(0.2)
+    assert "b2 lifts" in runs[1].warnings[0]
