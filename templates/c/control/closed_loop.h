@@ -46,8 +46,8 @@ static inline void closed_loop_apply_arrived(long long sample, long long arrival
   for (u = 0; u < N_U; ++u) {
     if (d->arrival[u] == arrival) {
       const real command = d->command[(d->n_before + sample - d->delay_samples[u]) * N_U + u];
-      const double change = command - d->applied[u], most = d->most_change[u];
-      d->applied[u] = fabs(change) > most ? d->applied[u] + (change > 0.0 ? most : -most) : command;
+      const real high = d->applied[u] + d->most_change[u], low = d->applied[u] - d->most_change[u];
+      d->applied[u] = command > high ? high : command < low ? low : command;
     }
     d->with.input[ACTUATOR_PLACE[u]] = d->applied[u];
   }

@@ -14,7 +14,7 @@ typedef struct {
   const double *arrival_time; /* (n_arrivals,) [s] after a sample, from 0 on */
   const int *arrival;       /* (N_U,) at which of them those of each actuator arrive */
   const int *delay_samples; /* (N_U,) whole samples before */
-  const double *most_change; /* (N_U,) [m] that the actuator can move from one command to the next */
+  const real *most_change;  /* (N_U,) [m] that the actuator can move from one command to the next */
   long long n_before;       /* rows of commands before the first one */
   plant_arguments with;     /* arguments of the plant, which change on the way */
   scene_control *controller; /* memory of any content */
