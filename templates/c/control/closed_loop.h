@@ -94,14 +94,13 @@ static inline int closed_loop_step(const plant_functions *f, long long k, closed
 /* Store what the controller did in a sample, and the tensions at its end; returns whether these are finite. */
 static inline int closed_loop_store(const plant_functions *f, long long k, closed_loop *d)
 {
-  const scene_control *c = d->controller;
   memcpy(d->input + k * N_IN, d->with.input, N_IN * sizeof(real));
 #if WITH_ESTIMATOR
-  memcpy(d->estimate + k * N_X, c->estimate, N_X * sizeof(real));
-  memcpy(d->disturbance + k * N_Q, c->disturbance, N_Q * sizeof(real));
+  memcpy(d->estimate + k * N_X, d->controller->estimate, N_X * sizeof(real));
+  memcpy(d->disturbance + k * N_Q, d->controller->disturbance, N_Q * sizeof(real));
 #endif
 #if WITH_DISTRIBUTION
-  memcpy(d->yields + k * N_DRIVEN, c->distribution.yields, N_DRIVEN * sizeof(int));
+  memcpy(d->yields + k * N_DRIVEN, d->controller->distribution.yields, N_DRIVEN * sizeof(int));
 #endif
   d->plant_status = plant_tension(f, d->state + (k + 1) * N_PLANT, &d->with, d->tension + (k + 1) * N_TENSIONS);
   return d->plant_status == PLANT_OK;

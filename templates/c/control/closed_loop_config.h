@@ -4,8 +4,6 @@
 #define CONTROL_CLOSED_LOOP_CONFIG_H
 #include "step.h"
 
-#include <math.h>
-
 #define WITH_LOADS 1 /* loads of the plant can change */
 
 enum { PLANT_OK = 0, PLANT_STEP_TOO_SMALL = 5 }; /* statuses of the plant */
