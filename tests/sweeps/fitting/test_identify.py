@@ -81,7 +81,7 @@ def test_a_class_of_cables_is_one_number() -> None:
     assert found.noise["tension"] == pytest.approx(0.05, rel=0.25)
 
 
-@pytest.mark.parametrize("seeds", [range(16), *thorough(range(200, 400))], ids=len)
+@pytest.mark.parametrize("seeds", [range(24), *thorough(range(200, 400))], ids=len)
 def test_intervals_hold_the_truth_as_often_as_they_say(seeds: range) -> None:
     hits = np.zeros(3)
     for seed in seeds:
