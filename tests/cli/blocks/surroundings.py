@@ -2,6 +2,7 @@
 
 import json
 
+from tests.control.feedback.standing_prism import SCENE as STANDING
 from tests.scene.formats.test_import_ansys import TEXT as ANSYS
 from tests.scene.formats.test_import_compas import EDGES, NODES
 from tests.scene.formats.test_import_gltf import LINES
@@ -40,6 +41,11 @@ EXCLUDED = (
     ("docs/sweep.md", "pip install", "installs packages, from a network"),
     ("docs/sweep.md", "dask scheduler", "needs several machines; tests/sweeps runs a cluster of processes"),
     ("docs/sweep.md", "from dask_jobqueue", "needs a cluster with SLURM"),
+    (
+        "docs/control.md",
+        "from tensegrity_codegen import read_profile",
+        "takes minutes; tests/control/feedback/test_recorded_motion.py runs a part of it",
+    ),
     ("docs/embedding.md", "integrators = ", "one line; tests/codegen/test_profiles_in_c.py has it"),
     ("docs/embedding.md", STEPPING, "tests/codegen/test_profiles_in_c.py runs the program"),
     ("docs/embedding.md", "cc -std=c99 -O2 -o stepping", "tests/codegen/test_profiles_in_c.py runs it"),
@@ -80,6 +86,7 @@ SCENES = {
 
 # Other files that a page presupposes.
 FILES = {
+    "docs/control.md": {"standing.toml": STANDING},
     "docs/import.md": {
         "nodes.csv": "node,x,y,z,mass,anchored\na,0,0,0,,yes\nb,1,0,0,1,no\n",
         "members.csv": "member,kind,node_i,node_j,axial_stiffness\nm,cable,a,b,1e4\n",

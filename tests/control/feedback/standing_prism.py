@@ -40,15 +40,17 @@ prestress = 20
 stiffness = 2e4
 restitution = { value = 0.5, speed = 1.0 }
 friction = 0.5
-"""
+""" + "".join(
+    f'\n[[actuators]]\nname = "w_{part}{k}"\nmembers = "{part}{k}"\nrate = 0.1\n'
+    for part in ("bottom", "top", "vertical")
+    for k in (1, 2, 3)
+)
 
 
 def build_standing(folder: Path, change: tuple[str, str] = ("", "")) -> CompiledModel:
     """Return the model; change: a text of the scene, and what stands in its place."""
-    names = [f"{part}{k}" for part in ("bottom", "top", "vertical") for k in (1, 2, 3)]
     text = SCENE.replace(*change) if change[0] else SCENE
     path = folder / "standing.toml"
-    winches = (f'\n[[actuators]]\nname = "w_{name}"\nmembers = "{name}"\nrate = 0.1\n' for name in names)
-    path.write_text(text + "".join(winches), encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     with without_optimisation():
         return compile_scene(path, for_=("equilibrium", "control"))
