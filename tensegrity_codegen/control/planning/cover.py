@@ -114,11 +114,15 @@ class Equations:
 
     def find_cell(self, x: FloatArray, change: FloatArray, half: float) -> Cell | None:
         """Return the cell about the equilibrium near `x`; None where the proof does not hold."""
-        for _ in range(N_ITERATIONS):
-            value, by_x, _ = self.compute(x, change)
-            x = x - np.linalg.solve(by_x, value)
-        value, by_x, by_u = self.compute(x, change)
-        inverse, free, count = np.linalg.inv(by_x), len(self.free), len(self.rest)
+        try:
+            for _ in range(N_ITERATIONS):
+                value, by_x, _ = self.compute(x, change)
+                x = x - np.linalg.solve(by_x, value)
+            value, by_x, by_u = self.compute(x, change)
+            inverse = np.linalg.inv(by_x)
+        except np.linalg.LinAlgError:  # a shape that gives way
+            return None
+        free, count = len(self.free), len(self.rest)
         slope = -inverse @ by_u
         rest = self.rest + self.pull @ (change - self.start.change)
         width, ends = np.abs(self.pull).sum(axis=1) * half, [3 * count, 4 * count]

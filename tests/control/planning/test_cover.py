@@ -15,7 +15,7 @@ import pytest
 from tensegrity_codegen.control.pages.plans import describe_plan, describe_plan_finding
 from tensegrity_codegen.control.planning.actuation import find_actuation
 from tensegrity_codegen.control.planning.branches import Walk
-from tensegrity_codegen.control.planning.cover import find_cover
+from tensegrity_codegen.control.planning.cover import Equations, find_cover
 from tensegrity_codegen.control.planning.limits import build_limits
 from tensegrity_codegen.control.planning.plan import plan
 from tensegrity_codegen.control.planning.plan_point import PlanModel
@@ -395,6 +395,17 @@ def test_the_twist_of_a_prism_by_one_motor_on_its_verticals() -> None:
     check_exactly(
         structure, proof, {"twist": 165.0}, [proof.end.index("least tension"), 0, len(proof.end) - 3]
     )
+
+
+def test_a_shape_that_gives_way_has_no_cell() -> None:
+    """Without lengths and forces the derivatives are singular."""
+    model = compile_plan(build_small())
+    plan_model = PlanModel(model, find_actuation(model))
+    limits = build_limits(model, plan_model.ranges)
+    start = find_start(plan_model, limits).at
+    equations = Equations(plan_model, build_small(), limits, start)
+    assert equations.find_cell(equations.stated, start.change, 1e-4) is not None
+    assert equations.find_cell(0.0 * equations.stated, start.change, 1e-4) is None
 
 
 SHAPES = ("height", "twist", "tilt", "t1.z", 'member_length["opposite1"]')
