@@ -68,7 +68,7 @@ def record_motion(model: CompiledModel, run: Trajectory) -> Motion:
         coordinate=run.coordinate,
         velocity=run.velocity,
         acceleration=np.array(found),
-        rest_length=np.array([PlanModel(model, actuation, None).rest_length(row) for row in inputs]),
+        rest_length=PlanModel(model, actuation).rest_length(inputs),
         input=run.input,
         member_tension=run.member_tension,
         peak_rate=np.abs(np.diff(inputs, axis=0) / np.diff(run.time)[:, None]).max(axis=0),
