@@ -53,18 +53,25 @@ def _describe_limits(subject: Subject) -> dict[str, Any]:
     """Return the limits: once where all members that can have one share it, else member by member."""
     limits = subject.limits
     document: dict[str, Any] = {}
-    members: dict[int, dict[str, float]] = {}
+    members: dict[int, dict[str, float | bool]] = {}
     usual = find_limited(subject)
+    if (limits.buckling[subject.is_bar] == -math.inf).all():
+        usual["buckling"] = subject.is_bar
     for key, none in MEMBER_LIMITS.items():
         values = getattr(limits, key)
         shared = np.unique(values[usual[key]])
         is_shared = len(shared) == 1 and shared[0] != none
         if is_shared:
-            document[key] = float(shared[0])
+            document[key] = _describe_value(key, shared[0])
         for e in np.flatnonzero((values != none) & ~(usual[key] & is_shared)).tolist():
-            members.setdefault(e, {})[key] = float(values[e])
+            members.setdefault(e, {})[key] = _describe_value(key, values[e])
     for key in ("clearance", "least_stiffness"):
         if math.isfinite(getattr(limits, key)):
             document[key] = float(getattr(limits, key))
     by_name = {subject.member_name[e]: members[e] for e in sorted(members)}
     return document | ({"members": by_name} if by_name else {})
+
+
+def _describe_value(key: str, value: float) -> float | bool:
+    """Return a limit of members as scenes state it."""
+    return False if key == "buckling" and value < 0 else float(value)

@@ -23,7 +23,7 @@ def _no_members() -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits of a structure, member by member; without a limit a value is infinite, and `buckling` is 0.
+    """Limits of a structure, member by member; without a limit a value is infinite, `buckling` 0 or less.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Limits:
     yield_stress : ndarray, shape (n_members,) [Pa]
         Largest axial stress, in tension and in compression; infinite without a limit.
     buckling : ndarray, shape (n_members,) [1]
-        Safety factor against Euler buckling; 0 without a limit.
+        Safety factor against Euler buckling; 0 without a limit; -infinity where it is stated as false.
     clearance : float [m]
         Least distance between the surfaces of bars; -infinity without a limit.
     least_stiffness : float [N/m]

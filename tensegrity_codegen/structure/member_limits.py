@@ -183,7 +183,7 @@ def check_members(
     names = structure.member_name
     solid = structure.is_bar | (structure.radius > 0)
     doubtful = {
-        "buckling": np.where(allowed["buckling"] > 0, np.nan, -tension / load),
+        "buckling": np.where(allowed["buckling"] == 0, -tension / load, np.nan),
         "strain": np.where(solid, np.abs(strain) / LARGEST_STRAIN, np.nan),
     }
     least = {"buckling": np.ones_like(area), "strain": np.full_like(area, LARGEST_STRAIN)}

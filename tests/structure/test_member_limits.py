@@ -40,6 +40,10 @@ def test_stress_and_buckling() -> None:
     assert np.isnan(found.buckling_load[1])
     assert found.exceeded == ()
     assert found.worst is None
+    heavy, length = np.array([-2.0 * load, 30.0]), np.array([2.0, 2.0])
+    assert [item.limit for item in check_members(structure, heavy, length).doubtful] == ["buckling"]
+    waived = check_members(strut(buckling=-INF), heavy, length)
+    assert (waived.exceeded, waived.doubtful) == ((), ())
     pulled = check_members(structure, np.array([50.0, 30.0]), np.array([2.0, 2.0]))
     assert pulled.buckling_factor[0] == INF
 

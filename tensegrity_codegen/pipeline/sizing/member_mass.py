@@ -18,7 +18,8 @@ class Material:
     """What members are made of, (n_members,) each.
 
     youngs_modulus [Pa] (nan: not known, of cables), density [kg/m3], yield_stress [Pa], safety_factor against
-    buckling, radius_ratio inner over outer radius; is_bar; johnson: whether stocky bars buckle by Johnson.
+    buckling, radius_ratio inner over outer radius; buckles: bars of which buckling counts; johnson:
+    whether stocky bars buckle by Johnson.
     """
 
     youngs_modulus: FloatArray
@@ -26,7 +27,7 @@ class Material:
     yield_stress: FloatArray
     safety_factor: FloatArray
     radius_ratio: FloatArray
-    is_bar: BoolArray
+    buckles: BoolArray
     johnson: bool
 
 
@@ -112,7 +113,7 @@ class MassLaw:
 
 def find_mass_law(material: Material, length: FloatArray) -> MassLaw:
     """Return the masses over the forces of members of these lengths (n_members,) [m]."""
-    bars = material.is_bar
+    bars = material.buckles
     modulus = np.where(bars, material.youngs_modulus, 1.0)
     shape = (1 - material.radius_ratio**2) / (1 + material.radius_ratio**2)
     direct = material.density * length / material.yield_stress

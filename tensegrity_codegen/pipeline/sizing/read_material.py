@@ -43,13 +43,14 @@ def read_material(
         ratio = np.where(outer > 0, inner / outer, 0.0)
     yields = structure.limits.yield_stress
     everyone = np.ones(structure.n_members, dtype=bool)
+    buckles = structure.is_bar & (structure.limits.buckling >= 0)
     return Material(
-        youngs_modulus=_read(structure, "youngs_modulus", youngs_modulus, modulus, structure.is_bar),
+        youngs_modulus=_read(structure, "youngs_modulus", youngs_modulus, modulus, buckles),
         density=_read(structure, "density", density, own_density, everyone),
         yield_stress=_read(structure, "yield_stress", yield_stress, yields, everyone),
         safety_factor=np.maximum(structure.limits.buckling, 1.0),
         radius_ratio=ratio,
-        is_bar=structure.is_bar,
+        buckles=buckles,
         johnson=johnson,
     )
 

@@ -48,7 +48,8 @@ def size_members(
     ----------
     scene : str, Path, mapping or Scene
         As for `read_scene`: nodes, anchors, loads, members. Of the limits, `least_tension` and
-        `most_tension` bound forces, `buckling` is the safety factor of bars (1 where not stated).
+        `most_tension` bound forces, `buckling` is the safety factor of bars (1 where not stated; false:
+        they yield and do not buckle).
     youngs_modulus, density, yield_stress : float or mapping of str to float, optional
         Material [Pa, kg/m3, Pa]: of all members, or by member, group, class, ``"cables"``, ``"bars"`` or
         ``"all"``; what is stated of fewer members comes first. By default that of the scene: the modulus from

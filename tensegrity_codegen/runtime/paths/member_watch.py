@@ -20,7 +20,7 @@ def watch_members(path: ModelPath, structure: Structure | BodySystem) -> list[Wa
     path : ModelPath
         The load path; its model needs ``MEMBER_WATCH_QUANTITIES``.
     structure : Structure or BodySystem
-        With the limits. Members without a limit of the buckling are watched for Euler's load.
+        With the limits. Members with no statement of buckling are watched for Euler's load.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def watch_members(path: ModelPath, structure: Structure | BodySystem) -> list[Wa
     euler, area = np.pi**2 * structure.flexural_rigidity, structure.section_area
     factor = np.where(limits.buckling > 0, limits.buckling, 1.0)
     masks = {
-        "buckling": ~structure.tension_only & (euler > 0),
+        "buckling": ~structure.tension_only & (euler > 0) & (limits.buckling >= 0),
         "yield_stress": np.isfinite(limits.yield_stress) & (area > 0),
         "least_tension": np.isfinite(limits.least_tension),
         "most_tension": np.isfinite(limits.most_tension),

@@ -51,7 +51,8 @@ def build_limits(
         return Limits()
     built = _MemberValues(subject, where)
     _check_all(stated, subject, where)
-    for key, limited in find_limited(subject).items():
+    for key, usual in find_limited(subject).items():
+        limited = subject.is_bar if getattr(stated, key) is False else usual
         built.set(stated, key, np.flatnonzero(limited), "limits")
     of_class: dict[str, list[int]] = {}
     for row, owner in enumerate(subject.member_class):
@@ -85,7 +86,7 @@ class _MemberValues:
         value = getattr(table, key)
         if value is None:
             return
-        self.values[key][rows] = float(value)
+        self.values[key][rows] = -math.inf if value is False else float(value)
         if key in self._source:
             self._source[key].update(dict.fromkeys(rows.tolist(), key_path("", *place, key)))
 

@@ -93,7 +93,7 @@ def _check_limits(structure: Structure, where: str) -> None:
             given=values,
         )
         report(np.isnan(values), NonFiniteError, "not a number", allowed="numbers; infinite without a limit")
-        is_free = np.isneginf(values) & (key == "least_tension")
+        is_free = np.isneginf(values) & (key in ("least_tension", "buckling"))
         report((values < 0) & ~is_free, InvalidValueError, "a negative limit", allowed="0 or more")
     refuse(
         limits.least_tension > limits.most_tension,

@@ -34,6 +34,8 @@ def test_a_strut_buckles_and_yields_where_it_must() -> None:
 
     assert follow(structure, 80.0) == pytest.approx({"e0 (buckling)": buckle(1)}, rel=1e-9)
     limited = structure.with_changes(limits=limits)
+    waived = Limits(**{**{name: getattr(limits, name) for name in stated}, "buckling": np.array([-np.inf])})
+    assert "e0 (buckling)" not in follow(structure.with_changes(limits=waived), 80.0)
     expected = {
         "e0 (buckling)": buckle(2),
         "e0 (least_tension)": 50.0,
