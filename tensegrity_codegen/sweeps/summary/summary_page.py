@@ -206,10 +206,11 @@ def _draw_over(summary: SweepSummary, item: ResultSummary, number: int) -> Itera
     if len(axes) >= 2:
         first, second = axes[:2]
         yield draw_heat_map(results, (first, second), item.result, f"{name}map")
-        rest = [place for place in order if place not in (first, second)]
+        mapped = (first, second) if summary.over else axes
+        rest = [place for place in order if place not in mapped]
     else:
         rest = list(order)
-    for place in rest if summary.over else [place for place in rest if place not in axes][:MOST_KEYS]:
+    for place in rest if summary.over else rest[:MOST_KEYS]:
         yield draw_scatter(results, place, item.result, f"{name}{place}")
 
 

@@ -114,6 +114,23 @@ def test_figures_follow_the_kind_of_cases() -> None:
     assert figures_of(page_of("saltelli"), "causes")[0].data["key"] == ["a", "b", "c"]
 
 
+def test_one_axis_of_a_grid_beside_samples_is_drawn_where_it_matters_most() -> None:
+    rng = np.random.default_rng(3)
+    grid = np.repeat(np.linspace(-20.0, 0.0, 21), 5)
+    values = np.column_stack([grid, rng.normal(500.0, 50.0, len(grid)), rng.normal(size=len(grid))])
+    height = 3.0 * values[:, 0] + 0.02 * values[:, 1]
+    sweep = make_sweep(
+        values, ("gravity[2]", "spring", "noise"), [keep("height", height, "m")],
+        axes={"gravity[2]": np.unique(grid)},
+    )  # fmt: skip
+    drawn = figures_of(build_summary_page(summarize(sweep), COMMAND), "keys")
+    assert [figure.caption for figure in drawn] == [
+        "height over gravity[2]: a point a case.",
+        "height over spring: a point a case.",
+    ]
+    assert drawn[0].data == {"x": grid.tolist(), "y": height.tolist()}
+
+
 def test_a_grid_of_one_key_is_a_curve() -> None:
     grid = make_grid(12, 1)
     sweep = make_sweep(
