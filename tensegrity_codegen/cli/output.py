@@ -95,7 +95,7 @@ class Output:
         if not self.whole and is_cut(table.count, most):
             title = f"{table.describe_cut(most)} with --all, and in --json"
             print_text(table.write(table.pick(most), title))
-        elif table.count > MOST_DRAWN:
+        elif table.count > MOST_DRAWN or not table.fits(self.human.width):
             print_text(table.write(range(table.count), table.title))
         else:
             self.human.print(table, markup=False, emoji=False)

@@ -14,6 +14,7 @@ Ranking = tuple[tuple[str, Sequence[int]], ...]
 MOST_WHOLE = 30  # rows of all tables of a result, up to which all are printed if they fit
 MOST_TOGETHER = 20  # rows of all tables, where there are more
 MOST_ROWS = 10  # of one table then; a table with a fifth more is printed whole
+LEAST_FOLDED = 8  # characters of a line of text that folds
 AROUND = 7  # lines of a table besides its rows
 SIDES = {"f": "left", "l": "left", "r": "right"}
 
@@ -67,6 +68,18 @@ class LongTable:
         why = ", ".join(reason for reason, order in self.ranking if len(order))
         cut = f"{shown} of {self.count:,} {self.things} ({why}), {self.count - shown:,} more"
         return f"{self.title}; {cut}" if self.title else cut
+
+    def fits(self, width: int) -> bool:
+        """Return whether all that stays on one line fits into so many characters beside text that folds."""
+        texts = [self.heads, *map(self.row, range(self.count))]
+        lengths = [
+            max(len(line) for text in column for line in text.split("\n"))
+            for column in zip(*texts, strict=True)
+        ]
+        kept = [
+            min(n, LEAST_FOLDED) if side == "f" else n for side, n in zip(self.sides, lengths, strict=True)
+        ]
+        return sum(kept) + 2 * len(kept) <= width
 
     def __rich__(self) -> "Table":
         from rich.text import Text

@@ -108,20 +108,20 @@ def _unit(unit: str) -> str:
 def list_tables(summary: SweepSummary) -> Iterator[LongTable | str]:
     """Yield endings, keys of failures, results, what these depend on, and worst cases."""
     endings = [(item.status, f"{item.count:,}", str(item.first), item.message) for item in summary.endings]
-    yield _table(("status", "cases", "first case", "its message"), endings, "statuses")
+    yield _table("frrf", ("status", "cases", "first case", "its message"), endings, "statuses")
     failing = [
         (row.key, f"{row.distance:.2f}", f"{row.failed:.5g}", f"{row.good:.5g}") for row in summary.failing
     ]
     if failing:
-        heads = ("key", "distance of failed cases", "median, failed", "median, good")
-        yield _table(heads, failing, "keys", "largest distance")
+        heads = ("key", "distance of\nfailed cases", "median,\nfailed", "median,\ngood")
+        yield _table("frrr", heads, failing, "keys", "largest distance")
     if not summary.chosen:
         return
     columns = ("result", "unit", "least", "5 %", "median", "mean", "95 %", "largest")
-    yield _table(columns, [_describe_spread(item) for item in summary.chosen], "results")
+    yield _table("ffrrrrrr", columns, [_describe_spread(item) for item in summary.chosen], "results")
     yield from _causes(summary)
     worst = [(str(item.case), _list_keys(item.keys), item.reason) for item in summary.worst]
-    yield _table(("worst case", "its keys", "why"), worst, "worst cases")
+    yield _table("rff", ("worst case", "its keys", "why"), worst, "worst cases")
 
 
 def _list_keys(keys: Mapping[str, float]) -> str:
@@ -154,13 +154,14 @@ def _causes(summary: SweepSummary) -> Iterator[LongTable | str]:
                 )
             rows.append((item.result.name, key, *words, f"{item.correlation[place]:.2f}"))
     order = rank_rows(-np.concatenate([item.strength for item in summary.chosen]))
-    heads = ("result", "key", "first order", "total", "rank correlation")
-    yield _table(heads, rows, "pairs of result and key", "strongest", order)
+    heads = ("result", "key", "first order", "total", "rank\ncorrelation")
+    yield _table("ffrrr", heads, rows, "pairs of result and key", "strongest", order)
     for reason in sorted({item.indices for item in summary.chosen if isinstance(item.indices, str)}):
         yield f"no Sobol' indices: {reason}"
 
 
 def _table(
+    sides: str,
     heads: tuple[str, ...],
     rows: Sequence[tuple[str, ...]],
     things: str,
@@ -169,4 +170,4 @@ def _table(
 ) -> LongTable:
     """Return a table without title; order: of its rows, where the first are not those that matter most."""
     ranking = ((why, range(len(rows)) if order is None else order),)
-    return LongTable("", heads, "f" * len(heads), len(rows), rows.__getitem__, things, ranking)
+    return LongTable("", heads, sides, len(rows), rows.__getitem__, things, ranking)

@@ -1,11 +1,14 @@
 """The headline of a sweep: how many cases have a result, why others have none, the range of the first."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.summary.finding import describe_finding, describe_lead
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.report.long_table import LongTable
+from tensegrity_codegen.sweeps.summary.finding import describe_finding, describe_lead, list_tables
 from tensegrity_codegen.sweeps.summary.statistics import describe_count, is_difference_clear
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tests.sweeps.summary.sweeps import keep, make_grid, make_sample, make_sweep
@@ -26,6 +29,27 @@ def test_all_cases_with_the_range_of_the_first_result() -> None:
     assert say([1e-17, 5.0]) == "All 2 cases converged; t 0 to 5 N"
     assert say([1000.001, 1000.002]) == "All 2 cases converged; t 1000.001 to 1000.002 N"
     assert say([-4.0]) == "1 of 1 cases converged; t −4 N"
+
+
+@pytest.mark.parametrize("scale", [1.0, -1.2345678e-13])
+def test_numbers_stay_whole_in_80_columns(
+    scale: float, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Names fold; where numbers leave no room for names, lines are longer."""
+    monkeypatch.setenv("COLUMNS", "80")
+    made = make_sample(300)
+    keys = tuple(f"classes.cable_of_the_upper_ring_{k}.spring_constant" for k in range(3))
+    energy = keep("elastic_energy_of_all_members", scale * np.exp(made.key_values[:, 0]), "J")
+    summary = summarize(replace(made, keys=keys, kept={energy.name: energy}))
+    tables = [item for item in list_tables(summary) if isinstance(item, LongTable)]
+    assert len(tables) == 5
+    Output(as_json=False).result({}, *tables)
+    out = capsys.readouterr().out
+    words = out.split()
+    for table in tables:
+        for text in (text for row in range(table.count) for text in table.row(row)):
+            assert not re.fullmatch(r"[-−+.,e\d±% ]+", text) or set(text.split()) <= set(words), text
+    assert max(map(len, out.splitlines())) <= (80 if scale == 1.0 else 130)
 
 
 def test_failed_and_missing_cases_are_counted_with_their_status() -> None:
