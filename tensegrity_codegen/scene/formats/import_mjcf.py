@@ -15,11 +15,11 @@ import numpy as np
 from tensegrity_codegen.scene.formats.files.xml_file import find_root, read_numbers, read_xml
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult
-from tensegrity_codegen.scene.formats.mjcf.defaults import read_defaults
+from tensegrity_codegen.scene.formats.mjcf.defaults import Defaults, read_defaults
 from tensegrity_codegen.scene.formats.mjcf.links import Link, read_links
 from tensegrity_codegen.scene.formats.mjcf.tendons import read_actuators, read_coupled_masses, read_tendons
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
-from tensegrity_codegen.scene.names import check_known
+from tensegrity_codegen.scene.names import check_known, name_list
 from tensegrity_codegen.system.errors import InvalidValueError
 
 WHAT = "a model of MuJoCo (MJCF)"
@@ -41,8 +41,7 @@ def import_mjcf(
     if root.tag != "mujoco":
         raise InvalidValueError("not a model of MuJoCo", where=file, given=root.tag[:80], allowed="<mujoco>")
     defaults = read_defaults(root, file)
-    options = [item.get("gravity") for item in root.iterfind("option") if item.get("gravity")]
-    down = read_numbers((options or [GRAVITY])[-1] or GRAVITY, f"{file}: option.gravity", (3,))
+    down = _read_gravity(root, defaults, file)
     network = Network(gravity=down if any(down) else None)
     links = read_links(root, defaults, _read_speeds(root, network, file), file)
     sites = {site: link for link in links for site in link.sites}
@@ -52,25 +51,39 @@ def import_mjcf(
         check_known(end, sites, "unknown site", "a site", file)
     bars = [bar for link in links if (bar := _add_link(network, link, set(used), file)) is not None]
     network.members = [*bars, *members]
-    _couple(network, read_coupled_masses(root, file), down)
-    read_actuators(root, network, {item.name: item.values for item in members}, file)
+    _couple(network, read_coupled_masses(root, defaults, file), down)
+    values = {item.name: item.values for item in members}
+    read_actuators(root, defaults, network, values, links[0].frames, file)
     damped = [item for item in members if "damping" in item.values and "tension_only" not in item.values]
     if any(item.values["kind"] == "cable" for item in damped):
         network.notes.append("in MuJoCo tendons keep their damping while slack, cables do not")
+    network.notes += defaults.describe_unread()
     _note_left(root, network)
     return build_result(network, path, name, gravity)
+
+
+def _read_gravity(root: Element, defaults: Defaults, file: str) -> list[float]:
+    """Return the gravity that the options of a model state [m/s2]."""
+    down, is_on = GRAVITY, True
+    for option in root.iterfind("option"):
+        down = defaults.complete(option, "option").get("gravity", down)
+        for flag in option.iterfind("flag"):
+            is_on = defaults.complete(flag, "flag").get("gravity", "enable" if is_on else "") == "enable"
+    found = read_numbers(down, f"{file}: option.gravity", (3,))
+    return found if is_on else [0.0] * 3
 
 
 def _read_speeds(root: Element, network: Network, file: str) -> list[float] | None:
     """Return the speeds of the keyframe `start`, or else of the first one."""
     frames = list(root.iterfind("keyframe/key"))
     chosen = next((item for item in frames if item.get("name") == "start"), frames[0] if frames else None)
-    if chosen is None or chosen.get("qvel") is None:
+    if chosen is None or not {"qpos", "qvel"} & chosen.attrib.keys():
         return None
     network.notes.append(
         f"velocities are those of the keyframe {chosen.get('name', '0')!r}, positions those of the model"
     )
-    return read_numbers(chosen.get("qvel", ""), f"{file}: keyframe.key.qvel")
+    speeds = chosen.get("qvel")
+    return None if speeds is None else read_numbers(speeds, f"{file}: keyframe.key.qvel")
 
 
 def _add_link(network: Network, link: Link, used: set[str], file: str) -> NetworkMember | None:
@@ -198,7 +211,7 @@ def _couple(network: Network, masses: dict[str, float], gravity: Sequence[float]
             if any(gravity):
                 network.loads.append((end, [-mass / 3 * value for value in gravity]))
     if masses:
-        network.notes.append(f"fixed tendons that are not read: {', '.join(list(masses)[:5])}")
+        network.notes.append(f"fixed tendons that are not read: {name_list(masses)}")
 
 
 def _note_left(root: Element, network: Network) -> None:

@@ -226,6 +226,103 @@ def test_a_rod_with_sites_off_its_axis_has_its_centre_between_them_and_a_note(tm
     assert "off the line between its two sites" in str(caught.value.given)
 
 
+LIMITED = """<mujoco model="limited">
+  <compiler angle="radian"/>
+  <option gravity="0 0 -5" density="1.2" wind="0 0 0"><flag gravity="disable" spring="disable"/></option>
+  <default>
+    <joint damping="0.5" armature="0"/><motor gear="2 0 0 0 0 0"/>
+    <default class="tight"><joint stiffness="7"/><tendon frictionloss="3"/></default>
+  </default>
+  <worldbody>
+    <site name="a" euler="0 0 1.5707963267948966"/>
+    <site name="hang" type="capsule" size="0.01" fromto="0 0 1 0 2 1"/>
+    <body name="b" pos="0 0 -1" gravcomp="0.5" childclass="tight">
+      <joint name="x" type="slide" axis="1 0 0"/>
+      <joint name="y" type="slide" axis="0 1 0" class="main" damping="0 0 0" range="-1 1"/>
+      <joint type="slide" axis="0 0 1" range="-1 1" limited="false"/>
+      <geom type="ellipsoid" fromto="0 0 -0.5 0 0 0.5" size="0.02"/><site name="b"/>
+    </body>
+    <body name="p" pos="1 0 0">
+      <joint name="hinge" type="ball" pos="0 0 0.5"/><geom type="box" fromto="0 0 0.5 0 0 -0.5" size="0.02"/>
+      <site name="p0" pos="0 0 0.5"/><site name="p1" pos="0 0 -0.5"/>
+    </body>
+  </worldbody>
+  <tendon>
+    <spatial name="rope" stiffness="10" springlength="0 1" range="0 1.05">
+      <site site="hang"/><site site="b"/></spatial>
+    <spatial name="t" class="tight" stiffness="9" springlength="0 1">
+      <site site="b"/><site site="p1"/></spatial>
+  </tendon>
+  <actuator>
+    <motor name="push" site="b" refsite="a" ctrlrange="0 1"/>
+    <motor name="inner" site="p1" refsite="b"/>
+    <general name="integral" dyntype="integrator" site="b" refsite="a"/>
+  </actuator>
+</mujoco>
+"""
+
+
+def test_what_acts_in_mujoco_and_is_not_read_is_named(tmp_path: Path) -> None:
+    notes = load(tmp_path, LIMITED).notes
+    mark = " is not read, though it acts in MuJoCo: "
+    assert dict(note.split(mark) for note in notes if mark in note) == {
+        "option density": "(1.2)",
+        "flag spring": "(disable)",
+        "body gravcomp": "b (0.5)",
+        "joint damping": "x (0.5), b (0.5), hinge (0.5)",
+        "joint stiffness": "x (7), b (7)",
+        "joint range": "y (-1 1)",
+        "spatial range": "rope (0 1.05)",
+        "spatial frictionloss": "t (3)",
+        "motor ctrlrange": "push (0 1)",
+    }
+    assert "actuators that are not read: inner, integral" in notes
+    plain = TEXT.replace('damping="0.5"', 'damping="0.5" range="0 1" armature="0" limited="auto"')
+    assert [note for note in load(tmp_path, plain).notes if mark in note] == [
+        f"spatial range{mark}t1 (0 1), t2 (0 1), t3 (0 1), t4 (0 1)"
+    ]
+    off = plain.replace('<compiler angle="degree"', '<compiler angle="degree" autolimits="false"')
+    assert not [note for note in load(tmp_path, off).notes if mark in note]
+
+
+def check_against_mujoco(document: dict[str, Any], masses: list[float], places: list[list[float]]) -> None:
+    new = build(document)
+    own = [*by_name(new, "node_mass", ("b",)), *by_name(new, "member_mass", ("p",))]
+    np.testing.assert_allclose(own, masses, rtol=1e-12)
+    np.testing.assert_allclose(by_name(new, "node_position", ("hang", "p_pivot", "p1")), places, atol=1e-15)
+    assert by_name(new, "node_anchored", ("p_pivot", "p1")).tolist() == [[True] * 3, [False] * 3]
+
+
+def test_frames_classes_and_sizes_between_points_are_those_of_mujoco(tmp_path: Path) -> None:
+    document = load(tmp_path, LIMITED).document
+    masses = [4 / 3 * math.pi * 0.02**2 * 0.5 * 1000, 0.04**2 * 1000]
+    check_against_mujoco(document, masses, [[0, 1, 1], [1, 0, 0.5], [1, 0, -0.5]])
+    assert "gravity" not in document
+    (push,) = document["inputs"]
+    assert push["name"] == "push"
+    np.testing.assert_allclose(push["direction"], [0, 2, 0], atol=1e-15)
+
+
+@pytest.mark.peers
+def test_masses_places_and_forces_are_those_of_mujoco(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="needs the package mujoco")
+    model = mujoco.MjModel.from_xml_string(LIMITED)
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 1
+    mujoco.mj_forward(model, data)
+    places = [data.site(name).xpos.tolist() for name in ("hang", "p0", "p1")]
+    document = load(tmp_path, LIMITED).document
+    check_against_mujoco(document, model.body_mass[1:].tolist(), places)
+    np.testing.assert_allclose(document["inputs"][0]["direction"], data.qfrc_actuator[:3], atol=1e-14)
+
+
+def test_a_sliding_rod_is_refused_with_what_to_try(tmp_path: Path) -> None:
+    text = TEXT.replace('<site name="c"', '<body><joint type="slide"/><site name="c2"/></body><site name="c"')
+    with pytest.raises(InvalidValueError, match="slides on a turning one") as caught:
+        load(tmp_path, text)
+    assert "rigid bar" in caught.value.hint
+
+
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=30))
 def test_hostile_names_become_names_of_a_scene(tmp_path: Path, word: str) -> None:

@@ -15,6 +15,7 @@ from tensegrity_codegen.system.errors import InvalidValueError
 
 WATER = 1000.0  # kg/m3, density of geoms in MuJoCo where none is given
 ALIGNMENT_TOLERANCE = 1e-9  # of a direction along an axis
+INSTEAD = "write the structure as a scene of bodies"
 
 
 @dataclass
@@ -22,9 +23,10 @@ class Link:
     """What moves as one.
 
     kind: "static", "sliding" (without rotation), "free" or "ball"; position [m], rotation (3, 3): frame at
-    the start; free (3,): axes along which a sliding link moves; sites: positions [m] by name; mass [kg],
-    centre [m], across [kg m2]: inertia about the centre across its longest axis, None where only geoms give
-    the mass; speed, spin: velocity of the origin [m/s] and angular velocity [rad/s] at the start.
+    the start; free (3,): axes along which a sliding link moves; sites: positions [m] by name; frames (3, 3):
+    rotations of the sites of a static link; mass [kg], centre [m], across [kg m2]: inertia about the centre
+    across its longest axis, None where only geoms give the mass; speed, spin: velocity of the origin [m/s]
+    and angular velocity [rad/s] at the start.
     """
 
     name: str
@@ -33,6 +35,7 @@ class Link:
     rotation: FloatArray
     free: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(3, dtype=bool))
     sites: dict[str, FloatArray] = field(default_factory=dict)
+    frames: dict[str, FloatArray] = field(default_factory=dict)
     mass: float = 0.0
     centre: FloatArray = field(default_factory=lambda: np.zeros(3))
     across: float | None = None
@@ -65,6 +68,7 @@ def read_links(root: Element, defaults: Defaults, speeds: list[float] | None, fi
     """Return the links of a model, the world first; speeds: those of the joints at the start."""
     angle, sequence = "degree", "xyz"
     for element in root.iterfind("compiler"):
+        defaults.complete(element, "compiler")
         angle, sequence = element.get("angle", angle), element.get("eulerseq", sequence)
     if sorted(sequence.lower()) != ["x", "y", "z"]:
         raise InvalidValueError(
@@ -86,13 +90,15 @@ def _fill(
     inertial = element.find("inertial")
     for site in element.iterfind("site"):
         values = walk.defaults.complete(site, "site", around)
-        if site.get("name"):
-            link.sites[site.get("name", "")] = position + rotation @ _vector(values, "pos", walk.where(site))
+        if name := site.get("name"):
+            link.sites[name] = position + rotation @ _read_place(values, walk.where(site))[0]
+            if link.kind == "static":
+                link.frames[name] = rotation @ _read_rotation(walk, values, walk.where(site))
     if inertial is not None and link.kind != "static":
         _add_inertia(walk, inertial, link, position, rotation)
     elif link.kind != "static":
         for geom in element.iterfind("geom"):
-            values = walk.defaults.complete(geom, "geom", around)
+            values = walk.defaults.complete(geom, "geom", around, element.get("name", ""))
             mass, centre = _read_geom(values, walk.where(geom))
             _add_mass(link, mass, position + rotation @ centre, None)
     for body in element.iterfind("body"):
@@ -106,21 +112,22 @@ def _add_body(
     where = walk.where(body)
     place = position + rotation @ _vector(body.attrib, "pos", where)
     turned = rotation @ _read_rotation(walk, body.attrib, where)
-    joints = [item for item in body if item.tag in ("joint", "freejoint")]
+    name = body.get("name", f"body{len(walk.links)}")
+    walk.defaults.complete(body, "body", owner=name)
+    tags = [item for item in body if item.tag in ("joint", "freejoint")]
+    joints = [walk.defaults.complete(item, item.tag, around, name) for item in tags]
     kinds = [
-        "free"
-        if item.tag == "freejoint"
-        else walk.defaults.complete(item, "joint", around).get("type", "hinge")
-        for item in joints
+        "free" if item.tag == "freejoint" else values.get("type", "hinge")
+        for item, values in zip(tags, joints, strict=True)
     ]
     if not joints:
         _fill(walk, body, above, place, turned, around)
         return
-    name = body.get("name", f"body{len(walk.links)}")
     if set(kinds) == {"slide"}:
-        link = _slide(walk, joints, above, Link(name, "sliding", place, turned), around)
+        link = _slide(walk, joints, above, Link(name, "sliding", place, turned))
     elif kinds == ["free"] or (kinds == ["ball"] and above.kind == "static"):
-        link = Link(name, kinds[0], place, turned)
+        pivot = _vector(joints[0], "pos", where) if kinds == ["ball"] else np.zeros(3)
+        link = Link(name, kinds[0], place + turned @ pivot, turned)
         numbers = walk.take(6 if kinds == ["free"] else 3)
         link.speed = np.array(numbers[:3]) if kinds == ["free"] else np.zeros(3)
         link.spin = turned @ np.array(numbers[-3:])
@@ -130,29 +137,34 @@ def _add_body(
             where=where,
             given=", ".join(kinds),
             allowed="slide joints, one free joint, or one ball joint at the world",
+            hint=INSTEAD,
         )
     walk.links.append(link)
     _fill(walk, body, link, place, turned, around)
 
 
-def _slide(walk: _Walk, joints: list[Element], above: Link, link: Link, around: str) -> Link:
+def _slide(walk: _Walk, joints: list[dict[str, str]], above: Link, link: Link) -> Link:
     """Complete a link that only slides, along axes of the world; raises InvalidValueError for others."""
     if above.kind not in ("static", "sliding"):
         raise InvalidValueError(
-            "a body that slides on a turning one is not read", where=f"{walk.file}: body {link.name}"
+            "a body that slides on a turning one is not read",
+            where=f"{walk.file}: body {link.name}",
+            allowed="bodies that slide in the world, or on others that slide",
+            hint="put both sites on one body, which is a rigid bar; an elastic one is a bar of the scene",
         )
     link.speed = above.speed.copy()
-    for joint, speed in zip(joints, walk.take(len(joints)), strict=True):
-        values = walk.defaults.complete(joint, "joint", around)
-        axis = link.rotation @ _vector(values, "axis", walk.where(joint), "0 0 1")
+    for values, speed in zip(joints, walk.take(len(joints)), strict=True):
+        where = f"{walk.file}: joint {values.get('name', f'of body {link.name}')[:60]}"
+        axis = link.rotation @ _vector(values, "axis", where, "0 0 1")
         axis = axis / (np.linalg.norm(axis) or 1.0)
         main = int(np.abs(axis).argmax())
         if abs(abs(axis[main]) - 1.0) > ALIGNMENT_TOLERANCE or link.free[main]:
             raise InvalidValueError(
                 "a slide joint that is not along an axis of the world, or along one twice",
-                where=walk.where(joint),
+                where=where,
                 given=" ".join(f"{value:.6g}" for value in axis),
                 allowed="1 0 0, 0 1 0 and 0 0 1, each once",
+                hint=INSTEAD,
             )
         link.free[main] = True
         link.speed[main] += math.copysign(speed, axis[main] * speed)
@@ -161,6 +173,7 @@ def _slide(walk: _Walk, joints: list[Element], above: Link, link: Link, around: 
             "a body without a joint along an axis along which the body that carries it slides",
             where=f"{walk.file}: body {link.name}",
             allowed="slide joints along the same axes at least",
+            hint=INSTEAD,
         )
     return link
 
@@ -189,17 +202,15 @@ def _add_mass(link: Link, mass: float, centre: FloatArray, across: float | None)
 
 def _read_geom(values: Mapping[str, str], where: str) -> tuple[float, FloatArray]:
     """Return mass and centre of a geom in the frame of its body."""
-    ends = values.get("fromto")
-    centre, length = _vector(values, "pos", where), 0.0
-    if ends:
-        points = np.array(read_numbers(ends, f"{where}.fromto", (6,))).reshape(2, 3)
-        centre, length = points.mean(axis=0), float(np.linalg.norm(points[1] - points[0]))
+    centre, length = _read_place(values, where)
     if "mass" in values:
         return read_number(values["mass"], f"{where}.mass"), centre
     kind = values.get("type", "sphere")
     size = read_numbers(values.get("size", "0"), f"{where}.size", (1, 2, 3))
     size = [*size, *[0.0] * (3 - len(size))]
-    radius, half = size[0], length / 2 if ends else size[1]
+    if length:  # between two points: the first size is that across
+        size = [size[0], length / 2, 0.0] if kind in ("capsule", "cylinder") else [*size[:1] * 2, length / 2]
+    radius, half = size[0], size[1]
     volumes = {
         "sphere": 4 / 3 * math.pi * radius**3,
         "capsule": math.pi * radius**2 * (2 * half + 4 / 3 * radius),
@@ -214,6 +225,14 @@ def _read_geom(values: Mapping[str, str], where: str) -> tuple[float, FloatArray
             hint="give it the attribute mass, or its body an element inertial",
         )  # fmt: skip
     return volumes[kind] * read_number(values.get("density", str(WATER)), f"{where}.density"), centre
+
+
+def _read_place(values: Mapping[str, str], where: str) -> tuple[FloatArray, float]:
+    """Return the centre of a geom or site in the frame of its body, and its length where it has two ends."""
+    if "fromto" not in values:
+        return _vector(values, "pos", where), 0.0
+    ends = np.array(read_numbers(values["fromto"], f"{where}.fromto", (6,))).reshape(2, 3)
+    return ends.mean(axis=0), float(np.linalg.norm(ends[1] - ends[0]))
 
 
 def _vector(values: Mapping[str, str], key: str, where: str, default: str = "0 0 0") -> FloatArray:

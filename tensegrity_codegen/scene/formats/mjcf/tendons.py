@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.formats.files.xml_file import read_number, read_numbers
-from tensegrity_codegen.scene.formats.mjcf.defaults import Defaults
+from tensegrity_codegen.scene.formats.mjcf.attributes import list_unread
+from tensegrity_codegen.scene.formats.mjcf.defaults import MOST_NAMED, Defaults
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember
+from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.system.errors import InvalidValueError
 
 
@@ -49,7 +51,9 @@ def _read_values(values: Mapping[str, str], group: str, where: str) -> dict[str,
     stiffness = read_numbers(values.get("stiffness", "0"), f"{where}.stiffness")
     damping = read_numbers(values.get("damping", "0"), f"{where}.damping")
     if any(stiffness[1:]) or any(damping[1:]):
-        raise InvalidValueError("stiffness and damping that are polynomials are not read", where=where)
+        raise InvalidValueError(
+            "stiffness and damping that are polynomials are not read", where=where, hint="give one number"
+        )
     member: dict[str, Any] = {"kind": "bar" if group == "bar" else "cable"}
     if stiffness[0]:
         member["spring_constant"] = stiffness[0]
@@ -63,6 +67,7 @@ def _read_values(values: Mapping[str, str], group: str, where: str) -> dict[str,
                 where=f"{where}.springlength",
                 given=values["springlength"],
                 allowed='"0 length" of a cable, or one length',
+                hint="give 0 as the first number: the tendon does not push then",
             )
     elif member["kind"] == "cable":
         member["tension_only"] = False
@@ -71,7 +76,7 @@ def _read_values(values: Mapping[str, str], group: str, where: str) -> dict[str,
     return member
 
 
-def read_coupled_masses(root: Element, file: str) -> dict[str, float]:
+def read_coupled_masses(root: Element, defaults: Defaults, file: str) -> dict[str, float]:
     """Return the own masses [kg] that fixed tendons BAR.mass.AXIS of an exported scene give to bars.
 
     Fixed tendons of other names are there with 0.
@@ -81,7 +86,7 @@ def read_coupled_masses(root: Element, file: str) -> dict[str, float]:
         name = element.get("name", f"fixed{number}")
         bar, mark, axis = name.rpartition(".mass.")
         if mark and axis in ("x", "y", "z"):
-            armature = element.get("armature", "0")
+            armature = defaults.complete(element, "tendon").get("armature", "0")
             masses[bar] = 6 * read_number(armature, f"{file}: tendon.fixed[{number}].armature")
         else:
             masses[name] = 0.0
@@ -92,11 +97,17 @@ RELATIVE_TOLERANCE = 1e-9
 
 
 def read_actuators(
-    root: Element, network: Network, tendons: Mapping[str, Mapping[str, Any]], file: str
+    root: Element,
+    defaults: Defaults,
+    network: Network,
+    tendons: Mapping[str, Mapping[str, Any]],
+    frames: Mapping[str, NDArray[np.float64]],
+    file: str,
 ) -> None:
     """Add loads and inputs to a network; what is not read is listed in a note.
 
-    tendons: values of members by name. Actuators INPUT.TARGET of one input are one input again.
+    tendons: values of members by name; frames (3, 3): rotations of sites that do not move. Actuators
+    INPUT.TARGET of one input are one input again.
     """
     forces: dict[str, np.ndarray[Any, np.dtype[np.float64]]] = {}
     for node, force in network.loads:
@@ -106,14 +117,19 @@ def read_actuators(
     for number, element in enumerate(item for section in root.iterfind("actuator") for item in section):
         where = f"{file}: actuator[{number}]"
         name = element.get("name", f"actuator{number}")
-        gear = read_numbers(element.get("gear", "1"), f"{where}.gear")
-        pull = np.array([*gear, 0.0, 0.0, 0.0][:3])
-        gain = read_numbers(element.get("gainprm", "1"), f"{where}.gainprm")[0]
-        bias = read_numbers(element.get("biasprm", "0"), f"{where}.biasprm")
-        constant = element.get("biastype") == "affine" and gain == 0 and not any(bias[1:])
-        node, tendon = element.get("site", ""), element.get("tendon", "")
-        plain = element.tag in ("general", "motor") and element.get("biastype", "none") in ("none", "affine")
-        if node in network.nodes and element.get("refsite") and not any(gear[3:]) and plain:
+        values = defaults.inherit(element, "actuator")
+        if not _is_plain(element.tag, values):
+            left.append(name)
+            continue
+        gear = read_numbers(values.get("gear", "1"), f"{where}.gear")
+        gain = read_numbers(values.get("gainprm", "1"), f"{where}.gainprm")[0]
+        bias = read_numbers(values.get("biasprm", "0"), f"{where}.biasprm")
+        constant = values.get("biastype") == "affine" and gain == 0 and not any(bias[1:])
+        node, tendon = values.get("site", ""), values.get("tendon", "")
+        frame = frames.get(values.get("refsite", ""))
+        if node in network.nodes and frame is not None and not any(gear[3:]):
+            pull = frame @ [*gear, 0.0, 0.0][:3]
+            defaults.record(element.tag, values, name)
             if constant:
                 forces[node] = forces.get(node, np.zeros(3)) + bias[0] * pull
                 continue
@@ -123,12 +139,8 @@ def read_actuators(
                 entry["nodes"].append(node)
                 continue
         stiffness = tendons.get(tendon, {}).get("spring_constant", 0.0)
-        if (
-            stiffness
-            and plain
-            and not any(bias)
-            and abs(gain * gear[0] - stiffness) <= RELATIVE_TOLERANCE * stiffness
-        ):
+        if stiffness and not any(bias) and abs(gain * gear[0] - stiffness) <= RELATIVE_TOLERANCE * stiffness:
+            defaults.record(element.tag, values, name)
             key = (name.partition(".")[0], "rest_length", ())
             inputs.setdefault(key, {"kind": "rest_length", "members": []})["members"].append(tendon)
             continue
@@ -145,4 +157,13 @@ def read_actuators(
         if abs(size - 1.0) > RELATIVE_TOLERANCE:
             network.notes.append(f"the input {name} is in newtons: {size:g} times the control of the model")
     if left:
-        network.notes.append(f"actuators that are not read: {', '.join(left[:10])}")
+        network.notes.append(f"actuators that are not read: {name_list(left, MOST_NAMED)}")
+
+
+def _is_plain(tag: str, values: Mapping[str, str]) -> bool:
+    """Return whether the force of an actuator is a constant, or in proportion to its control."""
+    unread = list_unread(tag, values, by_range=True) if tag in ("general", "motor") else [tag]
+    return all(key.endswith("range") for key in unread) and values.get("biastype", "none") in (
+        "none",
+        "affine",
+    )
