@@ -16,12 +16,14 @@ from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError
 
 MAX_FILE_BYTES = 32 * 2**20  # bytes
 LONGEST_INDEX = 15  # digits
 WHAT = "a text of APDL commands"
 _ASSIGN = re.compile(r"([A-Za-z_]\w{0,31})\s*(?:\(\s*([^()]+?)\s*\))?\s*=\s*(.+)")
+_ABAQUS = re.compile(r"^\s*\*(heading|node|element|part|assembly)\b", re.IGNORECASE | re.MULTILINE)
 _ELEMENT = re.compile(r"([A-Za-z_]\w{0,31})\s*(?:\(\s*([^()]+?)\s*\))?")
 # Commands that say nothing about the structure.
 PASSED = frozenset(
@@ -85,6 +87,14 @@ def import_ansys(
     path = Path(path)
     reader = _Reader(str(path))
     text = read_text(path, MAX_FILE_BYTES, WHAT, fallback="latin-1")
+    if keyword := _ABAQUS.search(text):
+        raise InvalidValueError(
+            "the file is an input of Abaqus or CalculiX, not of ANSYS",
+            where=f"{path}: line {text.count(chr(10), 0, keyword.start(1)) + 1}",
+            given=keyword[0].strip(),
+            allowed=WHAT,
+            hint="write its nodes and elements as two tables: nodes.csv and members.csv",
+        )
     for number, line in enumerate(text.split("\n"), start=1):
         reader.read_line(number, line.partition("!")[0].strip())
     return build_result(reader.build(), path, name, gravity)
@@ -264,7 +274,7 @@ class _Reader:
         if self.loads:
             network.notes.append("all forces act at once: steps of the solution are not read")
         if self.unknown:
-            listed = ", ".join(f"{key} ({count})" for key, count in list(self.unknown.items())[:10])
+            listed = name_list([f"{key} ({count})" for key, count in self.unknown.items()], 10)
             network.notes.append(f"commands that are not read: {listed}")
         return network
 

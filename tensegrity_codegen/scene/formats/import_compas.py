@@ -20,7 +20,7 @@ from tensegrity_codegen.scene.formats.files.json_file import LARGEST_JSON, read_
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
 from tensegrity_codegen.scene.formats.network import STIFFNESSES, Network, NetworkMember, build_result
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
 WHAT = "a network of COMPAS"
@@ -68,29 +68,33 @@ def import_compas(
     if section is not None:
         where = key_path(where, section)
         data = _table(content[section], where)
-        if "node" not in data:
-            raise InvalidValueError(
-                "not a network",
-                where=key_path(str(path), "dtype"),
-                given=str(content.get("dtype", content.get("datatype", "")))[:80],
-                allowed="Network, Graph, FDNetwork or another class with the sections node and edge",
-            )
+    if "node" not in data:
+        raise InvalidValueError(
+            "not a network",
+            where=key_path(str(path), "dtype"),
+            given=str(content.get("dtype", content.get("datatype", "the sections " + ", ".join(data))))[:80],
+            allowed="Network, Graph, FDNetwork or another class with the sections node and edge",
+            hint="save the edges of a mesh as a graph: Graph.from_lines(mesh.to_lines())",
+        )
     network, ignored = Network(), dict[str, int]()
     defaults = [
         _table(data.get(short, data.get(long)) or {}, f"{where}.{long}")
         for short, long in (("dna", "default_node_attributes"), ("dea", "default_edge_attributes"))
     ]
-    nodes = _table(data.get("node", {}), f"{where}.node")
+    nodes = _table(data["node"], f"{where}.node")
+    names = {key: _name(key) for key in nodes}
+    if len(set(names.values())) < len(names):  # keys that would become one: all stay as they are
+        names = {key: key for key in nodes}
     for key, values in nodes.items():
         place = f"{where}.node.{key[:80]}"
-        _read_node(network, _name(key), {**defaults[0], **_table(values or {}, place)}, place, ignored)
+        _read_node(network, names[key], {**defaults[0], **_table(values or {}, place)}, place, ignored)
     for first, row in _table(data.get("edge", {}), f"{where}.edge").items():
         for second, values in _table(row or {}, f"{where}.edge.{first[:80]}").items():
             place = f"{where}.edge.{first[:80]}.{second[:80]}"
             found = {**defaults[1], **_table(values or {}, place)}
-            _read_edge(network, (_name(first), _name(second)), found, place, ignored)
+            _read_edge(network, (names.get(first, first), names.get(second, second)), found, place, ignored)
     if ignored:
-        listed = ", ".join(f"{key[:40]} ({count})" for key, count in list(ignored.items())[:10])
+        listed = name_list([f"{key[:40]} ({count})" for key, count in ignored.items()], 10)
         network.notes.append(f"attributes that are not read, with the number of nodes and edges: {listed}")
     _complete_stiffness(network)
     return build_result(network, path, name, gravity)
@@ -113,9 +117,12 @@ def _complete_stiffness(network: Network) -> None:
 
 
 def is_compas(path: Path) -> bool:
-    """Return whether a JSON file names a class of COMPAS, or has the sections of such a network."""
+    """Return whether a JSON file names a class of COMPAS, or has the sections of a network or mesh."""
     text = read_text(path, LARGEST_JSON, WHAT)
-    return _CLASS_KEY.search(text) is not None or ('"node"' in text and '"edge"' in text)
+    return _CLASS_KEY.search(text) is not None or any(
+        f'"{first}"' in text and f'"{second}"' in text
+        for first, second in (("node", "edge"), ("vertex", "face"), ("vertex", "edge"))
+    )
 
 
 def _name(key: str) -> str:

@@ -134,3 +134,12 @@ def test_an_unknown_keypoint_of_an_anchor_is_refused(tmp_path: Path) -> None:
 def test_other_texts_are_refused(text: str, tmp_path: Path) -> None:
     with pytest.raises(SceneError):
         load(tmp_path, text.encode("latin-1"))
+
+
+def test_an_input_of_abaqus_is_refused_as_one(tmp_path: Path) -> None:
+    text = "** truss\n*Heading\n two bars\n*NODE\n1, 0., 0.\n*ELEMENT, TYPE=T2D2\n1, 1, 2\n"
+    (tmp_path / "truss.inp").write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidValueError, match="input of Abaqus") as caught:
+        read_files([tmp_path / "truss.inp"])
+    assert caught.value.where.endswith("truss.inp: line 2")
+    assert "nodes.csv and members.csv" in caught.value.hint

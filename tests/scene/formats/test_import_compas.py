@@ -73,6 +73,34 @@ def test_keys_of_version_1_are_python_literals(tmp_path: Path) -> None:
     assert list(document["nodes"]) == ["a_b", "n1_2"]
 
 
+@pytest.mark.parametrize(("twin", "names"), [("0x1", ["n0", "n1", "n0x1"]), ("'1'", ["n0", "n1", "n1_2"])])
+def test_keys_that_stand_for_one_name_stay_two_nodes(twin: str, names: list[str], tmp_path: Path) -> None:
+    nodes = {"0": {"is_anchor": True}, "1": {"x": 1, "mass": 2}, twin: {"x": 1, "y": 5, "mass": 7}}
+    edges = {"0": {"1": {"q": 1, "EA": 5}, twin: {"q": 1, "EA": 5}}}
+    result = load(tmp_path, whole(node=nodes, edge=edges))
+    assert list(result.document["nodes"]) == names
+    assert [node.get("mass") for node in result.document["nodes"].values()] == [None, 2.0, 7.0]
+    assert [member["nodes"] for member in result.document["members"].values()] == [
+        [names[0], name] for name in names[1:]
+    ]
+    assert any(repr(twin) in note for note in result.notes)
+
+
+@pytest.mark.parametrize("own", [{}, {"edgedata": {}, "facedata": {}}])
+def test_a_mesh_of_version_0_is_refused_as_one(own: dict[str, Any], tmp_path: Path) -> None:
+    vertices = {key: {"x": 0.0, "y": 0.0, "z": 0.0} for key in "012"}
+    with pytest.raises(InvalidValueError, match="not a network") as caught:
+        load(tmp_path, {"attributes": {}, "dva": {}, "vertex": vertices, "face": {"0": [0, 1, 2]}, **own})
+    assert "vertex, face" in caught.value.given
+    assert "Graph.from_lines(mesh.to_lines())" in caught.value.hint
+
+
+def test_attributes_that_are_not_named_are_counted(tmp_path: Path) -> None:
+    nodes = NODES | {"0": NODES["0"] | {f"a{k}": 1.0 for k in range(23)}}
+    (note,) = [note for note in load(tmp_path, whole(node=nodes)).notes if "not read" in note]
+    assert note.endswith(", a9 (1) and 15 more")  # and the colour
+
+
 def test_defaults_of_nodes_and_edges_are_read(tmp_path: Path) -> None:
     nodes = {"0": {"x": 0}, "1": {"x": 1}}
     content = whole(
