@@ -9,7 +9,7 @@ BASE := $(VENV)/.base
 STAMP := $(VENV)/.ready
 OUTPUT := output
 PEERS := $(VENV)/.peers
-PEER_PACKAGES := mujoco numba jax control pandas xarray pyarrow nbclient ipykernel fmpy dask distributed vtk
+PEER_PACKAGES := mujoco numba jax scikit-sundae control pandas xarray pyarrow nbclient ipykernel fmpy dask distributed vtk
 DOCS := $(VENV)/.docs
 DOCS_PACKAGES := sphinx myst-parser numpydoc furo
 # program:Debian package; tests of films, of other processors, of memory, of pages

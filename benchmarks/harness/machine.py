@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 
-PACKAGES = ("casadi", "numpy", "numba", "jax", "mujoco")
+PACKAGES = ("casadi", "numpy", "numba", "jax", "mujoco", "scikit-sundae")
 ONE_THREAD = {
     "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"),

@@ -1,5 +1,6 @@
 """Shared parts of all studies: identity of a run, names of scenes, sections kept in a journal."""
 
+import ctypes
 import functools
 import importlib.util
 import platform
@@ -9,6 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TypeVar
 
+from tensegrity_codegen.codegen.compilation.cache import Cache
+from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_package, hash_scene, hash_text
 from tensegrity_codegen.codegen.compilation.flags import describe_toolchain, find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
@@ -25,7 +28,7 @@ from tensegrity_codegen.system.provenance import name_processor
 from tensegrity_codegen.system.version import VERSION
 from tensegrity_codegen.tables.request import ModelRequest
 
-PACKAGES = ("casadi", "matplotlib", "mujoco", "numpy", "scipy")
+PACKAGES = ("casadi", "matplotlib", "mujoco", "numpy", "scikit-sundae", "scipy")
 
 
 def hash_run(*words: str) -> str:
@@ -80,12 +83,22 @@ def _surroundings() -> tuple[str, ...]:
 
 def find_version(package: str) -> str:
     """Return the version of an installed package, or that it is not installed or has none."""
-    if importlib.util.find_spec(package) is None:
-        return "not installed"
     try:
         return version(package)
     except PackageNotFoundError:
-        return "unknown"
+        return "not installed" if importlib.util.find_spec(package) is None else "unknown"
+
+
+@functools.cache
+def load_c(name: str, text: str) -> ctypes.CDLL:
+    """Return the library of one C file, compiled once a machine."""
+    compiler, kept, flags = find_compiler(), Cache(), find_flags("reference")
+    key = hash_text(text, describe_toolchain(compiler, flags))
+    entry = kept.find(key)
+    if entry is None:
+        made = compile_library({f"{name}.c": text}, name=name, compiler=compiler, flags=flags)
+        entry = kept.store(key, {"manifest.json": b"{}", made.file_name: made.library})
+    return ctypes.CDLL(str(entry.library))
 
 
 Result = TypeVar("Result")

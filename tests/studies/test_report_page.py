@@ -14,9 +14,8 @@ from tensegrity_codegen.studies.work_precision.finding import (
     compare_scene,
     describe_finding,
     describe_rows,
-    find_fastest_peer,
 )
-from tensegrity_codegen.studies.work_precision.measure import MotionProblem, Reference, Row
+from tensegrity_codegen.studies.work_precision.measure import MotionProblem, Reference, Row, find_fastest
 from tensegrity_codegen.studies.work_precision.report import build_page
 from tensegrity_codegen.studies.work_precision.scene_report import SceneReport
 from tests.report.page_checks import check_in_browser, in_browser
@@ -28,13 +27,15 @@ OURS = {"node_position": ("rk54", "rk853", "radau", "rk4"), "node_distance": ("r
 ADAMS = "CVODES (CasADi; Adams, functional iteration)"
 PEERS = ("MuJoCo RK4", "MuJoCo Euler", ADAMS, "SciPy DOP853", "SciPy Radau")
 PROGRAMS = ["MuJoCo", "CVODES", "SciPy"]
+BODIES = "MuJoCo (rigid bars) RK4"
 
 
 def make_row(name: str, k: int, speed: float, **more: object) -> Row:
     """Return the k-th run of a method: a tenth of the error takes twice the time; every seventh stops."""
     formulation, _, method = ("", "", name) if name.split()[0] in PROGRAMS else name.rpartition(", ")
+    solved = "MuJoCo, rigid bars" if name == BODIES else name
     found = Row(
-        name, "own" if formulation else "peer", formulation or name, method, "tolerance", 10.0**-k,
+        name, "own" if formulation else "peer", formulation or solved, method, "tolerance", 10.0**-k,
         10.0 ** (-k - 1), speed * 2.0**k * 1e-4, "ok", "", 10 * k, 80 * k, 1e-9, None,
     )  # fmt: skip
     if k == 7:
@@ -98,6 +99,49 @@ def test_the_heading_names_program_and_setting() -> None:
     )
 
 
+def test_the_heading_compares_equal_equations() -> None:
+    """Rigid bars of ours against springs of another program are no comparison of programs."""
+    times = {"node_position, rk853": 2.0, "rigid_bar, corrected, rk853": 1.0}
+    at = "at an error of 1e-6 m"
+    assert describe(make_report(speeds=times | {ADAMS: 8.0})) == (
+        f"4.0 times faster than the fastest other program, {ADAMS}, {at} and equal equations; "
+        "8.0 times faster with rigid bars (rigid_bar, corrected)"
+    )
+    assert describe(make_report(speeds=times | {ADAMS: 8.0, BODIES: 3.0})) == (
+        f"3.0 times faster than the fastest other program, {BODIES}, {at}"
+    )
+    slower = make_report(
+        speeds={"node_position, rk853": 2.0, "rigid_bar, corrected, rk853": 9.0, BODIES: 3.0}
+    )
+    assert describe(slower) == (
+        f"3.0 times slower than the fastest other program, {BODIES}, {at} and equal equations; "
+        "1.5 times faster with bars as in the scene (node_position)"
+    )
+    rigid_alone = make_report(speeds={"rigid_bar, corrected, rk853": 1.0, ADAMS: 8.0})
+    assert describe(rigid_alone).endswith(f"{at}, ours with rigid bars (rigid_bar, corrected)")
+    both = [compare_scene(make_report(name, speeds=times | {ADAMS: 8.0})) for name in ("prism", "tower")]
+    assert describe_finding(both).startswith("4.0 (prism) and 4.0 (tower) times faster")
+    assert describe_finding(both).endswith(f"{at} and equal equations")
+
+
+def test_the_table_states_both_ratios() -> None:
+    times = {"node_position, rk853": 2.0, "rigid_bar, corrected, rk853": 1.0, ADAMS: 8.0}
+    report = make_report(speeds=times)
+    table = next(
+        b for s in build_page([report]).chapters[0].sections for b in s.blocks if isinstance(b, Table)
+    )
+    heads = [column.name for column in table.columns]
+    cells = dict(zip(heads, (cell.value for cell in table.rows[3]), strict=True))
+    assert cells["error wanted"] == 1e-6
+    assert cells["its time over ours"] == 8.0
+    assert cells["its bars"] == "bars as in the scene"
+    assert cells["ours with these"] == "node_position, rk853"
+    assert cells["its time over that"] == 4.0
+    found = report.as_dict()["recommendations"][3]
+    assert found["row"]["contender"] == "rigid_bar, corrected, rk853"
+    assert (found["peer"]["contender"], found["alike"]["contender"]) == (ADAMS, "node_position, rk853")
+
+
 def test_without_a_rival_the_heading_states_our_time() -> None:
     alone = make_report(speeds={"node_position, rk54": 1.0})
     assert describe(alone) == "rk54 (node_position) reaches an error of 1e-6 m in 3.2 ms a simulated second"
@@ -114,7 +158,7 @@ def test_the_error_of_the_heading_is_one_that_both_reach() -> None:
     assert found.peer.contender == "MuJoCo Euler"
     nothing = replace(report, rows=tuple(replace(row, error=1.0) for row in report.rows))
     assert describe(nothing) == "no method reaches an error of 1e-3 m"
-    assert find_fastest_peer(report.rows, 1.0) is None
+    assert find_fastest(report.rows, 1.0, "peer") is None
 
 
 def test_scenes_are_named_or_counted() -> None:

@@ -24,13 +24,14 @@ from tensegrity_codegen.studies.work_precision.measure import (
     Run,
     Unavailable,
     certify,
+    find_fastest,
     find_front,
     measure,
-    recommend,
     set_problem,
 )
 from tensegrity_codegen.studies.work_precision.own import VARIANTS, describe_simulation, own_contenders
 from tensegrity_codegen.studies.work_precision.peers import (
+    cvode,
     mujoco_tendons,
     peer_contenders,
     scipy_ivp,
@@ -68,10 +69,10 @@ def test_the_front_holds_what_no_other_row_beats() -> None:
 
 def test_the_advice_is_the_fastest_of_ours_that_is_good_enough() -> None:
     rows = [row("a", 1e-3, 1.0), row("b", 1e-7, 2.0), row("peer", 1e-9, 0.5, group="peer")]
-    found = recommend(rows, 1e-6)
+    found = find_fastest(rows, 1e-6, "own")
     assert found is not None
     assert found.contender == "b"
-    assert recommend(rows, 1e-12) is None
+    assert find_fastest(rows, 1e-12, "own") is None
 
 
 def test_rows_come_back_from_json_and_others_are_none() -> None:
@@ -170,6 +171,75 @@ def test_mujoco_moves_rigid_bars_as_bodies() -> None:
     assert np.abs(place[-1] - POSITION[-1].reshape(6, 3)).max() < 1e-6
 
 
+def two_bars() -> Structure:
+    """Return two bars that meet, the first on an anchor; a third with an end that slides on a plane."""
+    members = [bar(0, 1, 1.0), bar(1, 2, np.sqrt(2.0)), bar(4, 3, np.sqrt(1.25))]
+    members += [cable(2, 0, 1.5), cable(2, 3, 0.9), cable(1, 3, 1.1), cable(4, 0, 1.8), cable(4, 5, 0.3)]
+    position = [[0, 0, 0], [1, 0, 0], [1, 1, 1], [0, 1.5, 1], [0, 2, 0], [0.0, 2.0, 0.7]]
+    structure = make_structure(
+        position, members, anchored={0: "xyz", 4: "z"}, gravity=(0, 0, -9.81),
+        load={1: (0.5, 0, 3.0), 3: (0.0, 2.0, 1.0), 5: (1.0, 0.0, 0.0)}, mass=[0.0, 1.0, 0.7, 0.4, 0.6, 0.5],
+    )  # fmt: skip
+    own = np.where(structure.is_bar, 0.8, 0.0)
+    return structure.with_changes(member_mass=own)
+
+
+@pytest.mark.peers
+def test_mujoco_moves_elastic_bars_as_bodies_at_anchors_under_loads() -> None:
+    """As our formulation with rigid bars does; as springs their mass is not possible."""
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+    structure = two_bars()
+    problem = set_problem(structure, 0.3, 3)
+    own = dict(own_contenders(problem, flags="reference", compiler=None))["rigid_bar, all bars, rk853"]()
+    makers = dict(mujoco_tendons.contenders(problem))
+    place = makers["MuJoCo (rigid bars) RK4"]().run(3e-4)().node_position
+    assert np.abs(place[-1] - place[0]).max() > 0.1
+    assert np.abs(place - own.run(1e-11)().node_position).max() < 1e-6
+    with pytest.raises(Unavailable, match="no mass of its own"):
+        makers["MuJoCo RK4"]()
+
+
+def test_bodies_in_a_loop_and_without_mass_are_not_possible_in_mujoco() -> None:
+    loop = make_structure([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [bar(0, 1, 1.0), bar(1, 2, 1.4), bar(2, 0, 1.0)])
+    for structure, why in (
+        (loop, "loop"),
+        (two_bars().with_changes(node_mass=np.zeros(6), member_mass=np.zeros(8)), "without mass"),
+    ):
+        with pytest.raises(Unavailable, match=why):
+            mujoco_tendons.write_model(structure, "RK4", structure.is_bar)
+
+
+@pytest.mark.peers
+def test_cvode_itself_moves_as_our_model_does() -> None:
+    """Without damping accelerations take no velocity; with damping and an input both and more."""
+    pytest.importorskip("sksundae", reason="scikit-sundae is not installed")
+    for structure in (sprung(), sprung().with_changes(damping=np.full(4, 0.3))):
+        place = still_going(structure)
+        for name, make in cvode.contenders(set_problem(structure, 0.2, 3)):
+            made = make()
+            run = made.run(1e-9)()
+            assert np.abs(run.node_position - place).max() < 1e-6, name
+            assert 0 < run.n_steps <= run.n_evaluations
+    problem = set_problem(load_nodes(EXAMPLES / "prism12.toml"), 0.01, 3)
+    names = {"CVODE (C; BDF, Newton, dense LU)", "CVODES (CasADi; Adams, functional iteration)"}
+    found = []
+    for name, make in peer_contenders(problem):
+        if name in names:
+            made = make()
+            made.prepare(1e-9)
+            found.append(made.run(1e-9)().node_position)
+    assert np.ptp(found, axis=0).max() < 1e-8
+    assert len(found) == 2
+
+
+def test_a_missing_sundials_is_stated(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cvode.importlib.util, "find_spec", lambda name: None)
+    cvode._load_cvode.cache_clear()
+    _, make = next(iter(cvode.contenders(set_problem(sprung(), 0.2, 3))))
+    with pytest.raises(Unavailable, match="scikit-sundae"):
+        make()
+
+
 def test_sundials_moves_as_our_model_does_with_every_setting() -> None:
     structure = sprung()
     problem = set_problem(structure, 0.2, 3)
@@ -252,7 +322,10 @@ def test_settings_of_a_program_that_are_clearly_slower_are_given_up(tmp_path: Pa
     assert counts == {"CVODES (a)": 5, "CVODES (b)": 3, "IDAS (a)": 5, "ours": 5}
 
 
-@pytest.mark.parametrize("name", ["node_position, rk853", "rigid_bar, corrected, rk54", "node_distance, rk4"])
+NAMES = ["node_position, rk853", "rigid_bar, corrected, rk54", "node_distance, rk4", "simulate, auto"]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_simulate_repeats_a_recommended_run(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -301,7 +374,7 @@ def test_a_report_is_written_resumed_and_shown(tmp_path: Path, monkeypatch: pyte
     made = write_report([structure], tmp_path, t_end=0.2, samples=3, options=options)
     data = json.loads(made.data.read_text())
     rows = data["scenes"][0]["rows"]
-    assert {r["method"] for r in rows} >= {"rk4", "rk54", "rk853"}
+    assert {r["method"] for r in rows} >= {"rk4", "rk54", "rk853", "auto"}
     assert min(r["error"] for r in rows if r["error"] is not None) < 1e-10
     again = write_report([structure], tmp_path, t_end=0.2, samples=3, options=options, overwrite=True)
     assert [r.seconds for r in again.scenes[0].rows] == [r.seconds for r in made.scenes[0].rows]

@@ -5,7 +5,6 @@ Digits have 64 bits; where a compiler's `long double` is no longer than `double`
 """
 
 import ctypes
-import hashlib
 import math
 import time
 from functools import cache
@@ -14,15 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.codegen.compilation.cache import Cache
-from tensegrity_codegen.codegen.compilation.compile import compile_library
-from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
-from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.judge import Truth, is_agreed
 from tensegrity_codegen.studies.stability.methods import SAMPLES
+from tensegrity_codegen.studies.study import load_c
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.laws.law import compute_spring_constant
@@ -178,18 +174,7 @@ def _function() -> Any:
     """Return the function of templates/extended_motion.c.j2, compiled once a machine."""
     rows = [[(k, repr(value)) for k, value in row.items()] for row in STAGES]
     text = render("extended_motion.c", {"rows": rows})
-    compiler, cache_of = find_compiler(), Cache()
-    key = hashlib.sha256(f"{text}{compiler.command}{compiler.version}".encode()).hexdigest()
-    entry = cache_of.find(key)
-    if entry is None:
-        made = compile_library(
-            {"extended_motion.c": text},
-            name="extended_motion",
-            compiler=compiler,
-            flags=FLAG_SETS["reference"],
-        )
-        entry = cache_of.store(key, {"manifest.json": b"{}", made.file_name: made.library})
-    function = ctypes.CDLL(str(entry.library)).extended_motion
+    function = load_c("extended_motion", text).extended_motion
     function.restype = ctypes.c_int
     pointer, count, long = ctypes.c_void_p, ctypes.c_longlong, ctypes.c_longdouble
     function.argtypes = [*[ctypes.c_int] * 3, *[pointer] * 7, count, long, *[pointer] * 4]

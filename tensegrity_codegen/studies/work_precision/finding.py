@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tensegrity_codegen.studies.work_precision.measure import Row
+from tensegrity_codegen.studies.work_precision.measure import EQUATIONS, Row, find_fastest
 from tensegrity_codegen.studies.work_precision.scene_report import SceneReport
 from tensegrity_codegen.system.summaries import describe_count
 
@@ -14,7 +14,10 @@ MOST_SCENES = 2  # that a headline names one by one
 
 @dataclass(frozen=True)
 class Comparison:
-    """The fastest of our rows and of the peers' with an error of at most `wanted` [m], None without one."""
+    """The fastest of our rows and of the peers' with an error of at most `wanted` [m], None without one.
+
+    alike: the fastest of ours with the equations of the peer.
+    """
 
     scene: str
     wanted: float
@@ -22,19 +25,20 @@ class Comparison:
     peer: Row | None
     t_end: float
     has_peers: bool
+    alike: Row | None
 
     @property
     def ratio(self) -> float | None:
-        """Time of the peer over ours, None where one is missing."""
-        if self.own is None or self.peer is None or not self.own.seconds > 0.0:
-            return None
-        return self.peer.seconds / self.own.seconds
+        """Time of the peer over ours, at equal equations where there is such a row; None without rows."""
+        return self._ratio(self.alike or self.own)
 
+    @property
+    def other_ratio(self) -> float | None:
+        """Time of the peer over that of the fastest of ours, None where its equations are the same."""
+        return None if self.own is self.alike else self._ratio(self.own)
 
-def find_fastest_peer(rows: Sequence[Row], wanted: float) -> Row | None:
-    """Return the fastest row of another program with an error of at most `wanted` [m]."""
-    peers = [row for row in rows if row.group == "peer" and row.is_good and row.error <= wanted]
-    return min(peers, key=lambda row: row.seconds, default=None)
+    def _ratio(self, own: Row | None) -> float | None:
+        return None if own is None or self.peer is None else self.peer.seconds / own.seconds
 
 
 def compare_scene(report: SceneReport, wanted: float = WANTED) -> Comparison:
@@ -42,15 +46,17 @@ def compare_scene(report: SceneReport, wanted: float = WANTED) -> Comparison:
     found = report.recommendations
     near = sorted(found, key=lambda error: abs(math.log(error / wanted)))
     reached = [error for error in near if found[error] is not None]
-    shared = [error for error in reached if find_fastest_peer(report.rows, error) is not None]
+    shared = [error for error in reached if find_fastest(report.rows, error, "peer") is not None]
     error = next(iter((*shared, *reached)), max(found))
+    peer = find_fastest(report.rows, error, "peer")
     return Comparison(
         report.problem.structure.name,
         error,
         found[error],
-        find_fastest_peer(report.rows, error),
+        peer,
         report.problem.t_end,
         any(row.group == "peer" for row in report.rows),
+        peer and find_fastest(report.rows, error, "own", peer.replaces_bars),
     )
 
 
@@ -71,7 +77,7 @@ def describe_finding(comparisons: Sequence[Comparison]) -> str:
         at = _error(comparisons[0].wanted)
         peers = dict.fromkeys(item.peer.contender for item in comparisons if item.peer is not None)
         text = f"{' and '.join(factors)} times {word} than the fastest other program"
-        return f"{text}, {' and '.join(peers)}, at an error of {at}"
+        return f"{text}, {' and '.join(peers)}, at an error of {at}{_at_equal(comparisons)}"
     faster = [ratio for ratio in ratios if ratio >= 1.0]
     slower = [1.0 / ratio for ratio in ratios if ratio < 1.0]
     errors = sorted({item.wanted for item in comparisons})
@@ -84,7 +90,7 @@ def describe_finding(comparisons: Sequence[Comparison]) -> str:
     programs = sorted({item.peer.program for item in comparisons if item.peer is not None})
     return (
         f"{text}: the fastest of our methods against the fastest other program ({', '.join(programs)}) at an "
-        f"error of {at}"
+        f"error of {at}{_at_equal(comparisons)}"
     )
 
 
@@ -111,8 +117,22 @@ def _describe(item: Comparison) -> str:
         own += f"{1e3 * item.own.seconds / item.t_end:.2g} ms a simulated second"
         return f"{own}, no other program reaches it" if item.has_peers else own
     peer = item.peer.contender if item.peer is not None else ""
-    word, factor = ("faster", ratio) if ratio >= 1.0 else ("slower", 1.0 / ratio)
-    return f"{_factor(factor)} times {word} than the fastest other program, {peer}, at an error of {error}"
+    text = f"{_times(ratio)} than the fastest other program, {peer}, at an error of {error}"
+    if item.other_ratio is None:
+        return text
+    own = f"with {EQUATIONS[item.own.replaces_bars]} ({item.own.formulation})"
+    if item.alike is None:
+        return f"{text}, ours {own}"
+    return f"{text}{_at_equal([item])}; {_times(item.other_ratio)} {own}"
+
+
+def _times(ratio: float) -> str:
+    return f"{_factor(max(ratio, 1.0 / ratio))} times {'faster' if ratio >= 1.0 else 'slower'}"
+
+
+def _at_equal(comparisons: Sequence[Comparison]) -> str:
+    """Return that equations are equal, where ours would be faster by others."""
+    return " and equal equations" if any(item.other_ratio and item.alike for item in comparisons) else ""
 
 
 def _is_alike(comparisons: Sequence[Comparison]) -> bool:

@@ -239,6 +239,7 @@ def find_agreement(found: Sequence[tuple[str, FloatArray]]) -> Reference:
 
 
 CLEARLY = 2.0  # times the time of another setting
+EQUATIONS = {False: "bars as in the scene", True: "rigid bars"}  # by whether a row replaces elastic bars
 
 
 @dataclass(frozen=True)
@@ -269,6 +270,11 @@ class Row:
     def program(self) -> str:
         """Name of the program, with which that of another program's row begins."""
         return self.contender.split()[0]
+
+    @property
+    def replaces_bars(self) -> bool:
+        """Whether bars that are elastic in the scene are taken as rigid, or corrected by their stretch."""
+        return "rigid" in self.formulation and "," in self.formulation
 
     @property
     def is_good(self) -> bool:
@@ -304,7 +310,10 @@ def is_clearly_slower(row: Row, others: Sequence[Row]) -> bool:
     return any(r.is_good and CLEARLY * r.seconds < row.seconds and r.error <= row.error for r in rivals)
 
 
-def recommend(rows: list[Row], wanted: float) -> Row | None:
-    """Return the fastest of our own rows whose error is at most `wanted` [m], None if there is none."""
-    good = [row for row in rows if row.group == "own" and row.is_good and row.error <= wanted]
+def find_fastest(
+    rows: Sequence[Row], wanted: float, group: str, replaces_bars: bool | None = None
+) -> Row | None:
+    """Return the fastest row of a group with an error of at most `wanted` [m]; of all equations if None."""
+    good = [row for row in rows if row.group == group and row.is_good and row.error <= wanted]
+    good = [row for row in good if replaces_bars in (None, row.replaces_bars)]
     return min(good, key=lambda row: row.seconds, default=None)

@@ -7,20 +7,22 @@ from functools import partial
 import numpy as np
 
 from tensegrity_codegen.codegen.choose_emitter import MOST_STRAIGHT_LINE_MEMBERS
+from tensegrity_codegen.pipeline.analyses import want_analyses
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
+from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Row, Run, Unavailable
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import TensegrityError
-from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -28,6 +30,7 @@ TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 STEPS = tuple(10.0 ** (-k / 2) for k in range(2, 11))  # of the time span
 ADAPTIVE = ("rk54", "rk853")
 FIXED = ("rk4",)
+AUTO = "auto"
 IMPLICIT = (STIFF_INTEGRATOR,)
 IMPLICIT_TOLERANCES = TOLERANCES[:8]  # of order 5, with more work a step: below, others are faster
 ATOL_OF_RTOL = 1e-2  # absolute tolerance [m, m/s] over the relative one
@@ -73,6 +76,24 @@ def own_contenders(
     for title, variant in VARIANTS.items():
         for method in (*variant.methods, *(more if title == "node_position" else ())):
             yield f"{title}, {method}", partial(_make, problem, title, method, flags, compiler)
+    yield "simulate, auto", partial(_make_simulate, problem, flags, compiler)
+
+
+def _make_simulate(problem: MotionProblem, flags: str, compiler: str | None) -> Contender:
+    """Return the function `simulate` by its own method, over a model compiled for it; Python counts too."""
+    structure = problem.structure
+    title = choose_formulation(rigid_bars=bool(structure.is_rigid.any())).name
+    request = want_analyses(structure, ModelRequest((), formulation=title), ("simulate",))
+    model = build_library(structure, request, compiler=compiler, flags=flags, calls=MANY_CALLS).load()
+
+    def run(setting: float) -> Callable[[], Run]:
+        stepping = Stepping(atol=ATOL_OF_RTOL * setting)
+        found = simulate(model, problem.t_end, samples=problem.sample_time, rtol=setting, stepping=stepping)
+        drift = None if found.energy_drift is None else float(np.ptp(found.total_energy))
+        counts = (found.n_steps, found.n_evaluations)
+        return partial(Run, found.node_position, found.status, found.message, *counts, drift)
+
+    return Contender("simulate, auto", "own", title, AUTO, "tolerance", TOLERANCES, run)
 
 
 def compile_problem(
@@ -141,6 +162,7 @@ def describe_simulation(row: Row, t_end: float, flags: str) -> str:
     accuracy = f"--rtol {row.setting:g} --atol {ATOL_OF_RTOL * row.setting:g}"
     if row.kind == "step":
         accuracy = f"--step {row.setting * t_end:.6g}"
+    control = "" if row.method == AUTO else "--control steps "
     keys = [f'formulation = "{variant.formulation}"']
     if variant.options:
         options = ", ".join(f'{key} = "{value}"' for key, value in variant.options.items())
@@ -148,7 +170,7 @@ def describe_simulation(row: Row, t_end: float, flags: str) -> str:
     if variant.emitter != "auto":
         keys.append(f'emitter = "{variant.emitter}"')
     return (
-        f"simulate --t-end {t_end:g} --method {row.method} {accuracy} --control steps --flags {flags}, with "
+        f"simulate --t-end {t_end:g} --method {row.method} {accuracy} {control}--flags {flags}, with "
         f"{', '.join(keys)} under [model]"
     )
 

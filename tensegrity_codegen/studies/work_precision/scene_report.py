@@ -15,11 +15,11 @@ from tensegrity_codegen.studies.work_precision.measure import (
     Row,
     Unavailable,
     certify,
+    find_fastest,
     find_front,
     find_length_error,
     is_clearly_slower,
     measure,
-    recommend,
 )
 from tensegrity_codegen.studies.work_precision.own import describe_simulation, own_contenders
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
@@ -73,7 +73,7 @@ class SceneReport:
     @property
     def recommendations(self) -> dict[float, Row | None]:
         """Wanted error [m] -> the fastest of our own methods that reaches it."""
-        return {wanted: recommend(list(self.rows), wanted) for wanted in WANTED}
+        return {wanted: find_fastest(self.rows, wanted, "own") for wanted in WANTED}
 
     def describe_simulation(self, row: Row | None) -> str:
         """Return how the verb simulate repeats one of our runs, nothing without one."""
@@ -97,8 +97,12 @@ class SceneReport:
                     "error": wanted,
                     "row": None if row is None else row.as_dict(),
                     "simulate": self.describe_simulation(row),
+                    "peer": None if peer is None else peer.as_dict(),
+                    "alike": None if alike is None else alike.as_dict(),
                 }
                 for wanted, row in self.recommendations.items()
+                for peer in [find_fastest(self.rows, wanted, "peer")]
+                for alike in [peer and find_fastest(self.rows, wanted, "own", peer.replaces_bars)]
             ],
             "absent": self.absent,
         }

@@ -5,7 +5,7 @@ from itertools import chain
 
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Unavailable
 from tensegrity_codegen.studies.work_precision.own import CompiledMotion
-from tensegrity_codegen.studies.work_precision.peers import mujoco_tendons, scipy_ivp, sundials
+from tensegrity_codegen.studies.work_precision.peers import cvode, mujoco_tendons, scipy_ivp, sundials
 
 
 def peer_contenders(
@@ -22,7 +22,8 @@ def peer_contenders(
     setting of each method, that which the program has by itself, in place of all.
     """
     makers = chain(
-        mujoco_tendons.contenders(problem),
+        mujoco_tendons.contenders(problem, usual=usual),
+        () if usual else cvode.contenders(problem, compiler),
         sundials.usual_contenders(problem) if usual else sundials.contenders(problem, compiler),
         scipy_ivp.contenders(problem, compiled, usual=usual),
     )

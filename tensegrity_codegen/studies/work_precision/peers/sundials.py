@@ -3,12 +3,14 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
+from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run, Unavailable
 from tensegrity_codegen.studies.work_precision.own import ATOL_OF_RTOL
 from tensegrity_codegen.symbolic.build import build_model
@@ -131,8 +133,8 @@ def _write_symbolic(problem: MotionProblem) -> dict[str, Any]:
     return {"x": ca.vertcat(*state), "ode": ca.vertcat(state[1], *rate)}
 
 
-def _write_compiled(problem: MotionProblem, compiler: str | None) -> tuple[dict[str, Any], bool]:
-    """Return the equations, accelerations compiled for this machine, and whether their Jacobian is too."""
+def build_rates(problem: MotionProblem, compiler: str | None) -> tuple[CompiledModel, Path]:
+    """Return the model of the accelerations with CasADi's interface, for this machine, and its file."""
     request = ModelRequest(
         ("acceleration",), formulation="node_position", emitter="auto", interfaces=("casadi",)
     )
@@ -140,12 +142,17 @@ def _write_compiled(problem: MotionProblem, compiler: str | None) -> tuple[dict[
         built = build_library(problem.structure, request, flags="native", compiler=compiler, calls=MANY_CALLS)
     except TensegrityError as error:
         raise Unavailable(error.problem) from error
-    model = built.load()
+    return built.load(), built.path
+
+
+def _write_compiled(problem: MotionProblem, compiler: str | None) -> tuple[dict[str, Any], bool]:
+    """Return the equations, accelerations compiled for this machine, and whether their Jacobian is too."""
+    model, path = build_rates(problem, compiler)
     state = ca.MX.sym("x", 2 * len(model.manifest.coordinate_name))
     position, velocity = ca.vertsplit(state, state.numel() // 2)
     given = {"coordinate": position, "velocity": velocity}
     options = {"enable_fd": True}  # CasADi asks for a Jacobian that functional iteration never evaluates
-    acceleration = ca.external(f"{model.manifest.name}_acceleration", str(built.path), options)
+    acceleration = ca.external(f"{model.manifest.name}_acceleration", str(path), options)
     names = model.function("acceleration").arguments
     values = [given[name] if name in given else model.nominal(name) for name in names]
     has_jacobian = any(
