@@ -15,7 +15,12 @@ import typer
 from tensegrity_codegen.cli.streams import ProgressBar, drop_output, name_duration, print_aside, print_text
 from tensegrity_codegen.cli.verb import name_options, name_options_in_error
 from tensegrity_codegen.report.long_table import AROUND, LongTable, find_most_rows, is_cut
-from tensegrity_codegen.system.errors import FormulationError, OutputError, TensegrityError
+from tensegrity_codegen.system.errors import (
+    FormulationError,
+    OutputError,
+    TensegrityError,
+    escape_controls,
+)
 from tensegrity_codegen.system.extras import require_plot
 from tensegrity_codegen.system.files import check_ending, check_output, plain, write_text
 from tensegrity_codegen.system.progress import watched_passes, work_pass
@@ -246,6 +251,10 @@ def _open_console(*, stderr: bool) -> "Console":
 
     class PipeConsole(Console):
         """A console whose reader may go away, as in `... | head`: what follows is dropped."""
+
+        def render_str(self, text: str, **options: Any) -> Any:
+            """Return a text as Rich shows it, without characters that steer the terminal."""
+            return super().render_str(escape_controls(text), **options)
 
         def on_broken_pipe(self) -> None:
             """Drop all further output."""

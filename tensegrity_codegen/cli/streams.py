@@ -8,6 +8,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from tensegrity_codegen.system.errors import escape_controls
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -17,7 +19,7 @@ def print_text(text: str) -> None:
     if sys.stdout is None:  # closed by the caller
         return
     try:
-        sys.stdout.write(text)
+        sys.stdout.write(escape_controls(text))
         sys.stdout.flush()
     except OSError as error:
         drop_output(sys.stdout)
@@ -30,7 +32,7 @@ def print_aside(line: str) -> None:
     if sys.stderr is None:  # closed by the caller
         return
     try:
-        sys.stderr.write(line + "\n")
+        sys.stderr.write(escape_controls(line) + "\n")
         sys.stderr.flush()
     except OSError:
         drop_output(sys.stderr)

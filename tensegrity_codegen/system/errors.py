@@ -51,7 +51,7 @@ class TensegrityError(Exception):
             lines.append(f"  allowed: {self.allowed}")
         if self.hint:
             lines.append(f"  try:     {self.hint}")
-        return "\n".join(lines)
+        return escape_controls("\n".join(lines))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the error as one JSON-ready object."""
@@ -238,6 +238,18 @@ def suggest(given: Any, known: Iterable[str], *, most: int = 12) -> str:
     shown = ", ".join(repr(name) for name in names[:most])
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return f"known: {shown}{more}" if names else "none are defined"
+
+
+# Control characters but newline and tab, and those that turn the direction of text, as Python writes them.
+_CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), *range(127, 160))}
+_CONTROLS |= {
+    code: f"\\u{code:04x}" for code in (0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
+}
+
+
+def escape_controls(text: str) -> str:
+    """Return a text of which no part, such as a name from a file, can steer the terminal that shows it."""
+    return text.translate(_CONTROLS)
 
 
 def shorten(value: Any, most: int = 120) -> str:

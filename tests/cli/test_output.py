@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse
+from rich.table import Table
 
 from tensegrity_codegen.cli import settle
 from tensegrity_codegen.cli.output import MOST_WARNINGS, Output
@@ -308,3 +309,21 @@ def test_many_warnings_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(lines) == MOST_WARNINGS + 2
     assert lines[-2] == f"{500 - MOST_WARNINGS} more warnings; --json has all"
     assert len(output.warned) == 500
+
+
+def test_nothing_that_is_printed_steers_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    name = "a\x1b[31m\x07\r\x9b\u202eb"
+    output = Output(as_json=False)
+    output.warn(f"warned of {name}")
+    output.note(f"noted {name}")
+    table = Table(title=f"of {name}")
+    table.add_row(f"cell {name}")
+    output.result({}, f"result {name}", table)
+    Output(as_json=True).result({"name": name})
+    out, err = capsys.readouterr()
+    assert all(letter.isprintable() or letter == "\n" for letter in out + err)
+    shown = r"a\x1b[31m\x07\x0d\x9b\u202eb"
+    for words in (f"result {shown}", f"of {shown}", f"cell {shown}"):
+        assert words in out
+    for words in (f"warned of {shown}", f"noted {shown}"):
+        assert words in err

@@ -3,19 +3,26 @@
 What is on layers whose names begin with "bar" or "strut" becomes bars, all other lines become cables.
 """
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
 from tensegrity_codegen.scene.formats.files.lines import Line, build_lines, is_bar
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_bytes
+from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.system.errors import SceneSyntaxError
 from tensegrity_codegen.system.extras import CAD, import_extra
 
 LARGEST_DXF = 128 * 2**20  # bytes
+MOST_TAGS = 15 * MOST_ENTRIES  # pairs of a code and a value; a line has about 12
+MOST_ENTITIES = MOST_ENTRIES + 100_000  # vertices of polylines, blocks and tables among them
+_ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?\n[ \t]*[A-Z]", re.MULTILINE)
+BINARY_TAG = 8  # bytes of a tag in binary files, about
 METRES = 6  # $INSUNITS
 WHAT = "a drawing (DXF)"
 
@@ -36,13 +43,31 @@ def import_dxf(
     """
     path = Path(path)
     ezdxf = import_extra("ezdxf", CAD)
-    read_bytes(path, LARGEST_DXF, WHAT)
+    _check_size(read_bytes(path, LARGEST_DXF, WHAT), str(path))
     try:
         lines, notes = _read_lines(ezdxf, path)
     except Exception as error:  # of any kind, from whatever a damaged tag leads to
         problem = f"the file cannot be read as a drawing: {str(error)[:200] or type(error).__name__}"
         raise SceneSyntaxError(problem, where=str(path), allowed=WHAT) from error
     return build_lines(lines, path, name, gravity, tolerance, axial_stiffness, notes=notes)
+
+
+def _check_size(data: bytes, where: str) -> None:
+    """Raise SceneSyntaxError for more tags or entities than drawings have, before any of them is read."""
+    tags = max(data.count(b"\n"), data.count(b"\r")) // 2
+    tags = len(data) // BINARY_TAG if data.startswith(b"AutoCAD Binary DXF") else tags
+    counts = [("tags", tags, MOST_TAGS)]
+    if tags <= MOST_TAGS:
+        counts.append(("entities", sum(1 for _ in _ENTITY.finditer(data)), MOST_ENTITIES))
+    for what, count, most in counts:
+        if count > most:
+            raise SceneSyntaxError(
+                f"the drawing has too many {what}",
+                where=where,
+                given=count,
+                allowed=f"up to {most}",
+                hint="keep only the lines of the structure",
+            )
 
 
 def _read_lines(ezdxf: Any, path: Path) -> tuple[list[Line], list[str]]:
@@ -54,6 +79,8 @@ def _read_lines(ezdxf: Any, path: Path) -> tuple[list[Line], list[str]]:
         if not places:
             others[kind] += 1
             continue
+        if len(lines) > MOST_ENTRIES:  # which build_lines refuses
+            break
         where = f"{path}: {kind} {entity.dxf.handle} on layer {entity.dxf.layer[:80]}"
         lines += [Line(ends, is_bar(entity.dxf.layer), where) for ends in pairwise(places)]
         arcs += kind != "LINE" and entity.has_arc
@@ -62,7 +89,7 @@ def _read_lines(ezdxf: Any, path: Path) -> tuple[list[Line], list[str]]:
         unit = f"the drawing has the unit {ezdxf.units.unit_name(document.units)}"
         notes.append(f"{unit}, its numbers are read as metres: `scale` {factor:g} converts them")
     if others:
-        listed = ", ".join(f"{kind} ({count})" for kind, count in others.items())
+        listed = name_list([f"{kind} ({count})" for kind, count in others.items()], 10)
         notes.append(f"entities that are not read: {listed}")
     if arcs:
         notes.append(f"polylines with arcs, which are read as straight between their points: {arcs}")

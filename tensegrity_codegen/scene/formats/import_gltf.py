@@ -76,6 +76,7 @@ class _File:
             raise ValueError(f"version {content['asset']['version']}")
         self.content, self.binary = content, binary
         self._decoded: dict[str, bytes] = {}
+        self._ends: dict[int, list[tuple[FloatArray, tuple[str, str]]]] = {}  # of each mesh
 
     def entry(self, section: str, number: Any) -> dict[str, Any]:
         """Return an entry of a section."""
@@ -103,7 +104,10 @@ class _File:
                 continue
             if len(lines) > MOST_ENTRIES:
                 break
-            found = self.list_ends(self.entry("meshes", node["mesh"]))
+            mesh = self.entry("meshes", node["mesh"])
+            if node["mesh"] not in self._ends:
+                self._ends[node["mesh"]] = self.list_ends(mesh)
+            found = self._ends[node["mesh"]]
             place, extras = f"{where}: meshes[{node['mesh']}]", node.get("extras")
             kind = extras.get("kind") if isinstance(extras, dict) else None
             for k, (ends, names) in enumerate(found):
@@ -120,9 +124,11 @@ class _File:
             if mode not in (LINES, LINE_LOOP, LINE_STRIP):
                 continue
             places = self.read_accessor(part["attributes"]["POSITION"], (5126,), 3)
-            rows = np.arange(len(places))
             if "indices" in part:
                 rows = self.read_accessor(part["indices"], (5121, 5123, 5125), 1)[:, 0]
+            else:
+                rows = np.arange(min(len(places), 2 * MOST_ENTRIES + 2))
+            rows = rows[: 2 * MOST_ENTRIES + 2]
             material = self.entry("materials", part["material"]) if "material" in part else {}
             names = str(mesh.get("name", "")), str(material.get("name", ""))
             second = np.roll(rows, -1) if mode == LINE_LOOP else rows[1:]

@@ -14,6 +14,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
+from tensegrity_codegen.sweeps.store.chunks import check_array, is_whole
 from tensegrity_codegen.system.errors import OutputError, suggest
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 from tensegrity_codegen.system.files import check_ending, explain_unwritable
@@ -24,7 +25,6 @@ FORMAT = 2
 METADATA = "zarr.json"
 STATUS, MESSAGE, RECORD = "status", "message", "task_record"
 ENDING = ".zarr"
-CRC_BYTES = 4  # of the checksum at the end of a chunk
 MOST_NAMED = 4
 
 
@@ -86,6 +86,10 @@ class StoredSweep:
         place = (task,) if name == RECORD else self.layout.place_of(task)
         return self._chunk_file(name, (*place, *[0] * (len(self.arrays[name]["shape"]) - len(place))))
 
+    def is_whole(self, file: Path) -> bool:
+        """Return whether a chunk is as it was written."""
+        return is_whole(file, self.arrays[file.relative_to(self.path).parts[0]])
+
     def _chunk(self, name: str) -> tuple[int, ...]:
         return tuple(self.arrays[name]["chunk_grid"]["configuration"]["chunk_shape"])
 
@@ -132,7 +136,10 @@ def read_stored_sweep(path: str | Path, *, is_output: bool = False) -> StoredSwe
         data = json.loads((folder / METADATA).read_bytes())
         attributes = data["attributes"]
         found = attributes[ATTRIBUTE]["format"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        arrays = data["consolidated_metadata"]["metadata"] if found == FORMAT else {}
+        for array in arrays.values():
+            check_array(array)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         new = ", or a new name for another one" if is_output else ""
         reason = f": {METADATA} is damaged or of another program" if (folder / METADATA).exists() else ""
         raise OutputError(
@@ -157,7 +164,6 @@ def read_stored_sweep(path: str | Path, *, is_output: bool = False) -> StoredSwe
             allowed="the file as `sweep` wrote it",
             hint="restore it from a copy, or remove the folder and run the sweep again",
         )
-    arrays = data["consolidated_metadata"]["metadata"]
     return StoredSweep(folder, own["identity"], own["task_size"], attributes, arrays)
 
 
@@ -185,28 +191,20 @@ def find_finished(path: str | Path) -> frozenset[int]:
     return frozenset(
         task
         for task in range(stored.layout.n_tasks)
-        if all(is_whole(stored.chunk_file(name, task)) for name in (RECORD, *stored.results))
+        if all(stored.is_whole(stored.chunk_file(name, task)) for name in (RECORD, *stored.results))
     )
 
 
 def find_damaged(stored: StoredSweep) -> list[Path]:
     """Return the files that are not as they were written, or are missing: of coordinates and results."""
-    damaged = [file for file in stored.coordinate_files if not is_whole(file)]
+    damaged = [file for file in stored.coordinate_files if not stored.is_whole(file)]
     for task in range(stored.layout.n_tasks):
         is_computed = any(os.path.lexists(stored.chunk_file(name, task)) for name in (STATUS, RECORD))
         files = [stored.chunk_file(name, task) for name in stored.results]
-        damaged += [file for file in files if (is_computed or os.path.lexists(file)) and not is_whole(file)]
+        damaged += [
+            file for file in files if (is_computed or os.path.lexists(file)) and not stored.is_whole(file)
+        ]
     return damaged
-
-
-def is_whole(file: Path) -> bool:
-    """Return whether a chunk ends with the checksum (CRC-32C) of what is before it."""
-    try:
-        data = file.read_bytes()
-    except OSError:
-        return False
-    found = import_extra("google_crc32c", SWEEP).value(data[:-CRC_BYTES])
-    return len(data) > CRC_BYTES and found == int.from_bytes(data[-CRC_BYTES:], "little")
 
 
 def check_not_damaged(stored: StoredSweep) -> None:

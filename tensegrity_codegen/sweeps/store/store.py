@@ -24,7 +24,6 @@ from tensegrity_codegen.sweeps.store.folder import (
     StoredSweep,
     compute_checksum,
     find_finished,
-    is_whole,
     read_stored_sweep,
 )
 from tensegrity_codegen.sweeps.tasks.operation import TaskResult
@@ -240,7 +239,7 @@ def restore_coordinates(stored: StoredSweep, contents: StoreContents) -> None:
     OutputError
         They cannot be written.
     """
-    if all(map(is_whole, stored.coordinate_files)):
+    if all(map(stored.is_whole, stored.coordinate_files)):
         return
     try:
         for file in stored.coordinate_files:

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from tensegrity_codegen.scene.formats import import_dxf
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.formats.imported import ImportResult
 from tensegrity_codegen.system.errors import (
@@ -141,3 +142,37 @@ def test_what_is_no_drawing(tmp_path: Path) -> None:
             read_files([tmp_path / "a.dxf"])
     with pytest.raises(SceneError, match="cannot be read"):
         read_files([tmp_path / "none.dxf"])
+
+
+@pytest.mark.parametrize(
+    ("body", "problem", "given"),
+    [
+        ("0\nLINE\n8\nc\n" * 6, "too many entities", 9),
+        ("0\nLWPOLYLINE\n8\nc\n" + "10\n1.0\n20\n2.0\n" * 30, "too many tags", 66),
+    ],
+)
+def test_large_drawings_are_refused_before_they_are_read(
+    body: str, problem: str, given: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(import_dxf, "MOST_ENTITIES", 8)
+    monkeypatch.setattr(import_dxf, "MOST_TAGS", 60)
+    text = f"0\nSECTION\n2\nENTITIES\n{body}0\nENDSEC\n0\nEOF\n"
+    (tmp_path / "frame.dxf").write_text(text, encoding="utf-8")
+    with monkeypatch.context() as patch:
+        patch.setattr(ezdxf, "readfile", None)
+        with pytest.raises(SceneSyntaxError, match=problem) as caught:
+            read_files([tmp_path / "frame.dxf"])
+    assert caught.value.given == given
+    (tmp_path / "frame.dxf").write_bytes(b"AutoCAD Binary DXF\r\n" + bytes(500))
+    with pytest.raises(SceneSyntaxError, match="too many tags"):
+        read_files([tmp_path / "frame.dxf"])
+
+
+def test_no_layer_steers_the_terminal(tmp_path: Path) -> None:
+    layer = "c\x1b[31m\x1b]0;own\x07\u202e"
+    text = f"0\nSECTION\n2\nENTITIES\n0\nLINE\n8\n{layer}\n10\n0\n20\n0\n11\n0\n21\n0\n0\nENDSEC\n0\nEOF\n"
+    (tmp_path / "frame.dxf").write_text(text, encoding="utf-8")
+    with pytest.raises(TensegrityError) as caught:
+        read_files([tmp_path / "frame.dxf"])
+    assert r"on layer c\x1b[31m\x1b]0;own\x07" in str(caught.value)
+    assert all(letter.isprintable() or letter == "\n" for letter in str(caught.value))

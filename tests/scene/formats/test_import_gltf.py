@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tensegrity_codegen.scene.formats import import_gltf
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.formats.imported import ImportResult
 from tensegrity_codegen.system.errors import (
@@ -235,3 +236,33 @@ def test_hostile_files_end_in_an_error_or_a_scene(data: st.DataObject, tmp_path_
         place[key] = data.draw(VALUES)
     with suppress(TensegrityError):
         assert read(tmp_path_factory.mktemp("hostile"), content).document["members"]
+
+
+def test_a_mesh_is_read_once_for_all_its_nodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+    plain = import_gltf._File.list_ends
+
+    def count(self: Any, mesh: Any) -> Any:
+        calls.append(len(mesh["primitives"]))
+        return plain(self, mesh)
+
+    monkeypatch.setattr(import_gltf._File, "list_ends", count)
+    content = change("meshes", 0, "primitives", value=[{"mode": 4, "attributes": {"POSITION": 0}}] * 50)
+    content["nodes"] = [{"mesh": 0}] * 50
+    content["scenes"] = [{"nodes": list(range(50))}]
+    with pytest.raises(StructureError, match="no lines"):
+        read(tmp_path, content)
+    assert calls == [50]
+
+
+def test_indices_beyond_the_largest_scene_are_not_paired(tmp_path: Path) -> None:
+    most = import_gltf.MOST_ENTRIES
+    order = np.tile(np.array([0, 1], dtype="<u1"), 3 * most)
+    content = change("accessors", 1, value={"bufferView": 1, "componentType": 5121, "count": order.size})
+    content["meshes"][0]["primitives"][0] |= {"indices": 1}
+    content["bufferViews"][1] = {"buffer": 1, "byteLength": order.size}
+    uri = "data:application/octet-stream;base64," + base64.b64encode(order.tobytes()).decode()
+    content["buffers"].append({"byteLength": order.size, "uri": uri})
+    with pytest.raises(StructureError, match="too many lines") as caught:
+        read(tmp_path, content)
+    assert caught.value.given == most + 1

@@ -369,3 +369,17 @@ def test_the_imported_model_moves_as_in_mujoco(tmp_path: Path) -> None:
         ids = [mujoco.mj_name2id(other, mujoco.mjtObj.mjOBJ_SITE, name) for name in own.node_name]
         errors.append(float(np.abs(data.site_xpos[ids] - own.node_position[-1]).max()))
     assert max(errors) < 5e-6, errors
+
+
+def test_elements_and_classes_have_a_limited_number_of_attributes(tmp_path: Path) -> None:
+    many = " ".join(f'a{k}="1"' for k in range(60))
+    few = load(tmp_path, TEXT.replace('<site name="hook"', f'<site {many} name="hook"'))
+    assert sum("site a" in note for note in few.notes) == 60
+    for old, new in (
+        ('<site name="hook"', f'<site {many} b="1" c="1" d="1" name="hook"'),
+        ('<site size="0.01"/>', f'<site {many}/><site b="1" c="1" d="1" e="1" f="1"/>'),
+    ):
+        with pytest.raises(SceneError, match="too many attributes") as caught:
+            load(tmp_path, TEXT.replace(old, new))
+        assert caught.value.where.endswith("model.xml: site")
+        assert caught.value.given == 65

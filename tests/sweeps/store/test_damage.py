@@ -1,5 +1,6 @@
 """Damage of any file of a sweep: it is refused by name or computed again, and no wrong number is read."""
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +10,7 @@ import pytest
 
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
 from tensegrity_codegen.sweeps.run import SweepOutcome, run_sweep
-from tensegrity_codegen.sweeps.store.folder import open_sweep
+from tensegrity_codegen.sweeps.store.folder import ATTRIBUTE, compute_checksum, open_sweep
 from tensegrity_codegen.sweeps.store.table import write_sweep_table
 from tensegrity_codegen.sweeps.summary.results import read_results
 from tensegrity_codegen.system.errors import OutputError
@@ -103,3 +104,55 @@ def test_what_is_damaged_is_named_and_computed_again(whole: Path, tmp_path: Path
     assert (outcome.computed, outcome.damaged) == (16, 16)
     assert np.array_equal(open_sweep(path)["square"], open_sweep(whole)["square"], equal_nan=True)
     assert compute(path).computed == 0
+
+
+def write_chunk(file: Path, content: bytes) -> None:
+    """Write a chunk with the right checksum."""
+    checksum = pytest.importorskip("google_crc32c").value(content)
+    file.write_bytes(content + checksum.to_bytes(4, "little"))
+
+
+def test_a_chunk_is_expanded_only_to_the_size_of_what_was_written(whole: Path, tmp_path: Path) -> None:
+    numcodecs = pytest.importorskip("numcodecs")
+    expected = open_sweep(whole).load()
+    large = bytes(numcodecs.zstd.compress(bytes(2**24), 1))
+    header = large[:4] + b"\xe0" + (2**40).to_bytes(8, "little") + large[13:]  # of a terabyte
+    short = bytes(numcodecs.zstd.compress((10**6).to_bytes(4, "little") + bytes(40), 1))
+    numbers = bytes(numcodecs.blosc.compress(bytes(2**20), b"lz4", 5))
+    broken = numbers[:4] + (64).to_bytes(4, "little") + numbers[8:]
+    for name in ("message/c/1", "square/c/1", "status/c/1"):
+        for content in (large, header, short, numbers, broken, b"\x28\xb5\x2f\xfd"):
+            path = tmp_path / "a.zarr"
+            shutil.rmtree(path, ignore_errors=True)
+            shutil.copytree(whole, path)
+            write_chunk(path / name, content)
+            for read in (open_sweep, read_results):
+                with pytest.raises(OutputError) as caught:
+                    read(path)
+                assert caught.value.given == name
+    compute(path)
+    assert open_sweep(path).load().identical(expected)
+
+
+@pytest.mark.parametrize(
+    ("array", "key", "value"),
+    [
+        ("x", "shape", [10**12]),
+        ("x", "shape", [-1]),
+        ("status", "chunk_grid", {"configuration": {"chunk_shape": [0]}}),
+        ("square", "codecs", [{"name": "bytes"}, {"name": "gzip"}, {"name": "crc32c"}]),
+        ("square", "data_type", "string"),
+        ("square", "shape", None),
+    ],
+)
+def test_arrays_that_no_sweep_writes_are_refused(
+    array: str, key: str, value: object, whole: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.zarr"
+    shutil.copytree(whole, path)
+    data = json.loads((path / "zarr.json").read_bytes())
+    data["consolidated_metadata"]["metadata"][array][key] = value
+    data["attributes"][ATTRIBUTE]["checksum"] = compute_checksum(data)
+    (path / "zarr.json").write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(OutputError, match=r"not a sweep: zarr\.json is damaged or of another program"):
+        open_sweep(path)

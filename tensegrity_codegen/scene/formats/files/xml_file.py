@@ -1,7 +1,7 @@
 """XML files that are read without trust: no DTD, no entities of their own, of limited size and depth."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
@@ -16,6 +16,7 @@ from tensegrity_codegen.system.errors import (
 
 LARGEST_XML = 32 * 2**20  # bytes
 MOST_ELEMENTS = 500_000
+MOST_ATTRIBUTES = 64  # of an element
 DEEPEST = 200
 
 
@@ -72,11 +73,21 @@ class _LimitedBuilder(TreeBuilder):
         if self._depth > DEEPEST or self._count > MOST_ELEMENTS:
             allowed = f"up to {DEEPEST} levels and {MOST_ELEMENTS} elements"
             raise SceneSyntaxError("too many or too deep elements", where=self._where, allowed=allowed)
+        check_attributes(attrs, tag, self._where)
         return super().start(tag, attrs)
 
     def end(self, tag: str) -> Element:
         self._depth -= 1
         return super().end(tag)
+
+
+def check_attributes(attributes: Mapping[str, str], tag: str, where: str) -> None:
+    """Raise SceneSyntaxError for too many attributes of an element, which others may have by their class."""
+    if len(attributes) > MOST_ATTRIBUTES:
+        allowed = f"up to {MOST_ATTRIBUTES} attributes"
+        raise SceneSyntaxError(
+            "too many attributes", where=f"{where}: {tag[:80]}", given=len(attributes), allowed=allowed
+        )
 
 
 class _FirstElementError(Exception):

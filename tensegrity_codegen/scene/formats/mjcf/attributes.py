@@ -29,6 +29,7 @@ TAKEN = {
     "general": f"{_ACTUATOR} lengthrange nsample interp cranklength inheritrange actdim",
 }
 TAKEN["motor"] = TAKEN["general"]
+_WORDS = {tag: frozenset(words.split()) for tag, words in TAKEN.items()}
 # Values with which an attribute does nothing, where it is neither one of IDLE nor zeros.
 OWN_IDLE = {"settotalmass": "-1", "inertiagrouprange": "0 5", "dynprm": "1 0 0", "gaintype": "fixed"}
 IDLE = ("false", "auto", "none", "enable")
@@ -39,11 +40,13 @@ def list_unread(tag: str, values: Mapping[str, str], by_range: bool) -> list[str
 
     by_range: whether ranges act where nothing else is said (`autolimits`).
     """
-    taken = TAKEN[tag].split()
+    taken = _WORDS[tag]
+    unread = [key for key, value in values.items() if key not in taken and not _is_idle(key, value)]
+    if not unread:
+        return []
     # A range acts where, for instance, ctrllimited of ctrlrange is true.
     states = {f"{key[:-7]}range": values.get(key, "auto") for key in taken if key.endswith("limited")}
     off = ("false",) if by_range else ("false", "auto")
-    unread = [key for key, value in values.items() if key not in taken and not _is_idle(key, value)]
     return [key for key in unread if states.get(key) not in off]
 
 

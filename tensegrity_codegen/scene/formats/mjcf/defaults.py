@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
+from tensegrity_codegen.scene.formats.files.xml_file import check_attributes
 from tensegrity_codegen.scene.formats.mjcf.attributes import list_unread
 from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
@@ -38,8 +39,10 @@ class Defaults:
     def record(self, tag: str, values: Mapping[str, str], owner: str = "") -> None:
         """Record the attributes of an element that act in MuJoCo and are not read."""
         for key in list_unread(tag, values, self._by_range):
-            name = f"{values.get('name', owner)[:60]} ({values[key][:40]})".lstrip()
-            self.unread.setdefault(f"{tag} {key}", []).append(name)
+            names = self.unread.setdefault(f"{tag} {key[:40]}", [])
+            is_named = len(names) < MOST_NAMED  # of the others only the number is told
+            text = f"{values.get('name', owner)[:60]} ({values[key][:40]})" if is_named else ""
+            names.append(text.lstrip())
 
     def describe_unread(self) -> list[str]:
         """Return notes on the attributes that act in MuJoCo and are not read."""
@@ -75,11 +78,12 @@ def read_defaults(root: Element, file: str) -> Defaults:
     classes: dict[str, dict[str, dict[str, str]]] = {MAIN: {}}
 
     def visit(element: Element, name: str, inherited: Mapping[str, dict[str, str]]) -> None:
-        own = {key: dict(value) for key, value in inherited.items()}
+        own = dict(inherited)
         for item in element:
             if item.tag != "default":
                 kind = item.tag if item.tag in KINDS else "actuator"
                 own[kind] = {**own.get(kind, {}), **item.attrib}
+                check_attributes(own[kind], item.tag, file)
         classes[name] = own
         for item in element.iterfind("default"):
             visit(item, item.get("class", ""), own)
