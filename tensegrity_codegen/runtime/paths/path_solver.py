@@ -28,6 +28,7 @@ MOST_EIGENVALUES = 8
 SINGULAR_TOLERANCE = 1e-13  # part of the largest singular value, or of the norm, that counts as zero
 START_OFFSET_RATIO = 1e-7  # part of the largest coordinate by which the load is taken to push at the start
 BALANCE_TOLERANCE = 1e-6  # residual, as part of the largest load, above which a point is none
+SMALLEST_SCALE = 1e-6  # of the largest coordinate: motions that are much smaller cannot be told from rounding
 EPSILON = float(np.finfo(float).eps)
 NEUTRAL_LOAD_TOLERANCE = 1e-9  # part of the load along neutral motions that counts as rounding
 
@@ -172,7 +173,8 @@ class PathSolver:
             tangent = self._tangent_under_load(state, load, upward)
         if tangent is None or abs(tangent[-1]) < SINGULAR_TOLERANCE:
             return "the stiffness at the start is singular"
-        moved = float(np.linalg.norm(tangent[:-1]) / abs(tangent[-1])) * self.coordinate_scale or 1.0
+        moved = float(np.linalg.norm(tangent[:-1]) / abs(tangent[-1])) * self.coordinate_scale
+        moved = max(moved, SMALLEST_SCALE * float(np.abs(state.coordinate).max(initial=0.0))) or 1.0
         solver = PathSolver(self.problem, (moved, self.load_scale), self._neutral)
         solver.n_iterations = self.n_iterations
         z = solver.join(state.coordinate, load_factor)

@@ -18,7 +18,7 @@ class PinnedPath:
 
     Notes
     -----
-    With N(q) an orthonormal basis of these motions and P = 1 - N N^T,
+    With N an orthonormal basis of these motions at the start and P = 1 - N N^T,
 
         g_pinned(q, lambda) = P g(q, lambda),   N^T dq = 0
 
@@ -26,13 +26,13 @@ class PinnedPath:
     of the path are equilibria of the structure itself.
     """
 
-    def __init__(self, path: ModelPath) -> None:
-        self.path = path
-        self._last: tuple[FloatArray, FloatArray] | None = None  # coordinates, and the motions there
+    def __init__(self, path: ModelPath, start: FloatArray) -> None:
+        self.path, self.start = path, start
+        self.basis = build_rigid_motions(path.model.manifest, place_nodes(path.model, start))
 
     def residual(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
         """Return P g, (n,)."""
-        return self._project(coordinate, self.path.residual(coordinate, load_factor))
+        return self._project(self.path.residual(coordinate, load_factor))
 
     def stiffness(self, coordinate: FloatArray, load_factor: float, /) -> Any:
         """Return K of the path itself, (n, n); it is used beside the pinned motions only."""
@@ -40,21 +40,19 @@ class PinnedPath:
 
     def load_vector(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
         """Return P f, (n,)."""
-        return self._project(coordinate, self.path.load_vector(coordinate, load_factor))
+        return self._project(self.path.load_vector(coordinate, load_factor))
 
     def motions(self, coordinate: FloatArray, stiffness: Any = None) -> FloatArray:
         """Return the pinned motions N, (n, k), whatever stiffness the loads give them."""
-        del stiffness
-        if self._last is None or not np.array_equal(self._last[0], coordinate):
-            position = place_nodes(self.path.model, coordinate)
-            motions = build_rigid_motions(self.path.model.manifest, position)
-            motions.setflags(write=False)  # several calls at one place share them
-            self._last = np.array(coordinate), motions
-        return self._last[1]
+        del coordinate, stiffness
+        return self.basis
 
-    def _project(self, coordinate: FloatArray, force: FloatArray) -> FloatArray:
-        motions = self.motions(coordinate)
-        return np.asarray(force - motions @ (motions.T @ force))
+    def move_to_pins(self, coordinate: FloatArray) -> FloatArray:
+        """Return the nearest coordinates that the pins let the structure reach from its start."""
+        return np.asarray(coordinate - self.basis @ (self.basis.T @ (coordinate - self.start)))
+
+    def _project(self, force: FloatArray) -> FloatArray:
+        return np.asarray(force - self.basis @ (self.basis.T @ force))
 
 
 def pin_path(path: ModelPath, start: FloatArray) -> PinnedPath | None:
@@ -65,8 +63,8 @@ def pin_path(path: ModelPath, start: FloatArray) -> PinnedPath | None:
     """
     if not path.model.manifest.coordinate_node_axis:
         return None
-    pinned = PinnedPath(path)
-    rigid_motions = pinned.motions(start)
+    pinned = PinnedPath(path, start)
+    rigid_motions = pinned.basis
     if rigid_motions.shape[1] == 0:
         return None
     # Move the structure as a whole, by a trial motion of all rigid motions together.
@@ -75,5 +73,5 @@ def pin_path(path: ModelPath, start: FloatArray) -> PinnedPath | None:
     moved = start + TRIAL_MOTION_RATIO * size * rigid_motions.sum(axis=1) / rigid_motions.shape[1]
     # Forces between its own members have no component along rigid motions there either.
     force = path.static_force(moved, 1.0)
-    force_along = np.linalg.norm(pinned.motions(moved).T @ force)
+    force_along = np.linalg.norm(PinnedPath(path, moved).basis.T @ force)
     return pinned if force_along <= ZERO_FORCE_TOLERANCE * np.linalg.norm(force) else None

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_slack, watch_switch
-from tensegrity_codegen.runtime.paths.pinned_path import pin_path
+from tensegrity_codegen.runtime.paths.pinned_path import PinnedPath, pin_path
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
 from tensegrity_codegen.runtime.statics.factors import DENSE_LIMIT, SINGULAR_TOLERANCE
 from tensegrity_codegen.runtime.statics.newton import find_stability
@@ -31,6 +32,9 @@ COLLAPSE_MOTION_RATIO = 0.1
 BALANCE_TOLERANCE = 1e-9  # of the largest member force
 # Part of the smallest eigenvalue at the start that counts as none where a path stalls.
 ZERO_EIGENVALUE_RATIO = 1e-3
+# Load factors of the way back: from the second to the last the distance from the start falls to a half
+# at least, or to this part of the largest distance, beside a part of the coordinates.
+RETURN_FACTORS, RETURN_TOLERANCE, RETURN_ROUNDING = (1.0, 1e-2, 1e-4), 1e-2, 1e-7
 END_DISTANCE = 1e-5  # distance from the full load at which a loss of stability may be one of the end itself
 # Motion, as part of the structure's size, up to which the end is where stability was lost.
 MAX_END_MOTION_RATIO = 1e-3
@@ -72,10 +76,11 @@ class Ramp:
         grown = {name: self.base[name] + load_factor * value for name, value in self.pattern.items()}
         return {**self.arguments, **self.base, **grown}
 
-    def settle(self, start: FloatArray) -> Way:
+    def settle(self, start: FloatArray, near: FloatArray) -> Way:
         """Return where the structure goes from `start` without the growing loads, as prestress lets it.
 
-        Loads that balance it at `start` are let go in proportion; the limit is the part let go.
+        Loads that balance it at `start` are let go in proportion; the limit is the part let go. near: where
+        the search for the end begins.
         """
         problem = build_problem(self.model, self.arguments_at(0.0))
         point = problem.find_point(problem.to_search_coordinate(start))
@@ -91,7 +96,9 @@ class Ramp:
             )
         held = _find_holding_loads(self.model, problem, point, self.arguments_at(0.0))
         path = build_path(self.model, -held, self._held(held))
-        return self._follow(path, problem.to_model_coordinate(point.coordinate), 0.0, "prestress")
+        begun = problem.to_model_coordinate(point.coordinate)
+        found = self._lead_back(path, begun, near)
+        return self._follow(path, begun, 0.0, "prestress") if found is None else found
 
     def follow(self, start: FloatArray) -> Way:
         """Return where the loads lead from `start`, an equilibrium under the base."""
@@ -132,30 +139,61 @@ class Ramp:
 
     def _follow(self, path: ModelPath, start: FloatArray, least: float, what: str = "load") -> Way:
         """Return the end of a path of stable equilibria."""
-        size = len(start)
-        if size > MOST_FOLLOWED:
+        if len(start) > MOST_FOLLOWED:
             return Way(
                 failed=True, message=f"more than {MOST_FOLLOWED} coordinates: the path is not followed"
             )
-        large = size > DENSE_LIMIT
+        pinned = pin_path(path, start) if what == "prestress" else None
+        way = self._trace(path, pinned, start, (least, 1.0))
+        return _judge(path, way, what)
+
+    def _lead_back(self, path: ModelPath, start: FloatArray, near: FloatArray) -> Way | None:
+        """Return the end of a path whose stable equilibria lead back to `start`; None where they do not.
+
+        The end has a stiffness; a start without prestress, at the kinks of all its cables, has none.
+        """
+        if path.memory is not None or len(start) > MOST_FOLLOWED:
+            return None
+        given = {**path.arguments, **path.loads(1.0)}
+        given.pop("velocity", None)
+        end = find_equilibrium(path.model, arguments=given, coordinate=near, raise_on_failure=False)
+        if not end.is_found:
+            return None
+        pinned, coordinate = pin_path(path, start), end.coordinate
+        if pinned is not None:
+            coordinate = pinned.move_to_pins(coordinate)
+        distance = []
+        for span in pairwise(RETURN_FACTORS):
+            way = self._trace(path, pinned, coordinate, span)
+            if way.status != "completed" or _find_unstable(path, way) is not None:
+                return None
+            coordinate = way.coordinate[-1]
+            distance.append(np.abs(coordinate - start))
+        largest = max(float(distance[0].max()), float(np.abs(start).max()) * RETURN_ROUNDING)
+        if (distance[1] > np.maximum(distance[0] / 2, RETURN_TOLERANCE * largest)).any():
+            return None
+        return Way(end.coordinate, np.asarray(end.member_length), end.node_position)
+
+    def _trace(
+        self, path: ModelPath, pinned: PinnedPath | None, start: FloatArray, span: tuple[float, float]
+    ) -> LoadPath:
+        """Return the path between two load factors, as far as it is stable."""
+        large = len(start) > DENSE_LIMIT
         control = StepControl(
             largest=COARSE_STEP if large else LARGEST_STEP,
             smallest=FINEST_COARSE_STEP if large else StepControl.smallest,
-            most_steps=max(20, MOST_WORK // size) if large else MOST_STEPS,
+            most_steps=max(20, MOST_WORK // len(start)) if large else MOST_STEPS,
         )
-        watches = [*([watch_slack(path, self.cables)] if self.cables else []), *watch_switch(path)]
-        pinned = pin_path(path, start) if what == "prestress" else None
-        way = follow_path(
+        return follow_path(
             pinned or path,
             start,
-            least=least,
-            most=1.0,
-            watches=watches,
+            least=span[0],
+            most=span[1],
+            watches=[*([watch_slack(path, self.cables)] if self.cables else []), *watch_switch(path)],
             neutral=pinned.motions if pinned else path.neutral_motions(),
             control=control,
             stop_at=STABILITY_LOSS_EVENTS,
         )
-        return _judge(path, way, what)
 
 
 def find_pushed_start(path: ModelPath, start: FloatArray, most: float) -> tuple[FloatArray, float] | None:
@@ -184,19 +222,22 @@ def _find_unstable(path: ModelPath, way: LoadPath) -> float | None:
     for coordinate, load_factor, lowest in zip(
         way.coordinate, way.load_factor.tolist(), way.smallest_eigenvalue.tolist(), strict=True
     ):
-        if lowest < 0.0:
-            stiffness = path.stiffness(coordinate, load_factor)
-            if lowest < -SINGULAR_TOLERANCE * float(abs(stiffness).sum(axis=0).max(initial=0.0)):
-                return float(load_factor)
+        if lowest < 0.0 and lowest < -_bound_rounding(path, coordinate, load_factor):
+            return float(load_factor)
     return None
+
+
+def _bound_rounding(path: ModelPath, coordinate: FloatArray, load_factor: float) -> float:
+    """Return the size of eigenvalues of the stiffness that count as zero [N/m]."""
+    stiffness = path.stiffness(coordinate, load_factor)
+    return SINGULAR_TOLERANCE * float(abs(stiffness).sum(axis=0).max(initial=0.0))
 
 
 def _is_singular(path: ModelPath, way: LoadPath) -> bool:
     """Return whether the stiffness at the end of a path is singular to rounding, which ends the search."""
     if not len(way.load_factor):
         return False
-    stiffness = path.stiffness(way.coordinate[-1], float(way.load_factor[-1]))
-    rounding = SINGULAR_TOLERANCE * float(abs(stiffness).sum(axis=0).max(initial=0.0))
+    rounding = _bound_rounding(path, way.coordinate[-1], float(way.load_factor[-1]))
     return float(way.smallest_eigenvalue[-1]) <= max(
         rounding, ZERO_EIGENVALUE_RATIO * float(way.smallest_eigenvalue[0])
     )
@@ -209,11 +250,14 @@ def _judge(path: ModelPath, way: LoadPath, what: str) -> Way:
         end = _find_end(path, way) if abs(event.load_factor - 1.0) <= END_DISTANCE else None
         if end is not None:
             return end
+        rounding = _bound_rounding(path, way.coordinate[0], float(way.load_factor[0]))
+        if event.load_factor <= FIRST_LOAD_FACTOR and abs(way.smallest_eigenvalue[0]) <= rounding:
+            return Way(failed=True, message="the stiffness along some motion is zero at the start")
         return Way(limit=event.load_factor, message=_describe_loss(event.kind, event.load_factor, what))
     unstable = _find_unstable(path, way)
     if unstable is not None:
         return Way(limit=unstable, message=f"the path of the increasing {what} is unstable at {unstable:.6g}")
-    if way.status == "stalled" and _is_singular(path, way):
+    if way.status == "stalled" and way.load_factor[-1] > FIRST_LOAD_FACTOR and _is_singular(path, way):
         reached = float(way.load_factor[-1])
         return Way(limit=reached, message=_describe_loss("singular", reached, what))
     if way.status != "completed":

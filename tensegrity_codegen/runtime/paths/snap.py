@@ -162,12 +162,13 @@ def find_load_snap(
     if len(start) > MOST_FOLLOWED:
         return Snap(None, reason=f"paths of more than {MOST_FOLLOWED} coordinates are not followed")
     try:
-        settled = ramp.settle(start)
+        is_loaded = any(value.any() for value in full.values())
+        settled = ramp.settle(start, start if is_loaded else found.coordinate)
         if settled.failed:
             return Snap(None, reason=f"the path of the prestress was not followed: {settled.message}")
         if settled.limit is not None:
             return Snap(True, 0.0, settled.limit, reason=settled.message)
-        if not any(value.any() for value in full.values()):
+        if not is_loaded:
             return _compare(settled, found)
         return _compare(ramp.follow(settled.coordinate), found)
     except TensegrityError as error:

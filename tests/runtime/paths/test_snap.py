@@ -10,7 +10,7 @@ from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
 from tests.cases import thorough
 from tests.reference import ReferenceModel
-from tests.runtime.build import bar, make_structure, spring
+from tests.runtime.build import bar, cable, make_structure, spring
 from tests.runtime.rigid_reference import RigidReference
 
 
@@ -180,3 +180,56 @@ def test_a_free_structure_that_settles_has_not_snapped(draw: int) -> None:
     # Loads that hold the given shape give rotations a stiffness of either sign; at the end they have none.
     found, kept = settle(free_robot(draw))
     assert (found.status, kept.snapped) == ("converged", False)
+
+
+def tightened_prism(by: float, tight: tuple[int, ...], *, free: bool) -> Structure:
+    """Three bars and cables at their rest lengths, without prestress; some cables are shorter by `by` [m]."""
+    angle = 2 * np.pi * np.arange(3) / 3
+    ring = [np.stack([np.cos(a), np.sin(a)], axis=1) for a in (angle, angle + np.radians(150))]
+    place = np.vstack([np.column_stack([xy, np.full(3, z)]) for xy, z in zip(ring, (0.0, 1.5), strict=True)])
+    ends = [(i, 3 + i) for i in range(3)]
+    ends += [(3 + i, 3 + (i + 1) % 3) for i in range(3)] + [((i + 1) % 3, 3 + i) for i in range(3)]
+    ends += [(i, (i + 1) % 3) for i in range(3)] if free else []
+    length = [float(np.linalg.norm(place[i] - place[j])) for i, j in ends]
+    members = [
+        bar(i, j, size, 1e7 / size) if k < 3 else cable(i, j, size - by * (k in tight), 1e5 / size)
+        for k, ((i, j), size) in enumerate(zip(ends, length, strict=True))
+    ]
+    return make_structure(place, members, anchored={} if free else dict.fromkeys(range(3), "xyz"))
+
+
+def ask_with_cables(structure: Structure) -> Snap:
+    model = ReferenceModel(structure)
+    cables = [name for name, rod in zip(structure.member_name, structure.is_bar, strict=True) if not rod]
+    found = find_equilibrium(model)
+    return find_load_snap(model, found, {"node_load": model.nominal("node_load")}, cables=cables)
+
+
+@pytest.mark.parametrize(
+    ("by", "tight", "free"),
+    [
+        (1e-3, (3,), False),
+        (0.02, (3,), False),
+        (0.1, (3,), True),
+        *thorough((1e-6, (3,), False), (0.3, (4, 7), False), (1e-4, (3, 10), True), (0.02, (6,), True)),
+    ],
+)
+def test_cables_tightened_from_no_prestress_do_not_snap(
+    by: float, tight: tuple[int, ...], free: bool
+) -> None:
+    # With the loads that hold the start all eigenvalues are positive from the first small part let go on.
+    assert ask_with_cables(tightened_prism(by, tight, free=free)) == Snap(False)
+
+
+@pytest.mark.parametrize("digits", [3, 7, 9])
+def test_prestress_of_a_few_digits_does_not_snap(digits: int) -> None:
+    # Two stays pull a mast down with 50 N; the rounding of their tensions is all that is out of balance.
+    place = [[-1, 0, 0], [0, 0, 0], [1, 0, 0], [0, 0, 1]]
+    stay, diagonal = float(f"{50 / np.sqrt(2):.{digits}g}"), float(np.sqrt(2))
+    rest = [1 / (1 - 50 / 1.1e7), *(2 * [diagonal / (1 + stay / 2.4e5)])]
+    members = [
+        bar(1, 3, rest[0], 1.1e7 / rest[0]),
+        *(cable(i, 3, rest[1], 2.4e5 / rest[1]) for i in (0, 2)),
+    ]
+    structure = make_structure(place, members, anchored={0: "xz", 1: "xz", 2: "xz"}, axes="xz")
+    assert ask_with_cables(structure) == Snap(False)
