@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.linear.spectrum import Spectrum, find_spectrum
 from tensegrity_codegen.runtime.linear.write_linear import write_linear_model
+from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
@@ -263,6 +264,7 @@ def linearize(
     q = _value(model, "coordinate", coordinate)
     v = _value(model, "velocity", velocity)
     given = merge_inputs(model.manifest, arguments)
+    check_arguments(model.manifest, given)
     if isinstance(equilibrium, Equilibrium):
         given = {**equilibrium.internal_argument, **given}
     u = _value(model, "input", _choose_input(input, given)) if inputs else np.zeros(0)

@@ -1,6 +1,6 @@
-"""Names and values of arguments at run time: those that no scene has are refused; the loads that follow."""
+"""Values of arguments at run time: those that no scene has are refused; loads and ground that follow."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.named_inputs import INPUT
+from tensegrity_codegen.runtime.model.named_inputs import check_argument_names
 from tensegrity_codegen.structure.ground import Ground
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import Manifest
-from tensegrity_codegen.tables.quantities import ARGUMENTS
 from tensegrity_codegen.tables.quantities.arguments import ABOVE_ZERO, FROM_ZERO
 
 LOAD = "node_load"
@@ -25,31 +24,6 @@ def check_arguments(manifest: Manifest, arguments: Mapping[str, Any]) -> None:
     """
     check_argument_names(manifest, arguments)
     check_parameter_values(manifest, arguments)
-
-
-def check_argument_names(manifest: Manifest, names: Iterable[str]) -> None:
-    """Raise UnknownNameError for a word that is no argument of the model at run time."""
-    known = [item.name for item in manifest.arguments if item.name not in ("coordinate", "velocity")]
-    for name in names:
-        if name not in known:
-            raise UnknownNameError(
-                "the model has no such argument at run time",
-                where="arguments",
-                given=name,
-                allowed=", ".join([*known, *manifest.input_name]) or "none",
-                hint=_explain_missing(name, [*known, *manifest.input_name]),
-            )
-
-
-def _explain_missing(name: str, known: list[str]) -> str:
-    """Return what to do about a word that is no argument at run time."""
-    if name in ("coordinate", "velocity"):
-        return "pass the initial state as coordinate= and velocity=, outside of arguments"
-    if name == INPUT:
-        return "the scene has no inputs: state them under [[inputs]] and build again"
-    if name in ARGUMENTS:
-        return f"it is a constant of this library: list it under [parameters] {name}, and build again"
-    return suggest(name, known)
 
 
 def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> None:

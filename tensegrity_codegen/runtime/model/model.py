@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.runtime.model.arrays import to_array
 from tensegrity_codegen.runtime.model.batch import BatchFunction
 from tensegrity_codegen.runtime.model.library import LoadedLibrary
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.named_inputs import check_argument_names, merge_inputs
 from tensegrity_codegen.runtime.model.status import raise_for_status
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
@@ -25,7 +25,7 @@ from tensegrity_codegen.system.errors import (
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
 from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
-from tensegrity_codegen.tables.quantities import ARGUMENTS
+from tensegrity_codegen.tables.quantities import STATE
 
 FloatArray = NDArray[Any]  # float64, or float32 where the library is of single precision
 
@@ -257,8 +257,8 @@ class CompiledModel(Summarised):
         out : ndarray, optional
             Array for the result, or for the non-zeros of a sparse result.
         **arguments : array_like
-            Values by name, inputs also by their own names; by default those of the scene. Arguments on which
-            the quantity does not depend are ignored.
+            Values by name, inputs also by their own names; by default those of the scene. Arguments of the
+            library on which the quantity does not depend are ignored.
 
         Returns
         -------
@@ -347,20 +347,10 @@ class CompiledModel(Summarised):
         self, function: CompiledFunction, arguments: Mapping[str, ArrayLike], *, is_batch: bool
     ) -> list[Any]:
         """Return the values of all arguments of a function, in its order, the omitted ones at the scene's."""
-        unknown = [name for name in arguments if name not in ARGUMENTS]
-        if unknown:
-            arguments = merge_inputs(self.manifest, arguments, is_batch=is_batch, dtype=self.dtype)
-            unknown = [name for name in arguments if name not in ARGUMENTS]
-        if unknown:
-            known = (*function.arguments, *self.manifest.input_name)
-            raise UnknownNameError(
-                "unknown argument",
-                where=function.spec.quantity,
-                given=unknown[0],
-                allowed=", ".join(known),
-                hint=suggest(unknown[0], known),
-            )
         nominal = self._nominal
+        if any(name not in nominal for name in arguments):
+            check_argument_names(self.manifest, arguments, states=STATE)
+            arguments = merge_inputs(self.manifest, arguments, is_batch=is_batch, dtype=self.dtype)
         return [arguments[name] if name in arguments else nominal[name] for name in function.arguments]
 
 

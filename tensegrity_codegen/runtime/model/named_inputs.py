@@ -1,15 +1,15 @@
-"""Inputs by their own names among run-time arguments: {"motor": 0.01} beside {"input": [0.01, 0.0]}."""
+"""Names of run-time arguments, and inputs by their own: {"motor": 0.01} beside {"input": [0.01, 0.0]}."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_doubles
-from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.tables.manifest import Manifest
-from tensegrity_codegen.tables.quantities import ARGUMENTS
+from tensegrity_codegen.tables.quantities import ARGUMENTS, STATE
 
 DOUBLE: np.dtype[Any] = np.dtype(np.float64)
 INPUT = "input"  # the argument that holds all inputs
@@ -39,10 +39,11 @@ def merge_inputs(
 
     Raises
     ------
-    InvalidValueError where an input is no number, or inputs are given by name and as an array too;
-    NonFiniteError for a number that is not finite.
+    UnknownNameError for a word that is no argument of the library; InvalidValueError where an input is no
+    number, or inputs are given by name and as an array too; NonFiniteError for a number that is not finite.
     """
     given = read_arguments(arguments)
+    check_argument_names(manifest, [name for name in given if name not in STATE])
     named = [name for name in given if unify_name(manifest, name) == INPUT and name != INPUT]
     if not named:
         return given
@@ -61,6 +62,35 @@ def merge_inputs(
     for name, value in values.items():
         merged[..., manifest.input_name.index(name)] = value
     return given | {INPUT: merged}
+
+
+def check_argument_names(manifest: Manifest, names: Iterable[str], states: Iterable[str] = ()) -> None:
+    """Raise UnknownNameError for a word that is no argument of the model at run time or one of `states`."""
+    known = [item.name for item in manifest.arguments if item.name not in ("coordinate", "velocity")]
+    known += states
+    for name in names:
+        if name not in (*known, *manifest.input_name):
+            raise UnknownNameError(
+                "the model has no such argument at run time",
+                where="arguments",
+                given=name,
+                allowed=", ".join([*known, *manifest.input_name]) or "none",
+                hint=_explain_missing(name, [*known, *manifest.input_name]),
+            )
+
+
+def _explain_missing(name: str, known: list[str]) -> str:
+    """Return what to do about a word that is no argument at run time."""
+    if name in ("coordinate", "velocity"):
+        return "pass the initial state as coordinate= and velocity=, outside of arguments"
+    if name == INPUT:
+        return "the scene has no inputs: state them under [[inputs]] and build again"
+    if name in ARGUMENTS:
+        return (
+            f"it is a constant of this library: list it under [parameters] {name}, or in parameters= of "
+            "compile_scene or of a ModelRequest, and build again"
+        )
+    return suggest(name, known)
 
 
 def read_arguments(arguments: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -1,10 +1,18 @@
 """Inputs by their own names, wherever run-time arguments are taken."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tensegrity_codegen import (
+    analyse,
+    compile_scene,
+    equilibrium_sensitivity,
+    find_equilibria,
+    stand,
+)
 from tensegrity_codegen.runtime.linear.linearize import LINEARIZE_QUANTITIES, linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -95,3 +103,44 @@ def test_hints_fit_what_is_wrong(model: CompiledModel) -> None:
     assert "coordinate=" in hint(model, "velocity")
     with pytest.raises(UnknownNameError, match="motor"):
         model.compute("member_tension", moter=0.0)
+
+
+PLACES = {"left": [0, 0], "right": [1, 0], "top": [0.5, 1]}
+ENDS = {"base": ["left", "right"], "west": ["left", "top"], "east": ["right", "top"]}
+FRAME: dict[str, Any] = {
+    "name": "frame",
+    "axes": "xz",
+    "gravity": [0, -9.81],
+    "nodes": {name: {"position": place, "mass": 1.0} for name, place in PLACES.items()},
+    "members": {name: {"kind": "bar", "spring_constant": 1e4, "nodes": ends} for name, ends in ENDS.items()},
+    "ground": {"stiffness": 1e5, "friction": 0.5},
+}
+DOORS: dict[str, Callable[[CompiledModel, dict[str, Any]], Any]] = {
+    "simulate": lambda model, given: simulate(model, 0.1, arguments=given),
+    "simulate_batch": lambda model, given: simulate_batch(model, 0.1, arguments=given),
+    "find_equilibrium": lambda model, given: find_equilibrium(model, arguments=given),
+    "find_equilibria": lambda model, given: find_equilibria(model, arguments=given),
+    "sensitivity": lambda model, given: equilibrium_sensitivity(model, arguments=given),
+    "linearize": lambda model, given: linearize(model, arguments=given),
+    "analyse": lambda model, given: analyse(model, arguments=given),
+    "stand": lambda model, given: stand(model, arguments=given),
+    "compute": lambda model, given: model.compute("member_tension", **given),
+    "compute_batch": lambda model, given: model.compute_batch("member_tension", **given),
+}
+
+
+@pytest.fixture(scope="module")
+def frame() -> CompiledModel:
+    """A library of constants."""
+    return compile_scene(FRAME, for_=("simulate", "sensitivity", "linearize", "analyse"))
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_no_function_ignores_an_argument(frame: CompiledModel, door: str) -> None:
+    lengths, mass = np.full(3, 2.0), np.full(3, 9.0)
+    for given in ({"rest_length": lengths}, {"node_mass": mass}, {"rest_length": {"any": "thing"}}):
+        with pytest.raises(UnknownNameError, match=r"no such argument.*\n.*(\n.*)*\[parameters\]") as caught:
+            DOORS[door](frame, given)
+        assert caught.value.given in given
+    with pytest.raises(UnknownNameError, match="no such argument"):
+        DOORS[door](frame, {"nonsense": 1.0})

@@ -223,7 +223,7 @@ CALLS: tuple[tuple[Callable[[EquilibriumSolver], Any], type[Exception], str], ..
     (lambda s: s.find([0.0]), InvalidValueError, "wrong shape"),
     (lambda s: s.find(node_load=[0.0]), InvalidValueError, "wrong shape"),
     (lambda s: s.follow([[0.0, 0.0]]), InvalidValueError, "wrong shape"),
-    (lambda s: s.find(node_lode=1.0), UnknownNameError, "unknown argument"),
+    (lambda s: s.find(node_lode=1.0), UnknownNameError, "no such argument"),
 )
 
 
