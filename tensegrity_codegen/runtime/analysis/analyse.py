@@ -197,10 +197,7 @@ def _find_bar_distance(at: Configuration) -> FloatArray | None:
 
 def _check_forces(at: Configuration) -> bool:
     """Return whether the present forces are in balance."""
-    floor = 0.0
-    if len(at.coordinate):
-        floor = at.problem.rounding_floor(at.problem.stiffness(at.coordinate), at.point)
-    return at.point.is_balanced(BALANCE_TOLERANCE, floor)
+    return at.point.is_balanced(BALANCE_TOLERANCE, at.force_floor)
 
 
 def _check_options(rank_tolerance: float, n_modes: int) -> None:

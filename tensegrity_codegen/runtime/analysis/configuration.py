@@ -72,6 +72,13 @@ class Configuration:
         return EPSILON * max(1.0, largest_coordinate / float(self.length.min(initial=np.inf)))
 
     @cached_property
+    def force_floor(self) -> float:
+        """Forces that rounding alone explains [N]."""
+        if not len(self.coordinate):
+            return 0.0
+        return self.problem.rounding_floor(self.problem.stiffness(self.coordinate), self.point)
+
+    @cached_property
     def load(self) -> FloatArray:
         """Weight and loads along the directions, (n_directions,) [N]; exactly zero where there are none."""
         residual = self.point.residual

@@ -27,7 +27,7 @@ def judge(found: Analysis, at: Configuration) -> Analysis:
         )
     else:
         status = "stable"
-        message = "; but ".join([_describe_tensions(found, at), *_find_flaws(found)])
+        message = "; but ".join([_describe_tensions(found, at), *_find_flaws(found, at)])
     return replace(found, status=status, message=message, warnings=_find_warnings(found, at))
 
 
@@ -35,6 +35,7 @@ UNDECIDED = (
     "no tensions with every cable in tension exist beyond rounding, but the proof fails by rounding too: the "
     "configuration is next to one where they exist"
 )
+UNJUDGED = "the present forces are not in balance, so that stability is not judged here: settle it first"
 
 
 def _describe_proof(found: Analysis, at: Configuration) -> str:
@@ -69,16 +70,18 @@ def _describe_tensions(found: Analysis, at: Configuration) -> str:
     return f"self-stresses exist with every cable in tension{held}"
 
 
-def _find_flaws(found: Analysis) -> list[str]:
+def _find_flaws(found: Analysis, at: Configuration) -> list[str]:
     """Return what is wrong at the present tensions of a structure that some prestress holds."""
     flaws = found.members.describe()
+    if not found.is_balanced:
+        return [*flaws, UNJUDGED]
     if found.stiffness.is_neutral or found.stiffness.is_unstable:
         modes = found.modes
         loose = 0 if modes is None else int((modes.frequency == 0.0).sum())
         which = (
             "a motion has" if modes is None or not loose else f"{loose} of {len(modes.frequency)} modes have"
         )
-        none = "" if found.member_tension.any() else ", which are zero"
+        none = ", which are zero" if found.largest_force <= at.force_floor else ""
         flaws.append(f"{which} no stiffness at the present tensions{none}")
     return flaws
 

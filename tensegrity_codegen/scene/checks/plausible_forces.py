@@ -10,9 +10,11 @@ from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 
 EARTH = 9.81  # [m/s2]
+ROUNDING = 64 * float(np.finfo(float).eps)  # of lengths, over them
 MAX_GRAVITY = 200.0  # [m/s2]
 MIN_BAR_TENSION_RATIO = 1e-3  # tension of a bar over the largest of a cable
 BALANCE_TOLERANCE = 1e-9  # sum of loads over the sum of their sizes
+IMBALANCE_RATIO = 1.5  # unbalanced force of a node over all weights and loads; a fall has 1
 FREE_STIFFNESS_RATIO = 1e-9  # part of a node's largest stiffness below which a direction counts as free
 
 
@@ -103,7 +105,8 @@ def warn_of_unstressed_bars(structure: Structure) -> list[str]:
     tension = structure.static_tension()
     free = np.asarray(~structure.node_anchored[:, list(structure.axes)].all(axis=1))
     moving = free[structure.connectivity].any(axis=1)
-    tight = moving & ~structure.is_bar & (tension > 0)
+    rounding = ROUNDING * structure.mu * structure.member_length()
+    tight = moving & ~structure.is_bar & (tension > rounding)
     bars = moving & structure.is_bar
     largest = float(tension[tight].max(initial=0.0))
     if not tight.any() or not bars.any() or structure.is_rigid[bars].any():
@@ -117,6 +120,39 @@ def warn_of_unstressed_bars(structure: Structure) -> list[str]:
         "nodes are out of balance and jump when a motion starts; settle first "
         "(start from the equilibrium), or give the bars a prestress below 0"
     ]
+
+
+def warn_of_imbalance(structure: Structure) -> list[str]:
+    """Return warnings of nodes pulled by more than all weights and loads, or that nothing can hold.
+
+    Motions may start so on purpose, so that only `check` says it.
+    """
+    if not structure.n_members or structure.ground is not None:
+        return []
+    force = np.linalg.norm(_find_unbalanced(structure), axis=1)
+    whole = float(structure.lumped_mass.sum() * np.linalg.norm(structure.gravity))
+    whole += float(np.linalg.norm(structure.node_load, axis=1).sum())
+    tension, found = structure.static_tension(), []
+    ends = np.bincount(structure.strands.ends.ravel(), minlength=structure.n_nodes)
+    bare = (ends == 1) & (structure.lumped_mass == 0.0) & ~structure.node_load.any(axis=1)
+    for node in np.flatnonzero(bare & (force > BALANCE_TOLERANCE * np.abs(tension).max())):
+        member = int(np.flatnonzero((structure.connectivity == node).any(axis=1))[0])
+        found.append(
+            f"node {structure.node_name[node]} is held by member {structure.member_name[member]} alone, that "
+            f"starts with {tension[member]:.4g} N: anchor it (anchored = true), or join it to another member"
+        )
+    force[bare] = 0.0
+    worst = int(force.argmax())
+    if whole > 0.0 and force[worst] > IMBALANCE_RATIO * whole:
+        near = (structure.connectivity == worst).any(axis=1)
+        pulls = [structure.member_name[e] for e in np.flatnonzero(near & structure.is_bar & (tension > 0))]
+        cause = f"; bars that pull there: {name_list(pulls)} (a bar that pushes has a prestress below 0)"
+        found.append(
+            f"the start is out of balance by {force[worst]:.4g} N at node {structure.node_name[worst]}, "
+            f"{force[worst] / whole:.3g} times all weights and loads{cause if pulls else ''}; `equilibrium` "
+            "finds the shape in balance"
+        )
+    return found
 
 
 def warn_of_jump(structure: Structure) -> list[str]:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.report.analysis_data import describe_analysis
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
@@ -14,7 +15,7 @@ from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantitie
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tests.cases import thorough
 from tests.ground_cases import make_ground, make_prism
-from tests.models import simulator
+from tests.models import EXAMPLES, simulator
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 from tests.runtime.rigid_reference import RigidReference
@@ -368,3 +369,14 @@ def test_feet_that_slip_hold_less(friction: float, rigid: int, directions: int) 
     assert (found.n_rigid_motions, found.rank.n_coordinates) == (rigid, directions)
     assert any("at the limit of friction" in text for text in found.warnings) == bool(friction)
     assert found.smallest_eigenvalue == pytest.approx(rest.smallest_eigenvalue, rel=1e-9)
+
+
+def test_the_stability_of_a_start_out_of_balance_is_not_judged() -> None:
+    """The example prism under its loads: every mode is stiff, and 3.57 N are not in balance."""
+    found = analyse(compile_scene(EXAMPLES / "prism.toml", for_="analyse"))
+    assert found.status == "stable"
+    assert not found.is_balanced
+    assert found.residual == pytest.approx(3.57, abs=0.01)
+    assert found.smallest_eigenvalue == pytest.approx(69.1007, rel=1e-4)
+    assert "no stiffness" not in found.message
+    assert "not in balance, so that stability is not judged here" in found.message

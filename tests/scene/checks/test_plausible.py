@@ -8,6 +8,7 @@ import pytest
 from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.checks.plausible_forces import warn_of_imbalance
 from tensegrity_codegen.scene.checks.scene_warnings import find_body_warnings, find_warnings
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import Structure
@@ -166,3 +167,36 @@ def test_a_cantilever_from_a_wall_is_none_that_lies_on_its_side() -> None:
     structure = build()
     turned = structure.with_changes(node_position=structure.node_position[:, [2, 0, 1]])
     assert find_warnings(turned) == ()
+
+
+def change_member(name: str, **keys: Any) -> Structure:
+    """Return the mast with other keys of one member."""
+    return build(MAST | {"members": MAST["members"] | {name: MAST["members"][name] | keys}})
+
+
+def test_a_prestress_of_the_wrong_sign_is_found_by_its_imbalance() -> None:
+    """The mast pulls by 300 N where it has to push; all of it weighs 72 N."""
+    assert warn_of_imbalance(build()) == []
+    (text,) = warn_of_imbalance(change_member("mast", prestress=300.0))
+    assert "out of balance by" in text
+    assert "node top" in text
+    assert "bars that pull there: mast" in text
+
+
+def test_a_stay_whose_end_is_not_anchored_is_named() -> None:
+    nodes = MAST["nodes"] | {"a": {"position": [1, 0, 0]}}
+    (text,) = warn_of_imbalance(build(MAST | {"nodes": nodes}))
+    assert "node a is held by member s1 alone" in text
+    assert "anchored = true" in text
+
+
+def test_tensions_of_rounding_are_no_forces() -> None:
+    """Cables that are longer than their rest length by two units in the last place."""
+    tube = MAST["classes"]["tube"] | {"prestress": 0.0}
+    classes = {"tube": tube, "stay": {"kind": "cable", "spring_constant": 2000.0}}
+    rest = {"s1": float(np.hypot(1.0, 2.0)) * (1 - 4e-16), "s2": 2.5, "s3": 2.5}
+    members = {"mast": MAST["members"]["mast"]}
+    members |= {name: MAST["members"][name] | {"rest_length": length} for name, length in rest.items()}
+    structure = build(MAST | {"classes": classes, "members": members})
+    assert 0 < structure.static_tension()[1] < 1e-11
+    assert not any("out of balance and jump" in text for text in find_warnings(structure))
