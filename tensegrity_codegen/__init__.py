@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.integrate.options import Stepping
     from tensegrity_codegen.runtime.linear.linearize import LinearModel, linearize
     from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
     from tensegrity_codegen.runtime.profiles.profile import Profile
     from tensegrity_codegen.runtime.profiles.read_profile import read_profile
     from tensegrity_codegen.runtime.records.plan_result import PlanResult
@@ -70,7 +71,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.simulate.until import Until
     from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
     from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
-    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
     from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium, SegmentError
     from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
@@ -257,7 +257,7 @@ _HOME = {
     "export_fmu": "export.export_fmu",
     "find_catenary": "structure.catenary",
     "find_equilibria": "runtime.statics.batch.find_equilibria",
-    "find_equilibrium": "runtime.statics.equilibrium",
+    "find_equilibrium": "runtime.paths.find_equilibrium",
     "linearize": "runtime.linear.linearize",
     "load_controller": "control.embedded.loaded",
     "plan": "control.planning.plan",

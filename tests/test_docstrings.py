@@ -72,6 +72,7 @@ INTERNAL = {
     *("simulation_quantities", "Pattern", "Method", "outline_motion"),
     *("live_folder", "find_request", "settle_drawable", "check_follow", "settle_method"),
     *("EXPORTER", "NUMBERS", "WORDS", "EquilibriaTable", "check_search_options"),
+    *("find_equilibrium", "choose_request", "move_back"),
 }
 HEADINGS = ("Parameters", "Attributes", "Returns", "Raises", "Notes", "Examples")
 

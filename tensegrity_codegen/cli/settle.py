@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 from tensegrity_codegen.cli.inputs import read_inputs
 from tensegrity_codegen.cli.options import parse_loads
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length, find_input_force
+from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
 from tensegrity_codegen.structure.bodies import BodySystem
-from tensegrity_codegen.structure.segments import find_chains
 from tensegrity_codegen.structure.sliding import slip_rest_lengths
 from tensegrity_codegen.system.errors import ConvergenceError
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.model.model import CompiledModel
-    from tensegrity_codegen.runtime.paths.snap import Snap
     from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
     from tensegrity_codegen.structure.structure import Structure
     from tensegrity_codegen.tables.request import ModelRequest
@@ -47,7 +45,7 @@ def settle_scene(
     if held:
         output.warn(f"a part of the load acts on anchored axes and has no effect: {', '.join(held)}")
     values = read_inputs(inputs, structure, output)
-    found, data = _settle(output, structure, request, _Loads(structure, added, values), **options)
+    found, data = _settle(output, structure, request, added, values, **options)
     data |= {"held_load": held, "inputs": values, "out": None}
     rest = add_inputs_to_rest_length(structure, values)
     actuated = structure.with_changes(rest_length=slip_rest_lengths(structure.sliding, rest, found.slid))
@@ -62,33 +60,37 @@ def _settle(
     output: Output,
     structure: "Structure | BodySystem",
     request: "ModelRequest",
-    loads: "_Loads",
+    added: NDArray[np.float64],
+    inputs: Mapping[str, float],
     *,
     compiler: str | None,
     **options: Any,
 ) -> "tuple[Equilibrium, dict[str, Any]]":
-    """Return the equilibrium under these loads and inputs, and what the JSON says of it."""
+    """Return the equilibrium under loads added (n_nodes, 3) [N] and inputs, and what the JSON says of it."""
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
     from tensegrity_codegen.pipeline.segment_error import add_segment_error
-    from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
-    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+    from tensegrity_codegen.pipeline.settle import move_back, move_near_origin, with_statics
+    from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
 
-    statics = with_statics(structure, request)
-    quantities = (*find_needs("equilibrium", structure, statics).quantities, *loads.quantities)
-    wanted = statics.wanting(*quantities, parameters=loads.parameters)
+    statics = replace(
+        with_statics(structure, request), parameters={"node_load": tuple(range(structure.n_nodes))}
+    )
     near, offset = move_near_origin(structure, request)
+    wanted = find_needs("equilibrium", structure, statics).alone(statics)
     model = build_library(near, wanted, compiler=compiler, calls=FEW_CALLS).load()
-    found = find_equilibrium(model, arguments=loads.arguments, raise_on_failure=False, **options)
+    arguments: dict[str, Any] = dict(inputs)
+    if added.any():
+        arguments["node_load"] = (structure.node_load + added)[:, list(structure.axes)]
     with output.progress("checking for snap-through"):
-        snap = loads.find_snap(model, found)
+        found = find_equilibrium(model, arguments=arguments, raise_on_failure=False, **options)
     try:
         found = add_segment_error(found, request, compiler=compiler)
     except ConvergenceError as error:
         output.warn(f"the discretisation error of cables in segments is unknown: {error.problem}")
-    output.warn(*found.warnings, *(_describe_snap(snap) if found.is_found else ()))
-    found = _move_back(found, structure, loads, offset)
-    return found, equilibrium_data(model, found) | snap.as_evidence()
+    output.warn(*found.warnings)
+    found = move_back(found, structure, offset, added, inputs)
+    return found, equilibrium_data(model, found)
 
 
 def _report(
@@ -126,77 +128,6 @@ def _report(
     )
 
 
-class _Loads:
-    """The loads of a scene, those added to them, and values of inputs, as run-time arguments of its model."""
-
-    def __init__(
-        self, structure: "Structure | BodySystem", added: NDArray[np.float64], inputs: Mapping[str, float]
-    ) -> None:
-        axes = list(structure.axes)
-        self.inputs = dict(inputs)
-        self.own = structure.node_load[:, axes]
-        self.added = added[:, axes]
-        self.gravity = np.array(structure.gravity)[axes]
-        bars = structure.is_bar
-        self.switches = ("switch_margin",) if structure.has_switch.any() else ()
-        self.cables = [name for name, bar in zip(structure.member_name, bars, strict=True) if not bar]
-        self.n_nodes = structure.n_nodes
-        self.has_chains = not isinstance(structure, BodySystem) and bool(find_chains(structure))
-
-    @property
-    def parameters(self) -> dict[str, tuple[int, ...]]:
-        weight: dict[str, tuple[int, ...]] = {"gravity": ()} if self.gravity.any() else {}
-        return {"node_load": tuple(range(self.n_nodes)), **weight}
-
-    @property
-    def full(self) -> dict[str, NDArray[np.float64]]:
-        """All loads together, by arguments."""
-        weight = {"gravity": self.gravity} if self.gravity.any() else {}
-        return {"node_load": self.own + self.added, **weight}
-
-    @property
-    def arguments(self) -> dict[str, Any]:
-        return {**self.inputs, **({"node_load": self.own + self.added} if self.added.any() else {})}
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        """Return what a load path needs besides, to find its kinks."""
-        return (*(("member_extension",) if self.cables else ()), *self.switches)
-
-    def find_snap(self, model: "CompiledModel", found: "Equilibrium") -> "Snap":
-        from tensegrity_codegen.runtime.paths.snap import Snap, find_load_snap, find_snap, join_snaps
-
-        if not found.is_found:
-            return Snap(None, reason="no equilibrium was found")
-        if found.slid:
-            return Snap(None, reason="paths do not know friction at rings")
-        # On the ground the loads have grown already; without its weight a chain has no stiffness.
-        if found.feet is not None or self.has_chains:
-            return Snap(None)
-        given: dict[str, Any] = {"cables": self.cables, "arguments": self.inputs}
-        whole = find_load_snap(model, found, self.full, **given)
-        if not self.added.any() or not (self.gravity.any() or self.own.any()):
-            return whole
-        added = find_snap(model, found, self.own, self.own + self.added, **given)
-        return join_snaps(whole, added)
-
-
-def _move_back(
-    found: "Equilibrium",
-    structure: "Structure | BodySystem",
-    loads: _Loads,
-    offset: NDArray[np.float64],
-) -> "Equilibrium":
-    """Return the equilibrium of a structure that was moved, at its place; energies count from the origin."""
-    if isinstance(structure, BodySystem) or not offset.any():
-        return found
-    mass = structure.node_mass.sum() + structure.member_mass.sum()
-    force = structure.node_load.sum(axis=0) + mass * structure.gravity
-    force += find_input_force(structure, loads.inputs).sum(axis=0)
-    force[list(structure.axes)] += loads.added.sum(axis=0)
-    return replace(found, node_position=found.node_position + offset, energy=found.energy - force @ offset)
-
-
 def _find_held(structure: "Structure | BodySystem", added: NDArray[np.float64]) -> list[str]:
     """Return "NODE.axis" of the added loads (n_nodes, 3) [N] that go straight into a support."""
     if isinstance(structure, BodySystem):
@@ -232,19 +163,6 @@ def _join_motions(names: Sequence[str]) -> str:
     others = names.count("mechanism")
     words += [f"move in {others} mechanism{'s' * (others > 1)}"] if others else []
     return "; ".join(words)
-
-
-def _describe_snap(snap: "Snap") -> list[str]:
-    """Return the warnings that the equilibrium was reached by a jump, or that nobody knows."""
-    if snap.snapped is None:
-        return [f"whether the structure snapped is unknown: {snap.reason}"] if snap.reason else []
-    if not snap.snapped:
-        return []
-    if snap.limit_prestress_factor is not None:
-        return [f"snapped without any load, due to its prestress alone: {snap.reason}"]
-    if snap.limit_load_factor == 0.0:
-        return [f"snapped: the given shape is unstable under any load, however small: {snap.reason}"]
-    return [f"snapped: {snap.reason}; this equilibrium is on a far branch (see load-path)"]
 
 
 def _describe_settled(

@@ -89,9 +89,16 @@ def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[s
 
 def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
     from tensegrity_codegen.runtime.accuracy.choice import integrators_for
+    from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
 
     nodes = structure if isinstance(structure, Structure) else None
-    integrators = integrators_for(method or "auto", nodes, request.formulation, rtol)
+    elastic = nodes
+    if nodes is not None and (rigid := find_rigid_bars(nodes, request)).any():  # which do not vibrate
+        stiffness = {name: getattr(nodes, name) for name in ("spring_constant", "axial_stiffness")}
+        elastic = nodes.with_changes(
+            **{name: np.where(rigid, 0.0, value) for name, value in stiffness.items()}
+        )
+    integrators = integrators_for(method or "auto", elastic, request.formulation, rtol)
     contacts = CONTACT_QUANTITIES if nodes is not None and nodes.ground is not None else ()
     return Needs((*simulation_quantities(request.formulation), *contacts), integrators)
 
@@ -103,7 +110,23 @@ def _simulate_batch(structure: Subject, request: ModelRequest, method: str, rtol
 
 
 def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
-    return Needs(equilibrium_quantities(structure, request))
+    return with_snap_check(structure, request, Needs(equilibrium_quantities(structure, request)))
+
+
+def with_snap_check(structure: Subject, request: ModelRequest, needs: Needs) -> Needs:
+    """Return needs with those of the question whether an equilibrium was reached by a jump."""
+    # Loads are run-time parameters then, to grow from zero; what the request says of them stands.
+    if getattr(structure, "ground", None) is not None:
+        return needs
+    cables = () if structure.is_bar.all() else ("member_extension",)
+    switches = ("switch_margin",) if structure.has_switch.any() else ()
+    loads: dict[str, tuple[int, ...]] = {"node_load": tuple(range(structure.n_nodes))}
+    loads |= {"gravity": ()} if np.any(structure.gravity) else {}
+    return replace(
+        needs,
+        quantities=tuple(dict.fromkeys((*needs.quantities, *cables, *switches))),
+        parameters={**loads, **needs.parameters, **request.parameters},
+    )
 
 
 def _equilibria(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:

@@ -10,6 +10,7 @@ from typing import Any
 
 from tensegrity_codegen.pipeline.analyses import Needs, want_analyses
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
+from tensegrity_codegen.pipeline.settle import choose_request
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.read import name_source, read_scene
 from tensegrity_codegen.scene.schema.schema import Scene
@@ -104,7 +105,8 @@ def compile_scene(
         Analyses for which the model is used: ``"simulate"``, ``"simulate_batch"``, ``"equilibrium"``,
         ``"equilibria"``, ``"sensitivity"``, ``"linearize"``, ``"load_path"``, ``"analyse"``, ``"plan"``,
         ``"time_motion"``, ``"control"``. Their quantities, integrators and (for ``"control"``) run-time
-        parameters are added.
+        parameters are added. Where they are none of motions and the scene's formulation does not serve them,
+        the library is in node positions, or has rigid bars.
     method : str
         Method of the simulations, as for `simulate`; it decides which integrators the library has.
     rtol : float
@@ -162,5 +164,6 @@ def compile_scene(
         parameters or {},
         solvers=check_names(solvers, "solvers"),
     )
+    request = choose_request(structure, request, analyses)
     request = want_analyses(structure, request, analyses, method=method, rtol=rtol, besides=besides)
     return build_library(structure, request, calls=MANY_CALLS).load()

@@ -1,6 +1,6 @@
 """Structures at their equilibrium, in a formulation that supports the search for it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from tensegrity_codegen.pipeline.analyses import equilibrium_quantities, find_needs
 from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.applied_inputs import find_input_force
+from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.sliding import slip_rest_lengths
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
@@ -17,6 +19,8 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+
+POINT_ANALYSES = {"equilibrium", "equilibria", "sensitivity", "linearize", "load_path", "analyse", "plan"}
 
 
 def has_statics(request: ModelRequest) -> bool:
@@ -59,6 +63,15 @@ def with_statics(structure: Subject, request: ModelRequest) -> ModelRequest:
     rigid = isinstance(structure, Structure) and bool(structure.is_rigid.any())
     formulation = choose_formulation(rigid_bars=rigid).name
     return replace(request, formulation=formulation, integrators=(), options={})
+
+
+def choose_request(structure: Subject, request: ModelRequest, analyses: Iterable[str]) -> ModelRequest:
+    """Return the request in a formulation that serves these analyses, unless one of them is of motions."""
+    chosen = set(analyses)
+    served = has_statics(request) if chosen - {"linearize"} else not is_corrected(request)
+    if served or not chosen or not chosen <= POINT_ANALYSES:
+        return request
+    return replace(with_statics(structure, request), quantities=())  # those are of its own formulation
 
 
 def settle_structure(
@@ -147,7 +160,7 @@ def find_settled(
     if warn is not None:
         for text in found.warnings:
             warn(text)
-    found = replace(found, node_position=found.node_position + offset)
+    found = move_back(found, subject, offset)
     settled: Subject
     if isinstance(subject, Structure):
         still = np.zeros_like(subject.node_position)
@@ -190,6 +203,23 @@ def move_near_origin(structure: Subject, request: ModelRequest) -> tuple[Any, ND
     is_far = np.abs(place).min(axis=0) > 2.0 * np.ptp(place, axis=0)
     offset = np.where(is_far, place[0], 0.0)
     return structure.with_changes(node_position=place - offset), offset
+
+
+def move_back(
+    found: "Equilibrium",
+    structure: Subject,
+    offset: NDArray[np.float64],
+    added: NDArray[np.float64] | float = 0.0,
+    inputs: Mapping[str, float] | None = None,
+) -> "Equilibrium":
+    """Return the equilibrium of a structure that was moved near the origin, at its place."""
+    # Energies count from the origin, with loads added (n_nodes, 3) [N] to those of the structure.
+    if isinstance(structure, BodySystem) or not offset.any():
+        return found
+    mass = structure.node_mass.sum() + structure.member_mass.sum()
+    force = (structure.node_load + added).sum(axis=0) + mass * structure.gravity
+    force += find_input_force(structure, inputs or {}).sum(axis=0)
+    return replace(found, node_position=found.node_position + offset, energy=found.energy - force @ offset)
 
 
 def is_corrected(request: ModelRequest) -> bool:

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -162,7 +162,7 @@ def plan_sweep(
         No C compiler was found, or it failed.
     """
     source = cases.points.source if isinstance(cases.points, Table) else ""
-    assembler = build_assembler(scene, cases.keys, source=source)
+    assembler = replace(build_assembler(scene, cases.keys, source=source), analyses=operation.analyses)
     groups = find_groups(assembler, cases, yes=yes, option=option)
     libraries = Libraries(operation)
     started = time.perf_counter()

@@ -433,3 +433,29 @@ def test_new_limits_and_rates_find_the_same_library(scene: Path, cache: Cache) -
         assert model.structure.actuators[0].rate == rate
         assert model.structure.limits.least_tension[0] == least
         assert model.compute("member_tension", motor=-0.01) == pytest.approx([0.8])
+
+
+def test_corrected_rigid_bars_are_simulated_and_settle_in_node_positions() -> None:
+    """Stiff bars are rigid there, so that the motion needs no implicit method, and statics take springs."""
+    bars = {"formulation": "rigid_bar", "options": {"bars": "all", "correction": "first_order"}}
+    springs = {"a": (0.0, 0.0), "b": (1.0, 0.0), "c": (2.00005, 0.0), "d": (3.00005, 0.0)}
+    scene = {
+        "name": "corrected",
+        "axes": "xz",
+        "model": bars,
+        "nodes": {name: {"position": place, "mass": 1.0} for name, place in springs.items()},
+        "members": {
+            "left": {"kind": "cable", "spring_constant": 100.0, "rest_length": 0.9, "nodes": ["a", "b"]},
+            "rod": {"kind": "bar", "spring_constant": 2e5, "rest_length": 1.0, "nodes": ["b", "c"]},
+            "right": {"kind": "cable", "spring_constant": 100.0, "rest_length": 0.9, "nodes": ["c", "d"]},
+        },
+    }
+    for name in ("a", "d"):
+        scene["nodes"][name] = {"position": springs[name], "anchored": True}
+    model = compile_scene(scene, for_="simulate")
+    assert model.manifest.formulation == "rigid_bar"
+    assert [item.name for item in model.manifest.integrators] == ["rk853"]
+    assert simulate(model, 0.1, samples=3).status == "ok"
+    at_rest = compile_scene(scene, for_=("equilibrium", "linearize"))
+    assert at_rest.manifest.formulation == "node_position"
+    assert find_equilibrium(at_rest).member_length[1] == pytest.approx(1.0 + 10.0 / 2e5, rel=1e-5)

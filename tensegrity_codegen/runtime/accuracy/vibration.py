@@ -258,7 +258,9 @@ def _shares(
     shared = np.any(free & (use[ends] > 1), axis=(1, 2))
     first = np.where(moves, ends.max(axis=2), 0)
     diagonal = mass.diagonal()[first]
-    coupling = np.where(np.all(moves, axis=1), np.asarray(mass[first[:, 0], first[:, 1]]).ravel(), 0.0)
+    # Of no members SciPy would return a sparse array.
+    coupling = np.asarray(mass[first[:, 0], first[:, 1]]).ravel() if len(ends) else np.zeros(0)
+    coupling = np.where(np.all(moves, axis=1), coupling, 0.0)
     joined = np.abs(coupling) > 0
     others = np.diff(mass.indptr)[first] > 1 + joined[:, None]
     partly = np.any(moves != np.all(free, axis=2), axis=1)

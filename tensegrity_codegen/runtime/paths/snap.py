@@ -7,7 +7,7 @@ the loads that balance it, which are then let go in proportion.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,49 +20,13 @@ from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.paths.model_path import GROWING
 from tensegrity_codegen.runtime.paths.ramp import MOST_FOLLOWED, Ramp, Way
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
-from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium, Snap
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError, check_choice
 
 LENGTH_TOLERANCE = 1e-5  # of the longest member: difference of lengths up to which two equilibria are one
 POSITION_TOLERANCE = 1e-2  # of the structure's size: the same of positions, neutral motions taken out
-
-
-@dataclass(frozen=True)
-class Snap:
-    """Whether an equilibrium lies on the path of increasing loads.
-
-    Attributes
-    ----------
-    snapped : bool or None
-        Whether the equilibrium was reached by a jump; None if unknown.
-    limit_load_factor : float or None
-        Part of the loads up to which the path is stable; None if it is stable to its end, 0 where the
-        structure is unstable, or a mechanism, before any load acts.
-    limit_prestress_factor : float or None
-        The same for the prestress that is not in equilibrium in the given shape.
-    limit_added_load_factor : float or None
-        The same for loads in addition to those of the scene, which act from the start.
-    reason : str
-        What happened, or why nothing is known.
-    """
-
-    snapped: bool | None
-    limit_load_factor: float | None = None
-    limit_prestress_factor: float | None = None
-    limit_added_load_factor: float | None = None
-    reason: str = ""
-
-    def as_evidence(self) -> dict[str, Any]:
-        """Return all by name, JSON-ready; the reason as `snap_reason`."""
-        return {
-            "snapped": self.snapped,
-            "limit_load_factor": self.limit_load_factor,
-            "limit_prestress_factor": self.limit_prestress_factor,
-            "limit_added_load_factor": self.limit_added_load_factor,
-            "snap_reason": self.reason,
-        }
 
 
 def find_snap(

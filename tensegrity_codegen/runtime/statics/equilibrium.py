@@ -99,57 +99,7 @@ def find_equilibrium(
     progress: Progress | None = None,
     raise_on_failure: bool = True,
 ) -> Equilibrium:
-    """Find a stable equilibrium: a local minimum of the potential energy.
-
-    Parameters
-    ----------
-    model : CompiledModel
-        Compiled for ``"equilibrium"``, see compile_scene.
-    coordinate : array_like, shape (n_coordinates,), optional
-        Start [m]; by default the positions of the scene.
-    arguments : mapping, optional
-        Inputs and parameters by name, where they differ from the scene.
-    tolerance : float
-        Allowed node residual, as a part of the largest member force.
-    max_iterations : int
-        Largest number of iterations.
-    method : str
-        ``"newton"`` with damped members, ``"relaxation"`` (dynamic, 40 steps per iteration), or
-        ``"auto"``: Newton, and where it fails relaxation followed by Newton.
-    frictionless : bool
-        On the ground: without friction, whatever its coefficient. With friction, weights and loads grow from
-        zero in steps, twice as many until that changes nothing.
-    progress : callable, optional
-        Called with the iteration and the largest node residual [N].
-    raise_on_failure : bool
-        Whether to raise an error where no equilibrium is found; otherwise its status tells.
-
-    Returns
-    -------
-    Equilibrium
-        Positions, tensions, residual, stability and status.
-
-    Raises
-    ------
-    UnstableError, ConvergenceError
-        No stable equilibrium was found; the error has the evidence.
-    InvalidValueError, NonFiniteError, UnknownNameError
-        A wrong argument.
-    FormulationError
-        The model lacks a quantity.
-
-    Notes
-    -----
-    Solves dU/dq = 0 with a positive semidefinite Hessian d2U/dq2 (docs/model.md).
-
-    Examples
-    --------
-    >>> from tensegrity_codegen import compile_scene, find_equilibrium
-    >>> model = compile_scene("two_nodes.toml", for_="equilibrium")
-    >>> found = find_equilibrium(model)
-    >>> found.status, round(float(found.member_length[0]), 6)  # 1 m + 0.5 kg 9.81 m/s2 / (80 N/m)
-    ('converged', 1.061313)
-    """
+    """Find a stable equilibrium, as `find_equilibrium` of the paths does without its check for snapping."""
     require_model(model)
     check_search_options(tolerance, max_iterations, method)
     check_callback(progress, "progress")

@@ -66,6 +66,54 @@ class SegmentError:
         return f"{self.n_segments} segments of cable {self.cable} err by {100 * self.relative:.2g} %"
 
 
+@dataclass(frozen=True)
+class Snap:
+    """Whether an equilibrium lies on the path of increasing loads.
+
+    Attributes
+    ----------
+    snapped : bool or None
+        Whether the equilibrium was reached by a jump; None if unknown.
+    limit_load_factor : float or None
+        Part of the loads up to which the path is stable; None if it is stable to its end, 0 where the
+        structure is unstable, or a mechanism, before any load acts.
+    limit_prestress_factor : float or None
+        The same for the prestress that is not in equilibrium in the given shape.
+    limit_added_load_factor : float or None
+        The same for loads in addition to those of the scene, which act from the start.
+    reason : str
+        What happened, or why nothing is known.
+    """
+
+    snapped: bool | None
+    limit_load_factor: float | None = None
+    limit_prestress_factor: float | None = None
+    limit_added_load_factor: float | None = None
+    reason: str = ""
+
+    def as_evidence(self) -> dict[str, Any]:
+        """Return all by name, JSON-ready; the reason as `snap_reason`."""
+        return {
+            "snapped": self.snapped,
+            "limit_load_factor": self.limit_load_factor,
+            "limit_prestress_factor": self.limit_prestress_factor,
+            "limit_added_load_factor": self.limit_added_load_factor,
+            "snap_reason": self.reason,
+        }
+
+    def describe(self) -> list[str]:
+        """Return the sentences that the equilibrium was reached by a jump, or that nobody knows."""
+        if self.snapped is None:
+            return [f"whether the structure snapped is unknown: {self.reason}"] if self.reason else []
+        if not self.snapped:
+            return []
+        if self.limit_prestress_factor is not None:
+            return [f"snapped without any load, due to its prestress alone: {self.reason}"]
+        if self.limit_load_factor == 0.0:
+            return [f"snapped: the given shape is unstable under any load, however small: {self.reason}"]
+        return [f"snapped: {self.reason}; this equilibrium is on a far branch (see load-path)"]
+
+
 @dataclass(frozen=True, repr=False)
 class Equilibrium(ByName, Summarised):
     """Result of the search for an equilibrium.
@@ -130,6 +178,8 @@ class Equilibrium(ByName, Summarised):
         Their names.
     feet : Feet or None
         Contacts with the ground: force, penetration, whether each is open, sticks or slips; None without one.
+    snap : Snap or None
+        Whether it was reached by a jump while prestress and loads increased; None where that was not asked.
     """
 
     status: str
@@ -167,6 +217,7 @@ class Equilibrium(ByName, Summarised):
     segments: tuple[SegmentError, ...] = ()
     internal: FloatArray | None = None  # (n_internal,)
     internal_name: tuple[str, ...] = ()
+    snap: Snap | None = None
 
     def headline(self) -> str:
         """Return status and message."""
@@ -236,6 +287,7 @@ class Equilibrium(ByName, Summarised):
             for item in self.worst_segments
             if item.relative > MAX_SEGMENT_ERROR
         ]
+        sentences += [] if self.snap is None else self.snap.describe()
         return (*sentences, *([] if self.members is None else self.members.describe()))
 
     @property
@@ -269,6 +321,8 @@ class Equilibrium(ByName, Summarised):
             more["slid"] = self.slid
         if self.segments:
             more["segments"] = [asdict(item) for item in self.segments]
+        if self.snap is not None:
+            more |= self.snap.as_evidence()
         limits = more | {"limits": None if self.members is None else self.members.as_evidence()}
         return {name: getattr(self, name) for name in names} | limits
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.pipeline.settle import choose_request
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.check_laws import check_laws
 from tensegrity_codegen.scene.read import name_source, parse_scene, read_document, to_plain
@@ -70,11 +71,14 @@ class CaseAssembler:
         Its source, for messages.
     keys : tuple of FileKey and ArrayKey
         What varies.
+    analyses : tuple of str
+        What is done with the cases, which decides on the formulation, see `choose_request`.
     """
 
     document: dict[str, Any] = field(repr=False)
     where: str
     keys: tuple[FileKey | ArrayKey, ...]
+    analyses: tuple[str, ...] = ()
 
     def assemble(self, values: Sequence[float] | FloatArray) -> AssembledCase:
         """Return the structure of the case with these values (n_keys,).
@@ -87,6 +91,7 @@ class CaseAssembler:
         with np.errstate(all="ignore"):
             scene = parse_scene(self.write(values), self.where)
             subject, request = assemble_scene(scene, self.where)
+            request = choose_request(subject, request, self.analyses)
             return self._set_arrays(scene, subject, request, values)
 
     @cached_property

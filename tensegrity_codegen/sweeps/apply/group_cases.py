@@ -326,5 +326,7 @@ def _choose_parameters(
         else:
             argument = "node_load" if name == GUST else name
             rows = set((inside // (array.size // len(array))).tolist())
+            if name == "node_load":  # those that stay grow from zero with those that vary
+                rows |= set(np.flatnonzero(array.any(axis=1)).tolist())
             parameters[argument] = tuple(sorted({*parameters.get(argument, ()), *rows}))
     return parameters

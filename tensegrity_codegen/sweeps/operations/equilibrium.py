@@ -7,11 +7,12 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pipeline.analyses import Needs, find_needs
+from tensegrity_codegen.pipeline.analyses import Needs, find_needs, with_snap_check
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.paths.find_equilibrium import judge_snap
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
-from tensegrity_codegen.runtime.statics.equilibrium import check_search_options
+from tensegrity_codegen.runtime.statics.equilibrium import check_search_options, find_equilibrium
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.tasks.at_point import COORDINATE, find_case_equilibria
 from tensegrity_codegen.sweeps.tasks.keep_text import KeptText, label_axis, parse_kept
@@ -47,10 +48,23 @@ RESULTS = {
     "energy": ("float64", "J", "Potential energy."),
     "energy_change": ("float64", "J", "Change of the potential energy from the start."),
     "iterations": ("int64", "1", "Number of iterations."),
+    "extent": ("float64", "m", "Longest side of a box around the start."),
+    "is_start_unstable": ("int64", "1", "1 where the start was an unstable equilibrium."),
     "neutral_motions": ("int64", "1", "Number of rigid motions that cost no energy."),
     LIMIT_USE: LIMIT_USE_RESULT,
     "saddles_left": ("int64", "1", "Number of unstable equilibria that the search passed."),
 }
+# Results of the check for snapping, which takes ten times as long as a search.
+SNAP_RESULTS = {
+    "snapped": (
+        "float64",
+        "1",
+        "1 where the equilibrium was reached by a jump as loads grew from zero, 0 where not; NAN if unknown.",
+    ),
+    "limit_load_factor": ("float64", "1", "Part of the loads up to which the path is stable; NAN: all."),
+    "limit_prestress_factor": ("float64", "1", "The same of the prestress; NAN: all."),
+}
+RESULTS |= SNAP_RESULTS
 # Quantities that every search returns, so that they are not computed again.
 SEARCH_QUANTITIES = (POSITION, "member_tension", "member_length")
 
@@ -80,6 +94,8 @@ class FindEquilibrium(Operation):
         check_search_options(self.tolerance, self.max_iterations, self.method)
         kept_quantities = find_kept_quantities(_without_own_results(self._parse_keep()), request)
         needs = find_needs("equilibria", structure, request)
+        if self._keeps_snap:
+            needs = with_snap_check(structure, request, needs)
         missing = tuple(name for name in kept_quantities if name not in needs.quantities)
         return replace(needs, quantities=(*needs.quantities, *missing))
 
@@ -91,6 +107,10 @@ class FindEquilibrium(Operation):
             for kept_text in self._parse_keep()
         )
 
+    @property
+    def _keeps_snap(self) -> bool:
+        return any(kept_text.expression in SNAP_RESULTS for kept_text in self._parse_keep())
+
     def _parse_keep(self) -> tuple[KeptText, ...]:
         return parse_kept(self.keep or DEFAULT_RESULTS, (*RESULTS, COORDINATE))
 
@@ -101,6 +121,7 @@ class FindEquilibrium(Operation):
         count = case_arguments.count
         equilibria = find_case_equilibria(model, case_arguments, threads, **self.options)
         outcomes.mark_ok(equilibria.status, equilibria.message)
+        snap = _judge_snaps(model, equilibria, case_arguments) if self._keeps_snap else {}
         bound = _bind_quantities(self._parse_keep(), model.manifest)
         names = dict.fromkeys(name for item in bound.values() for name in item.names)
         values = _compute_quantities(model, equilibria, case_arguments, tuple(names), threads)
@@ -111,9 +132,29 @@ class FindEquilibrium(Operation):
                 model, case_arguments, slice(count), equilibria.member_tension, equilibria.member_length
             )
             if kept_text.expression == LIMIT_USE
+            else snap[kept_text.expression]
+            if kept_text.expression in snap
             else getattr(equilibria, kept_text.expression)
             for kept_text in self._parse_keep()
         }
+
+
+def _judge_snaps(
+    model: CompiledModel, equilibria: Equilibria, case_arguments: CaseArguments
+) -> dict[str, NDArray[Any]]:
+    """Return SNAP_RESULTS of every case, the start of which is its given shape."""
+    found = {name: np.full(case_arguments.count, np.nan) for name in SNAP_RESULTS}
+    for k in np.flatnonzero(equilibria.is_found).tolist():
+        own = {**case_arguments.shared, **{name: array[k] for name, array in case_arguments.rows.items()}}
+        own.pop("velocity", None)
+        start = own.pop(COORDINATE, None)
+        alone = find_equilibrium(model, coordinate=equilibria.coordinate[k], arguments=own)
+        load = own.get("node_load", model.nominal("node_load"))
+        snap = judge_snap(model, alone, coordinate=start, arguments=own, base=load)
+        for name, array in found.items():
+            value = getattr(snap, name)
+            array[k] = np.nan if value is None else value
+    return found
 
 
 def _without_own_results(kept_texts: tuple[KeptText, ...]) -> tuple[KeptText, ...]:

@@ -53,6 +53,11 @@ class AtPoint(Operation):
         str, Option("about the equilibrium of each case, not its state.", flag=("settle", "equilibrium"))
     ] = "start"
 
+    @property
+    def analyses(self) -> tuple[str, ...]:
+        """Names of the analyses that are done, with that of the equilibrium they are about."""
+        return (self.analysis, *(["equilibria"] if self.about == "equilibrium" else []))
+
     @abstractmethod
     def compute_case(
         self,

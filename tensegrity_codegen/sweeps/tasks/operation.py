@@ -146,6 +146,11 @@ class Operation(ABC):
     has_verb: ClassVar[bool] = True  # whether the command line has a verb of this name, for one case
     needs_scene: ClassVar[bool] = False  # whether a case needs the unchanged scene too, see `prepared`
 
+    @property
+    def analyses(self) -> tuple[str, ...]:
+        """Names of the analyses that are done, as of `compile_scene`."""
+        return (self.name,)
+
     def prepared(self, scene: str | Path | Mapping[str, Any] | Scene) -> "Operation":
         """Return the operation with what it makes of the unchanged scene once, before all cases."""
         return self

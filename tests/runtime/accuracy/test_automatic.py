@@ -267,3 +267,19 @@ def test_the_words_for_stiff_bars_count_members_that_move(held_bar: bool, law: s
     model = simulator(hung_prism(held_bar, law), "rk853", "radau")
     found = simulate(model, 1e-3, samples=2, stepping=Stepping(control="steps"))
     assert "bars are 3,600,000 times stiffer than cables" in found.why_method, found.why_method
+
+
+def test_a_library_of_cables_alone_may_hold_the_stiff_method() -> None:
+    """A weight of 3 kg on a cable of 10 N/m and 500 N s/m: no member vibrates, and radau is best."""
+    structure = make_structure(
+        [[0, 0, 0], [1, 0, 0]], [cable(0, 1, 0.9, 10.0, damping=500.0)], anchored={0: "xyz"}, mass=3.0
+    )
+    model = simulator(structure, "rk853", "radau")
+    velocity = np.array([0.0, 0.1, 0.0])
+    found, exact = (
+        simulate(model, 200.0, samples=3, method=method, rtol=rtol, velocity=velocity)
+        for method, rtol in (("auto", 2e-4), ("rk853", 1e-9))
+    )
+    assert found.status == exact.status == "ok"
+    assert "radau" in found.method
+    assert np.abs(found.coordinate - exact.coordinate).max() < 2e-4
