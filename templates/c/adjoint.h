@@ -8,7 +8,7 @@ typedef struct {
   real weight[N_MOVED * METHOD_RATES], rate[N_MOVED * METHOD_RATES], state[N_MOVED], rise[N_MOVED], base[N_MOVED];
   real found[N_VARIED], along[N_MOVED];
 #if WITH_MARGIN_JUMPS
-  real margin[N_CABLE_MARGINS];
+  real margin[N_CABLE_MARGINS], jump[N_MOVED];
 #endif
 #if WITH_PROFILE
   real driven[N_DRIVEN];
@@ -211,23 +211,26 @@ static inline void method_adjoin_step(const real *row, const method_adjoint *m)
 
 #if WITH_EVENTS
 #if WITH_MARGIN_JUMPS
-/* Back over the jump of the forces at the margin of a cable, the transpose of motion_jump_columns. */
+/* Back over the jump of the forces of a cable, the transpose of motion_jump_columns; taut: the state where it pulls. */
 static inline void method_adjoin_jump(
-    int cable, double time, const real *state, const real *before, const real *jump, const method_adjoint *m)
+    int cable, double turned, double time, const real *taut, const real *before, const method_adjoint *m)
 {
   method_adjoint_work *w = m->work;
   double pace = 0.0, share = 0.0;
   int k;
   for (k = 0; k < N_CABLE_MARGINS; ++k) {
-    w->margin[k] = k == cable ? (real)1.0 : (real)0.0;
+    w->margin[k] = (real)0.0;
   }
 #if WITH_PROFILE
   profile_set_time(time, m->with->profile);
 #endif
-  motion_adjoint_margin(state, state + N, w->margin, m->with, w->found);
+  w->margin[cable] = turned;
+  motion_margin_jump(taut, taut + N, w->margin, m->with, w->jump);
+  w->margin[cable] = (real)1.0;
+  motion_adjoint_margin(taut, taut + N, w->margin, m->with, w->found);
   for (k = 0; k < N_MOVED; ++k) {
-    pace += w->found[k] * (k < N ? state[N + k] : before[k]);
-    share += jump[k] * m->state_weight[k];
+    pace += w->found[k] * (k < N ? taut[N + k] : before[k]);
+    share += w->jump[k] * m->state_weight[k];
   }
 #if WITH_PROFILE
   if (m->with->profile != NULL) {
@@ -259,8 +262,12 @@ static inline void method_adjoin_event(const real *row, const method_adjoint *m)
     }
   }
 #if WITH_MARGIN_JUMPS
-  if (row[3] >= 0.0) {
-    method_adjoin_jump((int)row[3], row[1], rate + N_MOVED, rate, rate + 2 * N_MOVED, m);
+  for (k = 0; k < N_CABLE_MARGINS; ++k) {
+    const double turned = row[METHOD_TURNED + k];
+    if (turned != 0.0) {
+      const int is_taut = turned > 0.0;
+      method_adjoin_jump(k, turned, is_taut ? row[1] : row[0], is_taut ? rate + N_MOVED : old, rate, m);
+    }
   }
 #endif
   (void)rate;

@@ -2,7 +2,7 @@
 #define COLUMNS_H
 #include "config.h"
 #if WITH_ADJOINT
-/* Kinds of rows of a tape: a step, an event that is passed; from 0 on, one at which the force of that cable jumps. */
+/* Kinds of rows of a tape: a step, an event that is passed. */
 enum { TAPED_STEP = -2, TAPED_EVENT = -1 };
 
 #endif
@@ -47,20 +47,40 @@ static inline real motion_margin_pace(
   return change[cable * N_COLUMNS];
 }
 
-/* Where forces jump as the margin of a cable changes its sign, on to the derivatives behind that: those of the time of
- * the event, -dg / g', times what the slopes of velocities and internal states, `before` and `after`, jump by. */
+/* Where margins of cables change their signs and forces jump, on to the derivatives behind that. Each cable has a time
+ * of its own, which changes by -dg / g', and its part of what the slopes jump by; it pulls on one side of the event.
+ * turned (N_CABLE_MARGINS,): 1 pulled taut, -1 gone slack, else 0; old: the state at t0, before, and its slopes. */
 static inline void motion_jump_columns(
-    int cable, double time, const real *before, const real *after, const motion_arguments *with, real *state)
+    const real *turned, double t0, double t1, const real *old, const motion_arguments *with, real *state)
 {
-  real change[N_CABLE_MARGINS * N_COLUMNS];
-  const real pace = motion_margin_pace(cable, time, before, with, state);
-  int i, k;
-  motion_margin_column(state, state + N, with, change);
-  for (i = N; i < N_MOVED; ++i) {
-    for (k = 0; k < N_COLUMNS; ++k) {
-      state[N_MOVED + i * N_COLUMNS + k] += (after[i - N] - before[i - N]) * change[cable * N_COLUMNS + k] / pace;
+  real change[N_CABLE_MARGINS * N_COLUMNS], weight[N_CABLE_MARGINS], jump[N_MOVED];
+  int cable, i, k;
+  for (k = 0; k < N_CABLE_MARGINS; ++k) {
+    weight[k] = (real)0.0;
+  }
+  for (cable = 0; cable < N_CABLE_MARGINS; ++cable) {
+    if (turned[cable] != (real)0.0) {
+      const int is_taut = turned[cable] > (real)0.0;
+      const real *taut = is_taut ? state : old;
+      real pace;
+#if WITH_PROFILE
+      profile_set_time(is_taut ? t1 : t0, with->profile);
+#endif
+      pace = motion_margin_pace(cable, is_taut ? t1 : t0, old + N_STATES, with, taut);
+      weight[cable] = turned[cable];
+      motion_margin_jump(taut, taut + N, weight, with, jump);
+      weight[cable] = (real)0.0;
+      motion_margin_column(taut, taut + N, with, change);
+      for (i = N; i < N_MOVED; ++i) {
+        for (k = 0; k < N_COLUMNS; ++k) {
+          state[N_MOVED + i * N_COLUMNS + k] += jump[i] * change[cable * N_COLUMNS + k] / pace;
+        }
+      }
     }
   }
+#if WITH_PROFILE
+  profile_set_time(t1, with->profile);
+#endif
 }
 
 #endif

@@ -146,6 +146,20 @@ static inline void motion_adjoint_margin(
 }
 #endif
 
+#if WITH_COLUMNS || WITH_ADJOINT
+/* What the rates of a state jump by where cables are pulled taut, times a weight each. */
+static inline void motion_margin_jump(
+    const real *coordinate, const real *velocity, const real *weight, const motion_arguments *with, real *result)
+{
+  int k;
+  (void)coordinate;
+  (void)with;
+  for (k = 0; k < N_MOVED; ++k) {
+    result[k] = k == N ? -weight[0] * velocity[0] : (real)0.0;
+  }
+}
+#endif
+
 #if WITH_COLUMNS
 
 /* Rates of a state, and of the derivatives of a motion behind it, row by row. */

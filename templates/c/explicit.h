@@ -87,7 +87,12 @@ static inline void method_keep_old(const real *state, const real *rates, real *o
 }
 
 #if WITH_ADJOINT
-enum { METHOD_TAPE = 4 + N_MOVED * (METHOD_STAGES + 1) }; /* numbers of a row of the tape */
+enum { METHOD_TURNED = 4 + N_MOVED * (METHOD_STAGES + 1) }; /* place in a row of the tape of which cables turned */
+#if WITH_MARGIN_JUMPS
+enum { METHOD_TAPE = METHOD_TURNED + N_CABLE_MARGINS }; /* numbers of a row */
+#else
+enum { METHOD_TAPE = METHOD_TURNED };
+#endif
 
 /* Put the step of length h to t1 on the tape, with so many rates. Returns its row, NULL without a tape. */
 static inline double *method_tape(double h, double t1, int kind, int n_rates, const method_motion *m)
@@ -174,6 +179,9 @@ static inline int method_pass(double root, double near, double left, const metho
 #if !WITH_SMOOTH_EVENTS
   double delay;
 #endif
+#if WITH_MARGIN_JUMPS
+  real turned[N_CABLE_MARGINS];
+#endif
 #if WITH_ADJOINT
   double *row;
 #endif
@@ -187,6 +195,11 @@ static inline int method_pass(double root, double near, double left, const metho
   event_margins(t1, w->trial, w->trial + N, m->with, m->run, w->events.end_margin);
 #if !WITH_SMOOTH_EVENTS
   delay = event_delay(2.0 * near, &w->events);
+#endif
+#if WITH_MARGIN_JUMPS
+  for (k = 0; k < N_CABLE_MARGINS; ++k) {
+    turned[k] = event_side_distance(&w->events, w->events.end_margin, k) < 0.0 ? -w->events.side[k] : 0.0;
+  }
 #endif
   if (!event_change_sides(*m->time + root, &w->events, w->events.end_margin, m->run)) {
     return 0;
@@ -213,18 +226,17 @@ static inline int method_pass(double root, double near, double left, const metho
 #if !WITH_SMOOTH_EVENTS
   event_correct_velocity(delay, w->old + N_STATES, w->rates + N, m->state + N, w->lost + N);
 #if WITH_COLUMN_JUMPS
-  if (w->events.found_margin < N_CABLE_MARGINS) {
-    motion_jump_columns(w->events.found_margin, t1, w->old + N_STATES, w->rates + N, m->with, m->state);
-  }
+  motion_jump_columns(turned, *m->time, t1, w->old, m->with, m->state);
 #endif
 #if WITH_ADJOINT
-  if (row != NULL && w->events.found_margin < N_CABLE_MARGINS) {
-    row[3] = w->events.found_margin;
-    for (k = 0; k < N_MOVED; ++k) {
-      row[4 + 2 * N_MOVED + k] = m->state[k];
-      row[4 + 3 * N_MOVED + k] = k < N ? 0.0 : w->rates[k] - w->old[N_STATES - N + k];
-    }
+#if WITH_MARGIN_JUMPS
+  for (k = 0; row != NULL && k < N_MOVED; ++k) {
+    row[4 + 2 * N_MOVED + k] = m->state[k];
   }
+  for (k = 0; row != NULL && k < N_CABLE_MARGINS; ++k) {
+    row[METHOD_TURNED + k] = turned[k];
+  }
+#endif
 #endif
   motion_rate(m->state, m->with, w->rates);
   ++m->run->n_evaluations;

@@ -27,7 +27,8 @@ def build_model(structure: Structure | BodySystem, request: ModelRequest) -> Sym
     check_memory(structure, request)
     check_ring_friction(structure, request)
     module = import_module(f"tensegrity_codegen.symbolic.formulations.{name}")
-    model: SymbolicModel = getattr(module, f"build_{name}")(structure, request)
+    build = getattr(module, f"build_{name}")
+    model: SymbolicModel = build(structure, request)
     if request.differentiates_motions:
-        add_derivatives(model, request)
+        add_derivatives(model, request, build)
     return model

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -14,19 +15,63 @@ from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.quantities import ADJOINTS, DIRECTED, STATE
 from tensegrity_codegen.tables.request import ModelRequest
 
+TENSIONS = ("spring_constant", "axial_stiffness", "damping")  # what tensions are proportional to
 STARTS = STATE[:2]  # what motions are differentiated to at their start
 
 
-def add_derivatives(model: SymbolicModel, request: ModelRequest) -> None:
+def add_derivatives(
+    model: SymbolicModel, request: ModelRequest, build: Callable[[Any, ModelRequest], SymbolicModel]
+) -> None:
     """Add the derivatives of motions that a request asks for: columns beside the motion, and adjoints.
 
-    Raises FormulationError or UnknownNameError for derivatives of motions that no library integrates.
+    build: of the model. Raises FormulationError or UnknownNameError for derivatives of motions that no
+    library integrates.
     """
     check_columns(model, request)
     if request.has_adjoint:
         _add_adjoint(model)
     if request.columns or request.directions:
         _add_columns(model, request)
+    if jumping := list_jumping(model.subject, request):
+        _add_jumps(model, request, jumping, build)
+
+
+def list_jumping(subject: Any, request: ModelRequest) -> list[int]:
+    """Return the cables whose force jumps as they are pulled taut: with damping, or where that can change."""
+    changeable = np.isin(np.arange(subject.n_members), request.parameters.get("damping", ()))
+    return np.flatnonzero(subject.tension_only & ((subject.damping > 0) | changeable)).tolist()
+
+
+def _add_jumps(
+    model: SymbolicModel,
+    request: ModelRequest,
+    jumping: list[int],
+    build: Callable[[Any, ModelRequest], SymbolicModel],
+) -> None:
+    """Add what rates jump by as cables are pulled taut, t dx'/dt: t is linear in stiffness and damping."""
+    cables = np.flatnonzero(model.subject.tension_only).tolist()
+    weight = ca.SX.sym("margin_weight", len(cables))
+    argument = model.arguments.setdefault("margin_weight", ModelArgument(weight, np.zeros(len(cables))))
+    own = {name: request.parameters.get(name, ()) for name in TENSIONS}
+    chosen = {name: tuple(dict.fromkeys((*own[name], *jumping))) for name in TENSIONS}
+
+    def find_jump() -> ca.SX:
+        free = build(model.subject, replace(request, parameters={**request.parameters, **chosen}))
+        given = {name: item.symbol for name, item in model.arguments.items()}
+        along = []
+        for name, members in chosen.items():
+            item = free.arguments[name]
+            values = {e: given[name][k] for k, e in enumerate(own[name])}
+            given[name] = ca.vertcat(*[values.get(e, x) for e, x in zip(members, item.nominal, strict=True)])
+            shares = [argument.symbol[cables.index(e)] if e in jumping else 0.0 for e in members]
+            along.append(ca.vertcat(*shares) * item.symbol)
+        rates = ca.densify(free.expression("state_derivative"))
+        change = ca.jtimes(rates, free.stack(TENSIONS), ca.vertcat(*along))
+        names = [*free.arguments, "margin_weight"]
+        symbols = [*(item.symbol for item in free.arguments.values()), argument.symbol]
+        return ca.Function("jump", symbols, [change])(*[given[name] for name in names])
+
+    model.offer({"margin_jump": find_jump})
 
 
 def _add_adjoint(model: SymbolicModel) -> None:

@@ -3,9 +3,8 @@
 from collections.abc import Container, Sequence
 from typing import Any
 
-import numpy as np
-
 from tensegrity_codegen.codegen.integrators.profiles import PULL, pull_size
+from tensegrity_codegen.symbolic.columns import list_jumping
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.quantities import DIRECTED
@@ -15,7 +14,8 @@ from tensegrity_codegen.tables.request import ModelRequest
 def list_derivative_quantities(arguments: Container[str]) -> tuple[str, ...]:
     """Return the quantities by which integrators differentiate motions; arguments: names of the model's."""
     of_columns = ("column_rate", "margin_column") if "column" in arguments else ()
-    return (*of_columns, *(("adjoint_rate", "adjoint_margin") if "state_weight" in arguments else ()))
+    of_adjoints = ("adjoint_rate", "adjoint_margin") if "state_weight" in arguments else ()
+    return (*of_columns, *of_adjoints, *(("margin_jump",) if of_columns or of_adjoints else ()))
 
 
 def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> None:
@@ -24,10 +24,10 @@ def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> N
     A cable with damping, in the scene or at run time, pulls with a jump as it becomes taut. events: the kinds
     that integrators watch.
     """
-    changeable = np.isin(np.arange(subject.n_members), request.parameters.get("damping", ()))
-    jumps = subject.tension_only & ((subject.damping > 0) | changeable)
-    if request.differentiates_motions and jumps.any() and "cable" not in events:
-        names = [subject.member_name[e] for e in np.flatnonzero(jumps)]
+    if not request.differentiates_motions or "cable" in events:
+        return
+    if jumping := list_jumping(subject, request):
+        names = [subject.member_name[e] for e in jumping]
         raise FormulationError(
             "forces jump where damped cables become taut, and no event of the library finds that",
             where=f"{subject.name}: columns",
@@ -64,5 +64,6 @@ def columns_context(manifest: Manifest, is_dense: bool) -> dict[str, Any] | None
         "is_directed": is_directed,
         "has_columns": bool(manifest.column_name),
         "has_adjoint": has_adjoint,
+        "has_jumps": "margin_jump" in functions,
         "calls_state_rate": not manifest.column_name or (has_adjoint and is_dense),
     }

@@ -25,7 +25,7 @@ from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.integrators import INTEGRATORS, called_quantities, find_row
 from tensegrity_codegen.tables.integrators.integrator import Integrator
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest
-from tensegrity_codegen.tables.quantities import ADJOINTS, STATE, WEIGHTS
+from tensegrity_codegen.tables.quantities import STATE, WEIGHT_OF, WEIGHTS
 from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 
 # Functions of redundant coordinates that bring a state back onto their constraints; integrators call them.
@@ -146,17 +146,17 @@ def _count_adjoint(model: EmittedModel, row: Integrator, sizes: Mapping[str, int
     """Return the numbers in the work memory of a method's adjoint, and in a step of its tape."""
     assert row.tableau is not None
     moved = 2 * sizes["N"] + len(model.frame.internal_name)
-    margins = sizes.get("N_CABLE_MARGIN", 0)
+    margins, jumps = sizes.get("N_CABLE_MARGIN", 0), "N_MARGIN_JUMP" in sizes
     own = {
         **sizes,
         "METHOD_RATES": row.rates,
         "N_MOVED": moved,
         "N_VARIED": sizes["N_ADJOINT_RATE"],
         "N_CABLE_MARGINS": margins,
-        "WITH_MARGIN_JUMPS": margins,
+        "WITH_MARGIN_JUMPS": jumps,
     }
     work = count_bytes("method_adjoint_work", "adjoint.h", own) // 8
-    return work, 4 + moved * (row.tableau.stages + 1)
+    return work, 4 + moved * (row.tableau.stages + 1) + jumps * margins
 
 
 def integrator_context(
@@ -196,7 +196,7 @@ def integrator_context(
                 "quantity": name,
                 "arguments": functions[name].arguments,
                 "size": count_entries(functions[name]),
-                "weight": ADJOINTS[name][0] if name in ADJOINTS else None,
+                "weight": WEIGHT_OF.get(name),
             }
             for name in dict.fromkeys(
                 (
@@ -262,7 +262,7 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
     """
     explicit, events, keeper = context["explicit"] or {}, context["events"] or {}, context["keeper"] or {}
     columns = context["columns"] or {}
-    has_jumps = bool(columns and events and not events["is_smooth"])
+    has_jumps = bool(columns and events and columns["has_jumps"])
     return {
         "WITH_PROFILE": bool(context["driven"]),
         "WITH_EVENTS": bool(events),

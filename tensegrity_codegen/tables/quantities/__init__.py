@@ -43,7 +43,10 @@ ADJOINTS = MappingProxyType(
         "adjoint_margin": ("margin_weight", "cable_margin"),
     }
 )
-WEIGHTS = tuple(weight for weight, _ in ADJOINTS.values())
+WEIGHT_OF = MappingProxyType(
+    {name: weight for name, (weight, _) in ADJOINTS.items()} | {"margin_jump": "margin_weight"}
+)
+WEIGHTS = tuple(dict.fromkeys(WEIGHT_OF.values()))
 PARAMETERS = tuple(name for name in ARGUMENTS if name not in (*STATE, "input", *OF_COLUMNS, *WEIGHTS))
 DIRECTED = (*PARAMETERS, "input")  # the rows of a direction
 

@@ -37,5 +37,5 @@ ARGUMENT_ROWS = (
     ),
     Quantity("state_weight", "w", "mixed", ("n_states",), "Weights of the rates of a state."),
     Quantity("tension_weight", "w", "mixed", ("n_members",), "Weights of the member tensions."),
-    Quantity("margin_weight", "w", "mixed", ("n_tension_only",), "Weights of the margins of cables."),
+    Quantity("margin_weight", "w", "mixed", ("n_tension_only",), "Weights of cables, one for each margin."),
 )

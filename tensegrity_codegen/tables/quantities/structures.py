@@ -168,6 +168,15 @@ STRUCTURES = (
         "Aizerman and Gantmacher 1958",
     ),
     Quantity(
+        "margin_jump",
+        "w [x']",
+        "mixed",
+        ("n_states",),
+        "What rates of a state jump by as cables are pulled taut, from no tension to what they have, times a "
+        "weight each.",
+        "Aizerman and Gantmacher 1958",
+    ),
+    Quantity(
         "adjoint_rate",
         "(dx'/d(x, p))^T w",
         "mixed",
