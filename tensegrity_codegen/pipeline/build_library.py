@@ -29,6 +29,9 @@ from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.pipeline.compile_source import compile_source, is_library_source, read_manifest
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.system.output_folder import write_folder
 from tensegrity_codegen.system.progress import COMPILING, GENERATING, work_pass
@@ -191,7 +194,10 @@ def build_library(
     ('two_nodes', True)
     """
     started = time.perf_counter()
-    cache = cache or Cache()
+    check_instance(structure, (Structure, BodySystem), "structure", "what load_scene(...)[0] returns")
+    check_instance(request, ModelRequest, "request", "ModelRequest(...), or what load_scene(...)[1] returns")
+    cache = Cache() if cache is None else cache
+    check_instance(cache, Cache, "cache", "Cache(...), or None")
     if flags is not None:
         request = replace(request, flags=find_flags(flags, "flags").name)
     machine, flag_set = find_target(target), find_flags(request.flags)

@@ -13,6 +13,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.simulate.given import read_motion
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_names
 from tensegrity_codegen.system.errors import check_choice
 
 STARTS = ("coordinate", "velocity")
@@ -76,6 +77,7 @@ def motion_function(
     require_model(model)
     options = read_stepping(Stepping(control="steps")).with_method(method, rtol)
     allowed = (*STARTS, *directed_shapes(model.manifest))
+    by = check_names(by, "by")
     for name in by:
         check_choice(name, allowed, "argument of the motion", "by")
     motion = read_motion(model, options, t_end, samples, arguments, None, None, None)

@@ -14,6 +14,7 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.actuate import actuate_members
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.checks import check_mapping, check_names
 
 
 class SymbolicFunctions(dict[str, ca.Function]):
@@ -91,9 +92,11 @@ def symbolic_functions(
     DM(0)
     """
     structure, request = load_scene(path)
-    if actuate:
-        structure, _ = actuate_members(structure, (actuate,) if isinstance(actuate, str) else actuate)
-    wanted = (quantities,) if isinstance(quantities, str) else tuple(quantities)
+    named = check_names(actuate, "actuate")
+    if named:
+        structure, _ = actuate_members(structure, named)
+    wanted = check_names(quantities, "quantities")
+    parameters = check_mapping(parameters, "parameters", "indices of nodes or members by name")
     request = request.wanting(*request.quantities, *wanted, parameters=parameters)
     model = build_model(structure, request)
     functions = {item.quantity.name: item.function for item in prune(model, request.quantities)}

@@ -12,6 +12,7 @@ from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.segments import find_chains, measure_chain
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.tables.request import ModelRequest
 
 
@@ -60,6 +61,9 @@ def add_segment_error(
     >>> round(found.sag, 3), round(found.extrapolated_sag, 3)  # the catenary: 1.52250 m
     (1.525, 1.522)
     """
+    check_instance(found, Equilibrium, "found", "what find_equilibrium(...) returns")
+    if request is not None:
+        check_instance(request, ModelRequest, "request", "ModelRequest(...), or None")
     structure = found.structure
     if not isinstance(structure, Structure) or not found.is_found or not find_chains(structure):
         return found

@@ -22,6 +22,7 @@ from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError
 TOLERANCE = 1e-10  # residual of a solution, as a part of the size
 MAX_ITERATIONS = 200
 MAX_OVERSHOOT = 0.9  # slope behind the minimum along a step, over the slope at its start
+LARGEST = 1e100  # of lengths and forces, whose products must be numbers
 VERTICAL = 1e-14  # span over length up to which a cable hangs along one line
 
 
@@ -144,7 +145,8 @@ def find_catenary(
     given = (span, rise, length, weight, axial_stiffness)
     least = {"span": "0 or more [m]", "rise": "a number [m]"}
     for name, value in zip(("span", "rise", "length", "weight", "axial_stiffness"), given, strict=True):
-        is_sound = is_number(value) or (name == "axial_stiffness" and value == math.inf)
+        is_endless = name == "axial_stiffness" and isinstance(value, float) and value == math.inf
+        is_sound = is_endless or (is_number(value) and abs(value) < LARGEST)
         if not is_sound or value < (-math.inf if name == "rise" else 0) or (name not in least and value == 0):
             allowed = least.get(name, "more than 0")
             raise InvalidValueError("not a cable", where=name, given=value, allowed=allowed)

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
 from typing import Any, TypeGuard
 
@@ -58,6 +58,21 @@ def check_instance(value: Any, kinds: type | tuple[type, ...], where: str, allow
         raise InvalidValueError("wrong type", where=where, given=type(value).__name__, allowed=allowed)
 
 
+def check_mapping(value: Any, where: str, allowed: str) -> Mapping[Any, Any]:
+    """Return a mapping, an empty one for None; raises InvalidValueError for anything else."""
+    if value is not None:
+        check_instance(value, Mapping, where, f"a mapping: {allowed}")
+    return value or {}
+
+
+def check_pair(value: Any, where: str, allowed: str) -> tuple[float, float]:
+    """Return two numbers, which may be infinite; raises InvalidValueError for anything else."""
+    pair = tuple(value) if isinstance(value, list | tuple) or getattr(value, "shape", ()) == (2,) else ()
+    if len(pair) == 2 and all(is_number(x) or (isinstance(x, float) and math.isinf(x)) for x in pair):
+        return float(pair[0]), float(pair[1])
+    raise InvalidValueError("not a pair of numbers", where=where, given=value, allowed=allowed)
+
+
 def check_callback(value: Any, where: str) -> None:
     """Raise InvalidValueError for what is neither a function nor None."""
     if value is not None and not callable(value):
@@ -67,9 +82,13 @@ def check_callback(value: Any, where: str) -> None:
 def check_names(value: Any, where: str) -> tuple[str, ...]:
     """Return names as a tuple, also a single one; raises InvalidValueError for what is no list of texts."""
     listed = isinstance(value, Iterable) and getattr(value, "ndim", 1) == 1
-    names = (value,) if isinstance(value, str) else tuple(value) if listed else (None,)
-    if all(isinstance(name, str) for name in names):
-        return names
+    names: list[str] = []
+    for name in (value,) if isinstance(value, str) else value if listed else (None,):
+        if not isinstance(name, str):
+            break
+        names.append(name)
+    else:
+        return tuple(names)
     raise InvalidValueError("not a list of names", where=where, given=value, allowed="a list of texts")
 
 

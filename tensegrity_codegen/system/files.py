@@ -21,6 +21,7 @@ def check_ending(path: str | Path, *allowed: str) -> None:
 
     Else a file would hold another format than its name says. A name without an ending is taken as it is.
     """
+    check_path(path, "path")
     ending = Path(path).suffix
     if ending and ending.lower() not in allowed:
         raise OutputError(

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from tensegrity_codegen.system.checks import check_path, check_switch
 from tensegrity_codegen.system.errors import OutputError
 from tensegrity_codegen.system.files import check_not_input, explain_unwritable
 from tensegrity_codegen.system.temporary_files import work_folder
@@ -43,6 +44,8 @@ def check_folder(
     OutputError
         If the folder cannot be made or written, or holds files that may not be replaced.
     """
+    check_path(folder, "folder")
+    check_switch(overwrite, "overwrite")
     target = Path(folder)
     place = target
     while not os.path.lexists(place) and place != place.parent:

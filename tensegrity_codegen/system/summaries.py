@@ -154,7 +154,7 @@ class ByName:
 
 def find_row(name: str, names: Sequence[str], what: str) -> int:
     """Return the index of a name; raises UnknownNameError, which has similar names, where it is unknown."""
-    if name in names:
+    if isinstance(name, str) and name in names:
         return names.index(name)
     raise UnknownNameError(
         f"no {what} has this name",

@@ -1,11 +1,12 @@
 """The request for a structure: quantities, run-time parameters, formulation with its options, emitter,
 precision, compile flags."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
+from tensegrity_codegen.system.checks import check_instance, check_mapping, check_names, is_whole
 from tensegrity_codegen.system.errors import (
     InvalidValueError,
     UnknownKeyError,
@@ -20,6 +21,9 @@ from tensegrity_codegen.tables.formulations import FORMULATIONS
 BATCH_WIDTHS = (0, 2, 4, 8, 16, 32, 64)
 
 # Interfaces that a library can offer besides its C functions.
+# Fields of a request that are lists of names.
+LISTS = ("quantities", "integrators", "solvers", "keep", "interfaces", "driven", "columns", "directions")
+
 INTERFACES = ("casadi", "casadi_hessian", "acados")
 
 
@@ -54,7 +58,7 @@ def complete_options(
 
 def check_batch_width(width: int, where: str = "model.batch_width") -> None:
     """Raise InvalidValueError, naming `where`, for a batch width that batch functions cannot have."""
-    if isinstance(width, bool) or width not in BATCH_WIDTHS:
+    if not is_whole(width) or width not in BATCH_WIDTHS:
         raise InvalidValueError(
             "not a batch width",
             where=where,
@@ -154,11 +158,20 @@ class ModelRequest:
     directions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        for name in ("formulation", "emitter", "precision", "flags"):
+            check_instance(getattr(self, name), str, name, "a text")
+        for name in (*LISTS, *(("events",) if self.events is not None else ())):
+            object.__setattr__(self, name, tuple(dict.fromkeys(check_names(getattr(self, name), name))))
+        for name in ("parameters", "options"):
+            given = check_mapping(getattr(self, name), name, "see ModelRequest")
+            check_names(given, name)
+            for key, value in given.items():
+                check_instance(
+                    value, str if name == "options" else Iterable, f"{name}.{key}", "see ModelRequest"
+                )
+            object.__setattr__(self, name, MappingProxyType(dict(given)))
         check_batch_width(self.batch_width)
         check_interfaces(self.interfaces)
-        object.__setattr__(self, "quantities", tuple(dict.fromkeys(self.quantities)))
-        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
-        object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return reduce_fields(self)

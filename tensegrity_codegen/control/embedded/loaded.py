@@ -123,6 +123,8 @@ class LoadedController:
     """
 
     def __init__(self, folder: Path) -> None:
+        check_path(folder, "folder")
+        folder = Path(folder)
         self.description = ControllerDescription.read(folder / "manifest.json")
         self._real = find_precision(self.description.precision)
         self._ffi = cffi.FFI()

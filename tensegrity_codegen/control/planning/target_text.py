@@ -71,7 +71,7 @@ def read_targets(
     """
     if isinstance(targets, str):
         targets = [targets]
-    if not isinstance(targets, Iterable):
+    if not isinstance(targets, Iterable) or getattr(targets, "ndim", 1) != 1:
         raise InvalidValueError(
             "no targets",
             where="targets",

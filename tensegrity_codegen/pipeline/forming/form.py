@@ -23,7 +23,7 @@ from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.ring_support import require_no_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_switch
+from tensegrity_codegen.system.checks import check_mapping, check_switch
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     FormulationError,
@@ -32,6 +32,7 @@ from tensegrity_codegen.system.errors import (
 from tensegrity_codegen.system.summaries import count_names
 from tensegrity_codegen.tables.request import ModelRequest
 
+OF = "values by member, group, class or kind"
 NO_LENGTH = 1e-12  # of the structure's size: rest length of springs with forces in proportion to lengths
 TOLERANCE = 1e-12  # of equilibria
 MOST_SHAPES, UNMOVED = 200, 1e-11  # shapes that forces take, and motion over the size at which they end
@@ -103,10 +104,12 @@ def form(
     """
     subject, request = load_scene(scene)
     structure = require_nodes(subject, "form finding")
-    stated = read_statements(structure, density or {}, force or {}, length or {})
+    given = {"density": density, "force": force, "length": length}
+    stated = read_statements(structure, *(check_mapping(value, name, OF) for name, value in given.items()))
     check_switch(least_load_path, "least_load_path")
-    ranges = (target_length or {}, target_force or {}, length_range or {})
-    targets = read_targets(structure, *ranges, least_load_path)
+    near = {"target_length": target_length, "target_force": target_force, "length_range": length_range}
+    lengths, forces, ranges = (check_mapping(value, name, OF) for name, value in near.items())
+    targets = read_targets(structure, lengths, forces, ranges, least_load_path)
     if not targets.is_stated:
         position, q = _find_shape(structure, request, *stated, compiler)
         return _settle(structure, request, position, q, compiler)

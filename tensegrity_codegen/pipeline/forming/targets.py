@@ -57,7 +57,7 @@ def read_targets(
     for word, given in stated:
         values, rank = np.full((structure.n_members, 2), np.nan), np.full(structure.n_members, 9)
         for name, numbers in given.items():
-            pair = [numbers] if is_number(numbers) else list(numbers)  # type: ignore[arg-type]
+            pair: list[Any] = list(numbers) if isinstance(numbers, list | tuple | np.ndarray) else [numbers]
             pair = [*pair, 1.0] if len(pair) == 1 and word != "length_range" else pair
             is_good = len(pair) == 2 and all(map(is_number, pair)) and pair[1] > 0
             if word == "length_range":

@@ -6,9 +6,10 @@ import numpy as np
 
 from tensegrity_codegen.pipeline.forming.statements import find_members
 from tensegrity_codegen.pipeline.sizing.member_mass import Material
+from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
-from tensegrity_codegen.system.checks import is_number
+from tensegrity_codegen.system.checks import check_mapping, is_number
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
@@ -56,16 +57,17 @@ def read_material(
 
 
 def read_load_cases(
-    structure: Structure, given: Mapping[str, Mapping[str, Sequence[float]]]
+    structure: Structure, given: Mapping[str, Mapping[str, Sequence[float]]] | None
 ) -> dict[str, FloatArray]:
     """Return loads (n_nodes, 3) [N] by case; raises UnknownNameError and InvalidValueError."""
     found = {}
-    for case, loads in given.items():
+    cases = check_mapping(given, "load_cases", "forces by node by case") or {"scene": {}}
+    for case, loads in cases.items():
         load = structure.node_load + structure.node_mass[:, None] * structure.gravity
-        for name, force in loads.items():
+        for name, force in check_mapping(loads, f"load_cases.{case}", "forces by node").items():
             where = f"{structure.name}: load_cases.{case}.{name}"
             check_choice(name, structure.node_name, "node", where)
-            value = np.asarray(force, dtype=float)
+            value = to_doubles(force, where, "three numbers [N]")
             if value.shape != (3,):
                 raise InvalidValueError("not a force", where=where, given=force, allowed="three numbers [N]")
             if not np.isfinite(value).all():

@@ -105,7 +105,7 @@ def size_members(
     subject, request = load_scene(scene)
     structure = require_nodes(subject, "least mass")
     material = read_material(structure, youngs_modulus, density, yield_stress, column == "johnson")
-    cases = read_load_cases(structure, load_cases or {"scene": {}})
+    cases = read_load_cases(structure, load_cases)
     law = find_mass_law(material, structure.member_length())
     program, force, mass = _state_program(structure, law, np.stack(list(cases.values())), bars_pull)
     splits = max_splits

@@ -23,6 +23,7 @@ from tensegrity_codegen.runtime.statics.on_ground import Feet, continue_on_groun
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_switch
 from tensegrity_codegen.system.errors import FormulationError, check_choice
 
 TIGHT = 1e-12  # tolerance of equilibria near a tipping point
@@ -96,7 +97,7 @@ def stand(
     given = merge_inputs(model.manifest, arguments)
     check_arguments(model.manifest, given)
     nominal = model.nominal("coordinate").ravel()
-    friction = 0.0 if frictionless else None
+    friction = 0.0 if check_switch(frictionless, "frictionless") else None
     external = compute_external_force(structure, model, given)
     if isinstance(shape, Equilibrium):
         force = None if shape.feet is None else shape.feet.force

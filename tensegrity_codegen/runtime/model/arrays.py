@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.tables.precision import Precision
 
+MOST_LISTED = 10_000_000  # numbers of a range
+
 
 def check_shape(array: NDArray[Any], shape: tuple[int, ...], where: str) -> None:
     """Raise InvalidValueError for an array of another shape."""
@@ -23,9 +25,16 @@ def check_finite(array: NDArray[Any], where: str, problem: str = "not finite") -
         raise NonFiniteError(problem, where=where, allowed="finite numbers")
 
 
+def check_length(value: Any) -> None:
+    """Raise ValueError for a range of numbers that would fill the memory as an array."""
+    if isinstance(value, range) and len(value) > MOST_LISTED:
+        raise ValueError("too many numbers")
+
+
 def to_doubles(value: ArrayLike, where: str, allowed: str) -> NDArray[np.float64]:
     """Return real numbers as an array; raises InvalidValueError, naming what is allowed, for others."""
     try:
+        check_length(value)
         given = np.asarray(value)
         if given.dtype.kind == "c":
             raise TypeError("complex numbers")
@@ -77,6 +86,7 @@ def to_array(value: ArrayLike, precision: Precision, name: str, allowed: str) ->
             hint=f"round it yourself with astype({str(precision.dtype)!r}), or build in a higher precision",
         )
     try:
+        check_length(value)
         if np.asarray(value).dtype.kind == "c":
             raise TypeError("complex numbers")
         with np.errstate(over="ignore"):  # the library says that what became infinite is not finite

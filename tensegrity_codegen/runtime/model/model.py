@@ -16,6 +16,7 @@ from tensegrity_codegen.runtime.model.named_inputs import check_argument_names, 
 from tensegrity_codegen.runtime.model.status import raise_for_status
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.checks import check_instance, check_path
 from tensegrity_codegen.system.errors import (
     InvalidValueError,
     LibraryError,
@@ -175,6 +176,13 @@ class CompiledModel(Summarised):
         precision: str | None = None,
         structure: Structure | BodySystem | None = None,
     ) -> None:
+        check_path(path, "path")
+        if manifest is not None:
+            check_instance(manifest, Manifest, "manifest", "a Manifest, or None")
+        if structure is not None:
+            check_instance(
+                structure, (Structure, BodySystem), "structure", "a Structure or BodySystem, or None"
+            )
         self.path = Path(path)
         self.structure = structure
         self.manifest = manifest or Manifest.read(self.path.parent / "manifest.json")

@@ -18,7 +18,7 @@ from tensegrity_codegen.runtime.simulate.given import read_motion
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_callback
+from tensegrity_codegen.system.checks import check_callback, check_instance
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, NonFiniteError
 
 # What a loss may depend on: quantities of a motion at its samples.
@@ -153,6 +153,7 @@ def read_loss(loss: Loss, motion: Trajectory) -> tuple[float, dict[str, FloatArr
 
     Raises InvalidValueError for a loss of another form, NonFiniteError for one that is not finite.
     """
+    check_instance(loss, Callable, "loss", "a function of a motion")  # type: ignore[arg-type]
     found = loss(motion)
     if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], Mapping)):
         raise InvalidValueError(

@@ -12,6 +12,7 @@ from pydantic import (
     Field,
     Strict,
     Tag,
+    ValidationError,
 )
 
 from tensegrity_codegen.scene.schema.body_schema import (
@@ -53,6 +54,7 @@ from tensegrity_codegen.scene.schema.schema_types import (
 )
 from tensegrity_codegen.scene.shapes import Shape
 from tensegrity_codegen.scene.toml_text import format_scene
+from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
 
 
@@ -149,6 +151,16 @@ class Scene(Summarised, SceneParts):
     limits: LimitsTable = Field(
         default_factory=LimitsTable, description="Limits of tensions, stresses, distances and stiffness."
     )
+
+    def __init__(self, **document: Any) -> None:
+        try:
+            super().__init__(**document)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            where = ".".join(map(str, ("scene", *first["loc"])))
+            raise InvalidValueError(first["msg"], where=where, given=first["input"]) from None
+
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # read_scene validates without it
 
     def headline(self) -> str:
         """Return the name of the scene."""

@@ -21,6 +21,7 @@ from tensegrity_codegen.sweeps.apply.array_keys import ARRAYS, INPUT, ArrayKey, 
 from tensegrity_codegen.sweeps.key_schema import Bounds
 from tensegrity_codegen.sweeps.keys import KeyPath, parse_path
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_path
 from tensegrity_codegen.system.errors import DuplicateNameError, TensegrityError, UnknownKeyError
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -223,6 +224,7 @@ def read_scene_document(scene: str | Path | Mapping[str, Any] | Scene) -> tuple[
     elif isinstance(scene, Mapping):
         document = dict(scene)
     else:
+        check_path(scene, "scene")
         document = read_document(scene, known=frozenset(Scene.model_fields))
     plain, where = to_plain(document), name_source(scene)
     parse_scene(plain, where)

@@ -84,7 +84,7 @@ def _pairs(given: Stated, where: str, rule: str) -> list[tuple[str, Any]]:
     """Return pairs of key and what is stated for it, from texts KEY=... or a mapping."""
     if isinstance(given, Mapping):
         return [(str(key), item) for key, item in given.items()]
-    if given is not None and not isinstance(given, Iterable):
+    if given is not None and (not isinstance(given, Iterable) or getattr(given, "ndim", 1) != 1):
         raise InvalidValueError(
             "not keys with their values",
             where=where,
@@ -92,7 +92,7 @@ def _pairs(given: Stated, where: str, rule: str) -> list[tuple[str, Any]]:
             allowed=f"a dictionary of keys, or texts KEY={rule}",
         )
     pairs = []
-    for text in [given] if isinstance(given, str) else given or ():
+    for text in [given] if isinstance(given, str) else () if given is None else given:
         key, equals, value = str(text).partition("=")
         if not (equals and key.strip() and value.strip()):
             raise InvalidValueError(

@@ -21,7 +21,7 @@ from tensegrity_codegen.sweeps.fitting.keyed_scene import read_bounds, require_n
 from tensegrity_codegen.sweeps.fitting.keyed_statics import KeyedStatics
 from tensegrity_codegen.sweeps.fitting.measurements import KINDS, Measurements, read_measurements
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_names, check_positive, is_number
+from tensegrity_codegen.system.checks import check_callback, check_names, check_positive, is_number
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 
@@ -106,6 +106,7 @@ def identify(
     if not (is_number(hold_out) and 0.0 <= hold_out < 1.0):
         raise InvalidValueError("not a part", where="hold_out", given=hold_out, allowed="0 or more, below 1")
     check_positive(rtol, "rtol", "")
+    check_callback(progress, "progress")
     subject, _ = load_scene(scene)
     data = read_measurements(measured, require_nodes(subject, subject.name))
     problem: KeyedMotion | KeyedStatics
@@ -113,7 +114,7 @@ def identify(
         problem = KeyedStatics(scene, names, data, compiler)
     else:
         problem = KeyedMotion(scene, names, RunSettings(method, rtol, schedule), compiler)
-    limits = read_bounds(problem, bounds or {})
+    limits = read_bounds(problem, bounds)
     return judge_fit(Fit(problem, data, limits, _read_noise(noise, data), hold_out, progress).run())
 
 

@@ -28,6 +28,7 @@ from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.fitting.keyed_scene import STEP, KeyedScene
 from tensegrity_codegen.sweeps.fitting.measurements import Measurements
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, check_choice
 from tensegrity_codegen.tables.quantities import DIRECTED
 
@@ -105,6 +106,7 @@ class KeyedMotion(KeyedScene):
         *,
         backwards: bool = False,
     ) -> None:
+        check_instance(settings.method, str, "method", "the name of an integrator")
         knots = [text for text in keys if KNOT.fullmatch(text)]
         super().__init__(scene, [text for text in keys if text not in knots])
         self.settings, self.n_scene = settings, len(self.keys)

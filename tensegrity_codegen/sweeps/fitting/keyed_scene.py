@@ -17,6 +17,7 @@ from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.table import Table
 from tensegrity_codegen.sweeps.key_schema import ANY
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_mapping, check_pair
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     FormulationError,
@@ -137,8 +138,9 @@ class KeyedScene:
         return first
 
 
-def read_bounds(problem: KeyedScene, bounds: Mapping[str, tuple[float, float]]) -> FloatArray:
+def read_bounds(problem: KeyedScene, given: Mapping[str, tuple[float, float]] | None) -> FloatArray:
     """Return least and largest values of the keys, (2, n_keys); raises for those that exclude the start."""
+    bounds = check_mapping(given, "bounds", "least and largest value by key")
     for key in bounds:
         check_choice(key, problem.keys, "key", "bounds")
     own_keys = len(problem.assembler.keys) - len(problem.given)
@@ -147,7 +149,8 @@ def read_bounds(problem: KeyedScene, bounds: Mapping[str, tuple[float, float]]) 
     for key, own, start, size in zip(
         problem.keys, allowed, problem.start.tolist(), problem.size, strict=True
     ):
-        low, high = bounds.get(key, (own.lower, own.upper))
+        pair = bounds.get(key, (own.lower, own.upper))
+        low, high = check_pair(pair, f"bounds: {key}", "least and largest value")
         if not (low < high and low <= start <= high):
             raise InvalidValueError(
                 "the bounds exclude the value that the search starts from",

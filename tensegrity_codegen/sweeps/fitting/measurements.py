@@ -13,6 +13,7 @@ from tensegrity_codegen.scene.formats.files.csv_table import LARGEST_TABLE, read
 from tensegrity_codegen.scene.formats.imported import read_text
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_path
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, check_choice
 
 TIME = "time"
@@ -139,6 +140,8 @@ def read_measurements(
     """
     if isinstance(measured, Measurements):
         return measured
+    if not isinstance(measured, Mapping):
+        check_path(measured, "measured")
     known = list_channels(structure)
     known |= {item.name: item for item in known.values()}
     source = str(measured) if isinstance(measured, str | Path) else "measured"
@@ -186,7 +189,7 @@ def _read_arrays(measured: Any, known: Mapping[str, Channel]) -> dict[str, Float
             continue
         if is_motion:
             check_choice(name, (*TIMES, *known), "measured number", "measured")
-        found[TIME if name in TIMES else name] = np.asarray(to_doubles(given, name, "(n_t,)"), dtype=float)
+        found[TIME if name in TIMES else name] = np.atleast_1d(to_doubles(given, name, "(n_t,)"))
     count = len(next(iter(found.values()))) if found else 0
     for name, array in found.items():
         if array.shape != (count,):

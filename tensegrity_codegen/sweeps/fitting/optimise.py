@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.given import read_sample_times
 from tensegrity_codegen.runtime.simulate.gradient import Loss, read_loss
@@ -17,7 +18,15 @@ from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.fitting.keyed_motion import METHOD, KeyedMotion, RunSettings
 from tensegrity_codegen.sweeps.fitting.keyed_scene import read_bounds
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_callback, check_names, check_whole
+from tensegrity_codegen.system.checks import (
+    check_callback,
+    check_instance,
+    check_mapping,
+    check_names,
+    check_positive,
+    check_switch,
+    check_whole,
+)
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, NonFiniteError
 from tensegrity_codegen.system.summaries import Fact, Summarised
 
@@ -101,8 +110,12 @@ class LossGradient:
         self.loss = loss
         self.times = read_sample_times(samples, t_end)
         names = check_names(keys, "keys")
-        self.backwards = len(names) >= MANY_KEYS if backwards is None else backwards
-        settings = RunSettings(method, rtol, schedule, arguments or {})
+        self.backwards = (
+            len(names) >= MANY_KEYS if backwards is None else check_switch(backwards, "backwards")
+        )
+        settings = RunSettings(
+            method, rtol, schedule, check_mapping(arguments, "arguments", "arrays by name")
+        )
         self.problem = KeyedMotion(scene, names, settings, compiler, backwards=self.backwards)
         self.n_motions, self.error = 0, 0.0
         self.motion: Trajectory | None = None
@@ -113,7 +126,7 @@ class LossGradient:
         Raises ConvergenceError where the motion fails, InvalidValueError for values that make no scene or a
         loss of another form, NonFiniteError for a loss that is not finite.
         """
-        given = np.asarray(values, dtype=np.float64)
+        given = to_doubles(values, "values", "one value a key")
         if given.shape != self.problem.start.shape:
             raise InvalidValueError(
                 "one value a key is needed",
@@ -240,8 +253,10 @@ def optimise(
     ('ok', -1.1)
     """
     check_whole(max_iterations, "max_iterations", 1)
+    check_positive(tolerance, "tolerance")
+    check_instance(gradient, LossGradient, "gradient", "LossGradient(...)")
     problem = gradient.problem
-    low, high = read_bounds(problem, bounds or {}) / problem.size
+    low, high = read_bounds(problem, bounds) / problem.size
     start = problem.start / problem.size
     start_loss, first = gradient(problem.start)
     best: list[Any] = [start_loss, problem.start, first, gradient.motion]
