@@ -271,6 +271,7 @@ def want_analyses(
 ) -> ModelRequest:
     """Return the request with all that the analyses need, and `besides`, added; raises as `find_needs`."""
     needs = [find_needs(item, structure, request, method=method, rtol=rtol) for item in analyses]
+    interfaces = () if needs else request.interfaces
     for item in (*needs, besides):
         request = item.besides(request)
-    return request
+    return replace(request, interfaces=interfaces)

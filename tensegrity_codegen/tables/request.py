@@ -193,11 +193,15 @@ class ModelRequest:
         solvers: tuple[str, ...] = (),
         parameters: Mapping[str, tuple[int, ...]] | None = None,
     ) -> "ModelRequest":
-        """Return the request for just these functions, with some parameters added to the present ones."""
+        """Return the request for just these functions, with some parameters added to the present ones.
+
+        Without interfaces: analyses do not call the library by them, and compiling them takes long.
+        """
         return replace(
             self,
             quantities=quantities,
             integrators=integrators,
             solvers=solvers,
+            interfaces=(),
             parameters={**self.parameters, **(parameters or {})},
         )

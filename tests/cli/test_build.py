@@ -180,6 +180,11 @@ def test_the_casadi_interface_is_built_where_asked(run: Run, two_nodes: Path) ->
     assert plain["interfaces"] == []
     assert not hasattr(ctypes.CDLL(plain["library"]), "two_nodes_acceleration_n_in")
     assert "without casadi interface: interfaces does not name casadi" in run("build", two_nodes).out
+    text = two_nodes.read_text(encoding="utf-8").replace("[model]", '[model]\ninterfaces = ["casadi"]')
+    two_nodes.write_text(text, encoding="utf-8")
+    assert run("build", two_nodes, "--json").data["interfaces"] == ["casadi"]
+    narrow = run("build", two_nodes, "--quantity", "member_tension", "--json").data
+    assert narrow["interfaces"] == ["casadi"]
     failed = run("build", two_nodes, "--interface", "matlab", "--json")
     assert failed.code == 2
     assert (failed.data["where"], failed.data["allowed"]) == ("--interface", "casadi, casadi_hessian, acados")
@@ -221,3 +226,13 @@ def test_a_tuned_build_lists_its_candidates_and_remembers_the_fastest(run: Run, 
 def test_a_tuning_that_makes_no_sense_is_refused(words: list[str], run: Run, two_nodes: Path) -> None:
     ended = run.refused("build", two_nodes, *words, "--json")
     assert ended.data["where"] == words[0]
+
+
+def test_a_preset_of_the_scene_reports_as_that_of_the_command_line(run: Run, two_nodes: Path) -> None:
+    by_option = run("build", two_nodes, "--preset", "mcu", "--json").data
+    text = two_nodes.read_text(encoding="utf-8").replace("[model]", '[model]\npreset = "mcu"')
+    two_nodes.write_text(text, encoding="utf-8")
+    by_scene = run("build", two_nodes, "--json").data
+    assert by_option["memory"]["code_bytes"] > 0
+    assert by_scene["memory"] == by_option["memory"]
+    assert "code and constants: " in run("build", two_nodes).out

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.codegen import emit
 from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.codegen.compilation.cache_entry import CacheEntry
-from tensegrity_codegen.pipeline.analyses import find_needs
+from tensegrity_codegen.pipeline.analyses import find_needs, want_analyses
 from tensegrity_codegen.pipeline.build_library import (
     FEW_CALLS,
     MANY_CALLS,
@@ -258,6 +259,16 @@ def test_a_model_has_all_that_its_analyses_need(scene: Path) -> None:
     assert find_equilibrium(model).is_found
     assert linearize(model).input_name == ()
     assert build_path(model, {"node_load": 1.0 + model.nominal("node_load")}).model is model
+
+
+def test_interfaces_are_compiled_for_no_analysis(scene: Path) -> None:
+    structure, request = load_scene(scene)
+    asked = replace(request, interfaces=("casadi_hessian",))
+    for analysis in ("simulate", "equilibrium", "linearize", "load_path"):
+        needs = find_needs(analysis, structure, asked)
+        assert needs.alone(asked).interfaces == needs.besides(asked).interfaces == ()
+        assert want_analyses(structure, asked, [analysis]).interfaces == ()
+    assert want_analyses(structure, asked, []).interfaces == ("casadi_hessian",)
 
 
 def test_an_unknown_analysis_is_refused_with_the_known_ones(scene: Path) -> None:

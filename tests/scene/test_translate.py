@@ -219,3 +219,23 @@ def test_a_deep_or_long_value_is_shown_short():
         error = refused_document(changed("nodes", "c", "mass", to=wrong))
         assert type(error) is InvalidValueError
         assert len(str(error)) < 500
+
+
+@pytest.mark.parametrize(
+    ("section", "entry", "hint"),
+    [
+        ("loads", {"node": "bar1.B", "force": [0, 0, 1]}, 'point = "bar1.B", in place of node'),
+        (
+            "inputs",
+            {"kind": "force", "name": "u", "nodes": ["bar1.B"], "direction": [0, 0, 1]},
+            'kind = "point_force", points = ["bar1.B"]',
+        ),
+    ],
+)
+def test_points_of_bodies_where_nodes_are_named(section: str, entry: dict[str, object], hint: str) -> None:
+    bodies: dict[str, object] = {"base": {"kind": "fixed", "points": {"o": [0, 0, 0]}}}
+    bodies["bar1"] = {"kind": "bar", "length": 1.0, "mass": 1.0, "anchor": "base.o"}
+    with pytest.raises(InvalidNameError) as caught:
+        parse_scene({"name": "a", "bodies": bodies, section: [entry]})
+    assert caught.value.given == "bar1.B"
+    assert hint in caught.value.hint

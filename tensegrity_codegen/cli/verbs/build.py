@@ -137,7 +137,8 @@ def narrow_request(request: "ModelRequest", wanted: RequestOptions) -> "ModelReq
         integrators = request.integrators if "acceleration" in wanted.quantity else ()
         minimised = {"potential_energy", "tangent_stiffness"} <= set(wanted.quantity)
         solvers = request.solvers if minimised else ()
-        request = request.wanting(*wanted.quantity, integrators=integrators, solvers=solvers)
+        narrow = request.wanting(*wanted.quantity, integrators=integrators, solvers=solvers)
+        request = replace(narrow, interfaces=request.interfaces)
     if wanted.precision is not None:
         request = replace(request, precision=find_precision(wanted.precision, "--precision").name)
     if wanted.emitter is not None:
@@ -187,6 +188,7 @@ def build(
         if wheel:
             _check_wheel(target, structure.name, out)
         request = use_preset(request, wanted.preset)
+        is_for_mcu = (request.precision, request.flags) == ("single", "small")
         request = narrow_request(request, wanted)
         request = add_interfaces(request, wanted.interface or ())
         tuned = None
@@ -201,7 +203,7 @@ def build(
         if out is not None:
             folder = built.export(out, overwrite=overwrite, inputs=[scene], wheel=wheel)
         memory = None
-        if wanted.preset == "mcu":
+        if is_for_mcu:
             source = built.entry.folder
             memory = measure_memory(source, built.manifest, compiler=compiler, target=target)
         _report(output, built, folder, tuned, wheel, memory, _name_next_command(scene, out, target, wheel))
