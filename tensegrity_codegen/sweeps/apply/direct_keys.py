@@ -265,7 +265,12 @@ class _KeyReader:
         return RestLengths(members, length, columns, subject.tension_only[members])
 
     def _find_rows(self, section: object, name: str, word: str) -> list[int]:
-        """Return the linear members that take this value from there; none if one of another law does."""
+        """Return the linear members that take this value from there; none if one of another law does.
+
+        None either where cables pass rings with friction, whose strands share values of the whole cable.
+        """
+        if not isinstance(self.subject, BodySystem) and self.subject.sliding:
+            return []
         group = next((item for item in ALTERNATIVES if word in item), (word,))
         found = []
         for row, other in enumerate(self.subject.member_name):

@@ -94,3 +94,19 @@ def measure(
         values = motion.node_position[1:, motion.node_name.index(node), "xyz".index(axis)]
         found[name] = values + noise * draw.normal(size=len(times))
     return found
+
+
+# Two masses on a damped cable that slides over a ring with friction.
+RING: dict[str, Any] = {
+    "name": "ring",
+    "axes": "xz",
+    "gravity": [0, -9.81],
+    "model": {"quantities": ["acceleration"]},
+    "classes": {"cord": {"kind": "cable", "axial_stiffness": 2000.0, "damping": 5.0}},
+    "nodes": {
+        "a": {"position": [0, 0], "mass": 1.0},
+        "r": {"position": [0.1, 1.0], "anchored": True},
+        "b": {"position": [0.5, 0.1], "mass": 1.4},
+    },
+    "members": {"rope": {"class": "cord", "nodes": ["a", "r", "b"], "rest_length": 1.9, "friction": 0.1}},
+}

@@ -16,7 +16,7 @@ from tensegrity_codegen.system.errors import (
     UnknownNameError,
 )
 from tests.cases import thorough
-from tests.sweeps.fitting.scenes import FALL, PRISM, ROD, ROPE, change, measure
+from tests.sweeps.fitting.scenes import FALL, PRISM, RING, ROD, ROPE, change, measure
 
 TIMES = np.arange(1, 301) / 100.0
 START = change(
@@ -50,6 +50,14 @@ def test_a_slipping_rod_shows_its_ground() -> None:
     assert (found.standard_error / truth < [0.02, 0.002, 0.001]).all()
     assert np.abs((found.value - truth) / found.standard_error).max() < 4.0
     assert found.n_motions < 25
+
+
+def test_a_cable_that_slips_at_a_ring_shows_its_stiffness_and_damping() -> None:
+    data = measure(RING, np.arange(1, 41) / 100.0, ["a.x", "a.z", "b.x", "b.z"], 1e-5)
+    start = change(RING, classes__cord__damping=4.5, members__rope__rest_length=1.88)
+    found = identify(start, data, ["classes.cord.damping", "members.rope.rest_length"], noise=1e-5)
+    assert np.abs((found.value - [5.0, 1.9]) / found.standard_error).max() < 4.0
+    assert (found.standard_error < [0.05, 1e-4]).all()
 
 
 def test_a_class_of_cables_is_one_number() -> None:

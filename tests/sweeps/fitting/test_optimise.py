@@ -10,7 +10,7 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.sweeps.fitting.optimise import LossGradient, optimise
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError
 from tests.cases import thorough
-from tests.sweeps.fitting.scenes import FALL, PRISM, ROPE, change
+from tests.sweeps.fitting.scenes import FALL, PRISM, RING, ROPE, change
 
 WOUND: dict[str, Any] = {**FALL, "inputs": [{"name": "winch", "kind": "rest_length", "members": ["rope"]}]}
 
@@ -59,6 +59,22 @@ def test_the_gradient_of_everything_is_that_of_differences() -> None:
     keys = ["classes.cable.spring_constant", "shape.prestress", "loads[0].force[0]", "shape.height"]
     gradient = LossGradient(PRISM, keys, all_parts, 0.3, samples=7, rtol=1e-11)
     compare_with_differences(gradient, np.array([300.0, 5.0, 2.0, 0.3]), 2e-6)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_numbers_of_a_cable_with_friction_at_a_ring_have_derivatives(backwards: bool) -> None:
+    """Its strands share them; it is pulled taut, slips and sticks."""
+
+    def loss(motion: Trajectory) -> tuple[float, dict[str, Any]]:
+        at = np.zeros_like(motion.node_position)
+        at[-1] = np.arange(9.0).reshape(3, 3) * 0.1 + 1.0
+        return float((motion.node_position * at).sum()), {"node_position": at}
+
+    keys = ["classes.cord.axial_stiffness", "classes.cord.damping", "members.rope.rest_length"]
+    gradient = LossGradient(RING, keys, loss, 0.4, samples=[0.0, 0.4], rtol=1e-10, backwards=backwards)
+    compare_with_differences(gradient, np.array([2000.0, 5.0, 1.9]), 5e-6)
+    assert gradient.motion is not None
+    assert {"ring", "cable"} <= set(gradient.motion.log.kind)
 
 
 def test_gradients_backwards_are_those_of_columns_without_cables_too() -> None:
