@@ -14,6 +14,21 @@ static const double MAX_NOISE_TIME = 1e-6;
 static inline int event_is_kink(int k) { return k >= FIRST_CONTACT && k < FIRST_CONTACT + N_KINKS; }
 
 #endif
+#if WITH_STIFFENING
+/* Whether the structure is stiffer while margin k is positive: in contact, and without plastic flow. */
+static inline int event_stiffens(int k)
+{
+  int found = 0;
+#if WITH_CONTACT_EVENTS
+  found |= k >= FIRST_CONTACT && k < FIRST_CONTACT + N_CONTACTS;
+#endif
+#if WITH_YIELD_EVENTS
+  found |= k >= FIRST_STICK + N_SLIPS - N_YIELDS && k < FIRST_STICK + N_SLIPS;
+#endif
+  return found;
+}
+
+#endif
 #if WITH_SET_STATES
 /* Note in the state which contacts slip. */
 static inline void event_set_slips(const event_memory *m, double *state)

@@ -339,14 +339,13 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
     return SCENE_OK;
   }
   run->loudness = 1.0;
-#if WITH_CONTACT_EVENTS
+#if WITH_STIFFENING
 #if METHOD_HAS_ERROR
-  /* A contact vibrates faster than the structure in the air. */
-  if (w->events.found_margin >= FIRST_CONTACT && w->events.found_margin < FIRST_CONTACT + N_CONTACTS &&
-      w->events.side[w->events.found_margin] > 0.0) {
-    const double in_air = *m->step;
+  /* A contact vibrates faster than the structure in the air, and a member faster than in flow. */
+  if (event_stiffens(w->events.found_margin) && w->events.side[w->events.found_margin] > 0.0) {
+    const double before = *m->step;
     method_choose_step(*m->time + left, m);
-    *m->step = fmin(in_air, *m->step);
+    *m->step = fmin(before, *m->step);
   }
 #endif
 #endif

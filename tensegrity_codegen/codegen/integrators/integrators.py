@@ -279,6 +279,7 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
             for word in ("switch", "collision", "ground", "stick", "yield", "motor", "ring")
         },
         "WITH_CONTACT_EVENTS": bool(events.get("n_contacts")),
+        "WITH_STIFFENING": any(events.get(count) for count in ("n_contacts", "n_yields")),
         "WITH_SET_STATES": bool(events.get("n_slips")),
         "WITH_STATIC_FRICTION": "stick" in events.get("setting", ()),
         "WITH_SETTLING": context["settles"],

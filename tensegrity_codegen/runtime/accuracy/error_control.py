@@ -26,16 +26,18 @@ MAX_WORK = 3e10  # evaluations times states; some minutes on one core
 ORDER = 5  # the number of steps grows as the tolerance to the power -1 / ORDER
 MIN_ATOL_RATIO = 3.0  # times the least tolerance: nearer to it two runs are as wrong as each other
 MAX_STALLED_RATIO = 0.5  # of the difference before: a difference that rounding keeps from becoming smaller
+MAX_GROWN = 10.0  # the same where it became larger: by more, the runs before agreed by chance
 LOOSE_RTOL = 1e-3  # relative tolerance of steps above which two runs may pass over the same events and agree
 ROUNDING_SAFETY = 3.0  # times the difference of two runs that rounding keeps apart: the error of either
 MAX_SPEED_ERROR = 5e-3  # of the largest speed: velocities that may be so wrong are of no use
 ROUNDING_SPREAD = 3.0  # measured: up to 1.5 times the root of the number of steps
 EPS = float(np.finfo(np.float64).eps)
 MIN_COUNTED_WITH_KINKS = 0.7  # of the difference of two runs counts where steps do not end at kinks
-# Where contacts are: they cut steps, whose errors then shrink less than the tolerance, and amplify errors.
-MAX_SHRINK_WITH_CONTACTS, MIN_COUNTED_WITH_CONTACTS = 0.03, 2.0
+# Where contacts begin, members yield or relax, rings slip: these cut steps, whose errors then shrink less
+# than the tolerance, and amplify errors.
+MAX_SHRINK_WITH_SWITCHES, MIN_COUNTED_WITH_SWITCHES = 0.03, 2.0
 # Of the tolerance: two runs that agree so well share an error that may be more than twice their difference.
-LEAST_ERROR_WITH_CONTACTS = 0.05
+LEAST_ERROR_WITH_SWITCHES = 0.05
 TOO_MANY_EVENTS = "too_many_events"  # the status of a run that events hold up
 
 
@@ -226,9 +228,9 @@ class _Rounds:
             self.error = estimate
             return self._accept(finer, found)
         # Tighter steps do not help where rounding keeps the runs apart, or vibrations are left out.
-        is_stalled = MAX_STALLED_RATIO * difference_before < self.difference and (
-            at_least or found.reducible <= 1.0
-        )
+        is_stalled = (
+            MAX_STALLED_RATIO * difference_before < self.difference < MAX_GROWN * difference_before
+        ) and (at_least or found.reducible <= 1.0)
         if (is_stalled and found.error > 1.0) or self.factor * self.rtol <= checks.least_rtol:
             return self._state_rounding(finer, found, allowance, share)
         is_left_out = share > 1.0 and not checks.resolves_vibration and self.error <= 1.0

@@ -13,10 +13,10 @@ from functools import cache, partial
 import numpy as np
 
 from tensegrity_codegen.runtime.accuracy.error_control import (
-    LEAST_ERROR_WITH_CONTACTS,
-    MAX_SHRINK_WITH_CONTACTS,
-    MIN_COUNTED_WITH_CONTACTS,
+    LEAST_ERROR_WITH_SWITCHES,
+    MAX_SHRINK_WITH_SWITCHES,
     MIN_COUNTED_WITH_KINKS,
+    MIN_COUNTED_WITH_SWITCHES,
     Checks,
     Rounding,
     tighten_until_converged,
@@ -58,11 +58,12 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
     noise = find_noise(motion, find_frequency())
     if not find_method(options.method).scipy:
         lost = _LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
+        switches = manifest.needs_state_jacobian  # contacts, or members and rings with memory
         checks = Checks(
-            least_atol=find_row(options.method, manifest.needs_state_jacobian).noise_share * noise,
-            min_counted=MIN_COUNTED_WITH_CONTACTS if manifest.has_contacts else 0.0,
-            least_error=LEAST_ERROR_WITH_CONTACTS if manifest.has_contacts else 0.0,
-            max_shrink=MAX_SHRINK_WITH_CONTACTS if manifest.has_contacts else 0.1,
+            least_atol=find_row(options.method, switches).noise_share * noise,
+            min_counted=MIN_COUNTED_WITH_SWITCHES if switches else 0.0,
+            least_error=LEAST_ERROR_WITH_SWITCHES if switches else 0.0,
+            max_shrink=MAX_SHRINK_WITH_SWITCHES if switches else 0.1,
             rounding=rounding,
             lost=partial(lost.estimate, tolerance=tolerance),
         )

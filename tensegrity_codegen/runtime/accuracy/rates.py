@@ -26,6 +26,7 @@ from tensegrity_codegen.system.errors import NonFiniteError
 POSITION_ROUNDING = 5e-17  # of positions, in velocities that steps still hold
 ITERATIONS = 12  # of two evaluations; a few percent from below where frequencies lie close together
 DISPLACEMENT = 1e-6  # of the largest coordinate, by which coordinates are moved
+LEAST_JUMP_RATIO = 0.75  # of a difference of twice the length over a difference: 1 where forces are smooth
 
 
 @dataclass(frozen=True)
@@ -169,9 +170,22 @@ def _iterate(
     with np.errstate(all="ignore"):  # rows that are not finite come out as 0
         reach = DISPLACEMENT * np.abs(place[:, ~is_centre]).max(axis=1, initial=0.0, keepdims=True)
         reach[~(reach > 0.0)] = DISPLACEMENT
-        direction = np.tile(np.random.default_rng(0).standard_normal(place.shape[1]), (len(place), 1))
-        for _ in range(ITERATIONS):
-            moved = reach * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-            direction = (accelerate(place + moved) - accelerate(place - moved)) / (2.0 * reach)
-        square = np.linalg.norm(direction, axis=1)
+
+        def differ(direction: FloatArray, times: float) -> FloatArray:
+            moved = times * reach * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+            apart = accelerate(place + moved) - accelerate(place - moved)
+            return np.asarray(apart / (2.0 * times * reach))
+
+        def iterate(find: Callable[[FloatArray], FloatArray]) -> tuple[FloatArray, FloatArray]:
+            direction = np.tile(np.random.default_rng(0).standard_normal(place.shape[1]), (len(place), 1))
+            for _ in range(ITERATIONS):
+                before, direction = direction, find(direction)
+            return np.linalg.norm(direction, axis=1), before
+
+        square, last = iterate(lambda direction: differ(direction, 1.0))
+        # At a kink a force that jumps looks stiff, the less so the longer the difference: it is taken off.
+        is_jump = np.linalg.norm(differ(last, 2.0), axis=1) < LEAST_JUMP_RATIO * square
+        if is_jump.any():
+            smooth, _ = iterate(lambda direction: 2.0 * differ(direction, 2.0) - differ(direction, 1.0))
+            square = np.where(is_jump, smooth, square)
     return np.sqrt(np.where(np.isfinite(square), square, 0.0))

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from tensegrity_codegen.runtime.accuracy.rates import find_rates
+from tensegrity_codegen.runtime.accuracy.rates import find_fastest, find_fastest_of_batch, find_rates
+from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
 from tests.models import load
+from tests.runtime.build import cable, make_structure
 from tests.runtime.stiff_bars import class_two, pendulums, prism_of_ratio
 
 WANTED = ("member_law", "mass_matrix", "tangent_stiffness", "damping_matrix")
@@ -57,3 +59,15 @@ def test_ratio_and_meeting_members_are_told() -> None:
 
 def test_a_library_without_laws_has_no_rates() -> None:
     assert find_rates(load(prism_of_ratio(1e3), "member_tension"), (), {}) is None
+
+
+def test_a_force_that_jumps_at_the_start_is_no_stiffness() -> None:
+    """A damped cable at its rest length: slack on one side, 3000 N/m and 1.5 N on the other."""
+    place = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+    one = make_structure(place, [cable(0, 1, 1.0, 3000.0, damping=0.5)], anchored={0: "xyz", 1: "yz"})
+    model = load(one, "acceleration", batch_width=8)
+    state = np.array([1.0, 3.0])
+    motion = Motion(model, state, np.array([0.0, 1.0]))
+    assert find_fastest(motion) == pytest.approx(np.sqrt(3000.0 / 2.0), rel=1e-4)
+    both = Motion(model, np.array([state, [1.1, 3.0]]), np.array([0.0, 1.0]))
+    assert find_fastest_of_batch(both) == pytest.approx(np.sqrt([1500.0, 3000.0]), rel=1e-4)
