@@ -26,6 +26,7 @@ STATUSES = (
     "too_many_events",
     "bad_input",  # the values of this case make no scene; the message says why
     "set_aside",  # not computed: the task of this case ended the processes that ran it
+    "not_solved",  # of a closed loop: a tenth of the commands are not those of a solved program
 )
 
 NOT_COMPUTED = "not_computed"  # the word of cases whose task is not finished

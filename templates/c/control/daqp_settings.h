@@ -29,8 +29,8 @@ static inline real program_make_unit(real *row, int count)
   return norm;
 }
 
-/* Settings of DAQP: its defaults, the tolerance of bounds, and the most iterations. */
-static inline DAQPSettings program_settings(real tolerance, int iterations)
+/* Settings of DAQP: its defaults, the tolerance of bounds, the most iterations and active constraints. */
+static inline DAQPSettings program_settings(real tolerance, int iterations, int most_active)
 {
   DAQPSettings s;
   memset(&s, 0, sizeof s);
@@ -41,6 +41,7 @@ static inline DAQPSettings program_settings(real tolerance, int iterations)
   s.progress_tol = (real)DAQP_DEFAULT_PROG_TOL;
   s.cycle_tol = DAQP_DEFAULT_CYCLE_TOL;
   s.iter_limit = iterations + 1;
+  s.most_active = most_active;
   s.fval_bound = DAQP_INF;
   s.rho_soft = (real)DAQP_DEFAULT_RHO_SOFT;
   s.sing_tol = (real)DAQP_DEFAULT_SING_TOL;

@@ -74,6 +74,9 @@ static const int LENGTH_PLACE[2] = {0, -1};
 static const int BOUNDED[N_BOUNDED] = {0};
 static const real BOUNDED_LEAST[N_BOUNDED] = {(real)-0.5}, BOUNDED_MOST[N_BOUNDED] = {(real)0.5};
 
+/* How far a planned coordinate may be from the motion. */
+static const real PLAN_REACH[N_Q] = {(real)2.0};
+
 /* Entries of the derivatives of velocities and accelerations by the state, column by column, and of the accelerations by
  * the inputs. */
 static inline int mpc_derivatives(

@@ -4,8 +4,9 @@
 
 /* Memory of model-predictive control. The plan outlives a step, and which constraints were active; the rest is work. */
 typedef struct {
-  int iterations;         /* of DAQP in the last step; 1 where no constraint was active */
+  int iterations;         /* of DAQP in the last step; 1 where no constraint was active, 0 where there was no program */
   int is_planned;         /* whether there is a plan */
+  int is_unfinished;      /* whether the last program needed more iterations */
   real plan_time;         /* for which the plan was made [s] */
   real soft_excess;       /* largest predicted excess over a soft limit [m, or units of the coordinate] */
   real target[SCENE_CONTROL_N_COORDINATES]; /* of the coordinates minus those of the motion; the caller may change it */

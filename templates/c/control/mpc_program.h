@@ -167,7 +167,7 @@ static inline real mpc_find_excess(const scene_control_mpc *m)
 static inline int mpc_solve_active(scene_control_mpc *m)
 {
   DAQPWorkspace work;
-  DAQPSettings settings = program_settings(MPC_TOLERANCE, QP_ITERATIONS);
+  DAQPSettings settings = program_settings(MPC_TOLERANCE, QP_ITERATIONS, N_SET);
   DAQPProblem problem;
   int exit;
   memset(&work, 0, sizeof work);

@@ -10,7 +10,7 @@ static inline void mpc_restart(scene_control_mpc *m)
 {
   memset(m->move, 0, sizeof m->move);
   memset(m->sense, 0, sizeof m->sense);
-  m->is_planned = 0;
+  m->is_planned = m->is_unfinished = 0;
 }
 
 /* Move the plan on by a sample. */
@@ -34,7 +34,7 @@ static inline void mpc_begin(real time, scene_control *c)
   scene_control_mpc *m = &c->mpc;
   real behind = (time - m->plan_time) / CONTROL_SAMPLE - (real)0.5;
   int i;
-  if (m->is_planned && behind > (real)N_HORIZON) {
+  if (m->is_planned && !(behind > (real)-1.5 && behind <= (real)N_HORIZON)) {
     mpc_restart(m);
   }
   for (; m->is_planned && behind > (real)0.0; behind -= (real)1.0) {
@@ -104,20 +104,42 @@ static inline int mpc_find_status(const scene_control *c)
   return status;
 }
 
-/* Command of a step from the estimate, within work.low and work.high; returns the status. Where the program is not solved,
- * it is that of the plan before. */
+/* Whether the planned states are within reach of the motion at once and after the horizon. */
+static inline int mpc_is_within_reach(const scene_control_mpc *m)
+{
+  const real span = CONTROL_SAMPLE * (real)N_STAGES;
+  int i, k;
+  for (k = 0; k <= N_STAGES; ++k) {
+    const real *state = m->state + k * N_X, *goal = m->goal + k * N_X;
+    for (i = 0; i < N_Q; ++i) {
+      const real off = state[i] - goal[i], drift = (state[N_Q + i] - goal[N_Q + i]) * span, most = PLAN_REACH[i];
+      if (off > most || off < -most || drift > most || drift < -most) {
+        return 0;
+      }
+    }
+  }
+  return 1;
+}
+
+/* Command of a step from the estimate, within work.low and work.high; returns the status. Where the program needs more
+ * iterations, the command is that of the plan before, and the next step goes on with that plan, once. After any other
+ * failure, or where the structure cannot do what is planned, the next plan begins again from the motion: about such a
+ * plan no step may succeed. */
 static inline int control_predict(real time, scene_control *c)
 {
   scene_control_mpc *m = &c->mpc;
   int is_found, status = SCENE_CONTROL_NOT_SOLVED, u;
   mpc_begin(time, c);
+  m->iterations = 0;
   is_found = mpc_linearise(c) && mpc_condense(c->deviation + N_X, c) && mpc_solve(m);
   if (is_found) {
     mpc_improve(m);
+    is_found = control_all_finite(m->state, (N_STAGES + 1) * N_X) && control_all_finite(m->move, N_V);
   }
-  if (is_found && !(control_all_finite(m->state, (N_STAGES + 1) * N_X) && control_all_finite(m->move, N_V))) {
+  if (!is_found && (m->iterations <= QP_ITERATIONS || m->is_unfinished)) {
     mpc_restart(m);
-    is_found = 0;
+  } else {
+    m->is_unfinished = !is_found;
   }
   for (u = 0; u < N_U; ++u) {
     c->wanted[u] = m->planned[u] + m->move[u];
@@ -126,6 +148,9 @@ static inline int control_predict(real time, scene_control *c)
   if (is_found) {
     status = mpc_find_status(c);
     m->is_planned = 1;
+    if (!mpc_is_within_reach(m)) {
+      mpc_restart(m);
+    }
   }
   m->plan_time = time;
   return status;

@@ -195,7 +195,7 @@ static inline void program_bind(program_solver *solver, scene_control_program *m
   int k;
   memset(&work, 0, sizeof work);
   memset(&problem, 0, sizeof problem);
-  solver->settings = program_settings(m->tolerance, QP_ITERATIONS);
+  solver->settings = program_settings(m->tolerance, QP_ITERATIONS, N_SET);
   problem.n = work.n = N_U;
   problem.m = work.m = N_BOUNDS;
   problem.ms = work.ms = N_U;

@@ -58,8 +58,8 @@ def control(
 
     Plans the motion, puts it in time, designs a linear-quadratic regulator and, where the scene has sensors,
     an estimator; then simulates without feedback, with the true state and with the estimator. Exit code 3
-    where a loop with feedback is unstable, or ends further from the motion than the open loop by more than a
-    tenth of --tolerance. --build writes the controller in C.
+    where a loop with feedback is unstable, a tenth of its commands are not solved, or it ends further from
+    the motion than the open loop by more than a tenth of --tolerance. --build writes the controller in C.
 
     Example: tensegrity-codegen control pinned_prism.toml --to 'twist("bar*_B", "base_*")=165' --page c.html
     """

@@ -49,6 +49,12 @@ DOUBLE = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[+-]?\d+)?|\d+e[+-]?\d+)(?![\w.])")
 # What no program of a controller has: binary constraints and levels of priority; and what some have.
 ABSENT = ("DAQP_IS_BINARY(x)", "DAQP_IS_HIERARCHICAL(work)")
 SOFT_CONSTRAINTS = ("DAQP_IS_SOFT(x)", "DAQP_HAS_L1(work)")
+# What is added: a limit of the active constraints, which rounding can make more than their memory holds.
+LIMITED = {
+    "int iter_limit;": "int iter_limit, most_active;",
+    "iter < work->settings->iter_limit;": "iter < work->settings->iter_limit"
+    " && work->n_active < work->settings->most_active;",
+}
 SILENCED = (
     "conversion", "sign-conversion", "double-promotion", "float-conversion", "shadow", "sign-compare",
     "unused-function", "unused-parameter", "unused-variable", "unused-but-set-variable",
@@ -57,8 +63,8 @@ HEAD = """\
 /* DAQP {version}, a dual active-set solver: csrc/{{include,src}} of {archive}
  * (SHA-256 {digest}),
  * under the licence below. Changed by tensegrity_codegen: one file of static functions; double or single
- * precision is chosen; {absent}binary constraints, levels of priority, timing, and declarations for C++ are
- * left out.
+ * precision is chosen; active constraints are limited; {absent}binary constraints, levels of priority,
+ * timing, and declarations for C++ are left out.
  *
 {licence} */
 #ifndef DAQP_STATIC_H
@@ -113,6 +119,8 @@ def emit_daqp(archive: bytes, *, single: bool = False, soft: bool = False) -> st
     for macro in ABSENT if soft else (*SOFT_CONSTRAINTS, *ABSENT):
         defined = re.compile(rf"#define {re.escape(macro)}(?:[^\n]*\\\n)*[^\n]*\n")
         text = _substitute(defined, f"#define {macro} 0\n", text)
+    for old, new in LIMITED.items():
+        text = _substitute(re.compile(re.escape(old)), new, text)
     text = _substitute(PRECISION, f"typedef {'float' if single else 'double'} c_float;\n", text)
     text = OUTER.sub("static ", text)
     if single:

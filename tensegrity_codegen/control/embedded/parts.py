@@ -60,7 +60,8 @@ CONTROL_STATUS: Mapping[str, str] = {
     "not_initialised": "init was not called with this memory; the command is that of the start",
     "outlier": "a measurement is too far from its prediction and is not used; the last command holds",
 }
-QP_ITERATIONS = 100  # of the solver in one quadratic program
+QP_ITERATIONS = 100  # of the solver in one quadratic program, at least
+ITERATIONS_A_CONSTRAINT = 3  # of it, where these are more
 START_TOLERANCE = 1e-9  # [m], by which the start may be outside of the range of an actuator
 DESCRIBED_QUANTITIES = ("member_length",)  # of a model that is described and not compiled
 MOST_QP_ITERATIONS = 10_000  # that may be stated
@@ -79,9 +80,9 @@ class ControllerCode:
         ``"double"`` or ``"single"``, for every number of the controller and its model.
     knots : int or None
         Largest number of stored gains of feedback, see `Gains.at_knots`; None: all samples.
-    qp_iterations : int
-        Most iterations of the solver in one quadratic program of the distribution; a step that needs more has
-        the status ``"not_solved"``.
+    qp_iterations : int, optional
+        Most iterations of the solver in one quadratic program; a step that needs more has the status
+        ``"not_solved"``. By default three for each constraint of the program, and at least 100.
     daqp_sdist : str or Path, optional
         Source package of DAQP, of which a distribution needs C text; by default that in the cache, else pip
         downloads it. Version and SHA-256 are fixed.
@@ -94,7 +95,7 @@ class ControllerCode:
     name: str | None = None
     precision: str = "double"
     knots: int | None = MOST_KNOTS
-    qp_iterations: int = QP_ITERATIONS
+    qp_iterations: int | None = None
     daqp_sdist: str | Path | None = None
     library: bool = True
     compiler: str | None = None
@@ -112,8 +113,14 @@ def read_code(code: ControllerCode | None) -> ControllerCode:
     find_precision(stated.precision, "precision")
     check_switch(stated.library, "library")
     check_instance(stated.compiler, (str, type(None)), "compiler", "the name of a compiler, or None")
-    check_whole(stated.qp_iterations, "qp_iterations", 1, MOST_QP_ITERATIONS)
+    if stated.qp_iterations is not None:
+        check_whole(stated.qp_iterations, "qp_iterations", 1, MOST_QP_ITERATIONS)
     return stated
+
+
+def limit_iterations(stated: int | None, n_constraints: int) -> int:
+    """Return the most iterations in one quadratic program, by default as many as its constraints need."""
+    return stated or max(QP_ITERATIONS, ITERATIONS_A_CONSTRAINT * n_constraints)
 
 
 @dataclass(frozen=True)
@@ -129,7 +136,7 @@ class ControllerParts:
     mpc: plans ahead, in place of gains and distribution.
     bounds: rates, ranges and delays.
     sample [s]: time between two commands.
-    qp_iterations: most iterations of the solver in one quadratic program of the distribution.
+    qp_iterations: most iterations of the solver in one quadratic program; None: as `limit_iterations`.
     daqp_sdist: source package of DAQP, for a quadratic program; None: the usual one.
     """
 
@@ -143,7 +150,7 @@ class ControllerParts:
     bounds: ActuatorBounds
     sample: float
     mpc: Mpc | None = None
-    qp_iterations: int = QP_ITERATIONS
+    qp_iterations: int | None = None
     daqp_sdist: str | Path | None = None
 
     @property

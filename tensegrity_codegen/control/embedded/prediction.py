@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity_codegen.control.embedded.parts import ControllerParts
+from tensegrity_codegen.control.embedded.parts import ControllerParts, limit_iterations
 from tensegrity_codegen.control.embedded.tables import Table, TablePrinter, find_places, tabulate_lists
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
 from tensegrity_codegen.control.feedback.mpc import Mpc
+from tensegrity_codegen.control.feedback.study.tuning import find_angles
+from tensegrity_codegen.structure.outline import outline_tendons
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.precision import Precision
@@ -49,6 +51,8 @@ def build_prediction_tables(
     # Limits: least tensions of members, ranges of coordinates.
     cables, limited = mpc.cables, mpc.cables.limited
     bounded = np.flatnonzero(np.isfinite(mpc.coordinate_range).any(axis=1))
+    size = float(np.ptp(outline_tendons(parts.subject).node_position, axis=0).max())
+    reach = np.where(find_angles(parts.manifest), np.pi, size)
     tables = [
         printer.whole("BLOCK_START", [0, *np.cumsum(mpc.blocks)], "first command of each block"),
         printer.whole("WEIGHT_START", starts, "where the weighted sums of the errors of a state begin"),
@@ -58,6 +62,7 @@ def build_prediction_tables(
         printer.real("INPUT_WEIGHT", mpc.R, "weight of the deviations of the inputs"),
         printer.real("SOFT_WEIGHT", [mpc.excess_weight], "weight of what exceeds least tensions and ranges"),
         *tabulate_derivatives(printer, functions, parts.bounds.place, n),
+        printer.real("PLAN_REACH", reach, "how far a planned coordinate may be from the motion"),
         printer.whole("BOUNDED", bounded, "coordinates with a range"),
         printer.real("BOUNDED_LEAST", mpc.coordinate_range[bounded, 0], "their least values"),
         printer.real("BOUNDED_MOST", mpc.coordinate_range[bounded, 1], "their largest values"),
@@ -102,7 +107,7 @@ def build_prediction_tables(
             "N_WEIGHTED": len(root),
             "LEAST_DELAY": int(back.min()),
             "MPC_SUBSTEPS": mpc.substeps,
-            "QP_ITERATIONS": parts.qp_iterations,
+            "QP_ITERATIONS": limit_iterations(parts.qp_iterations, variables + n_rows),
         },
         tables,
     )

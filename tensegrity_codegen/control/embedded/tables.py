@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.codegen.print.printer import print_numbers
-from tensegrity_codegen.control.embedded.parts import QP_ITERATIONS, ControllerParts
+from tensegrity_codegen.control.embedded.parts import ControllerParts, limit_iterations
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
 from tensegrity_codegen.control.feedback.loop.tension_distribution import PASSES, TensionDistribution
 from tensegrity_codegen.runtime.records.timed_motion import Motion
@@ -192,7 +192,7 @@ def build_distribution_tables(
     matrix: FunctionSpec,
     precision: Precision,
     *,
-    iterations: int = QP_ITERATIONS,
+    iterations: int | None = None,
 ) -> DistributionTables:
     """Return the numbers of a distribution as the C of a controller needs them.
 
@@ -200,7 +200,7 @@ def build_distribution_tables(
     motion: the motion of the controller, whose knots are those of the preferred tensions.
     matrix: the equilibrium matrix as the model computes it.
     precision: of the numbers.
-    iterations: most iterations of DAQP in one quadratic program.
+    iterations: most iterations of DAQP in one quadratic program, as of `limit_iterations`.
     Returns: sizes and tables by their names in C.
     """
     # Driven members, by which actuators, with which limits and preferred tensions.
@@ -233,14 +233,14 @@ def build_distribution_tables(
         tables += tabulate_lists(
             printer, "OTHER_START", "OTHER_INPUT", others, "other inputs of each driven member"
         )
+    sizes = _find_sizes(pulls, limited, motion.coordinate.shape[1], len(cables.base), len(places))
     constants = {
         "N_PREFERRED": len(table),
         "IS_COUPLED": int((pulls.sum(axis=1) > 1).any()),
         "IS_FIXED": int(cables.is_one_to_one),
-        "QP_ITERATIONS": iterations,
+        "QP_ITERATIONS": limit_iterations(iterations, sizes["N_BOUNDS"]),
         "QP_PASSES": 1 if cables.is_one_to_one else PASSES,
     }
-    sizes = _find_sizes(pulls, limited, motion.coordinate.shape[1], len(cables.base), len(places))
     return DistributionTables(sizes, constants, tables, bool(others.any()))
 
 

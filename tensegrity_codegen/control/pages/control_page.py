@@ -42,11 +42,13 @@ from tensegrity_codegen.system.version import VERSION
 LEAD = {
     "holds": "With feedback the errors at the end are not larger than without.",
     "does_not_hold": "Without feedback the errors at the end are smaller than with it.",
+    "not_solved": "In a loop with feedback many commands are not those of a solved program.",
     "unstable": "The simulation of a loop with feedback stopped.",
 }
 STATUS = {
     "holds": "feedback keeps the motion",
     "does_not_hold": "feedback does not keep the motion",
+    "not_solved": "the programs of feedback are not solved",
     "unstable": "feedback is unstable",
 }
 LOOPS = (
@@ -180,7 +182,7 @@ def _draws(study: ControlStudy) -> Section:
         for name in names:
             row = study.loops[name].measures[k]
             cells.append(
-                text_cell("unstable") if row.status != "ok" else number_cell(1000 * row.end_error, ".3g")
+                text_cell("unstable") if row.is_unstable else number_cell(1000 * row.end_error, ".3g")
             )
         cells += [number_cell(study.loops[name].measures[k].end_tension, ".4g") for name in names]
         rows.append(tuple(cells))
@@ -276,13 +278,13 @@ def describe_control_finding(study: ControlStudy, least_bound: float = -math.inf
     closed = {name: loop for name, loop in study.loops.items() if name != OPEN}
     name, loop = list(closed.items())[-1]
     thing = "motion" if np.any(study.motion.velocity) else "equilibrium"
-    if study.status == "unstable":
+    if study.status in ("unstable", "not_solved"):
+        counts = {key: getattr(item, study.status) for key, item in closed.items()}
         parts = [
-            f"the {LOOP_NAMES[key]} in {item.unstable} of {len(study.drawn)} draws"
-            for key, item in closed.items()
-            if item.unstable
+            f"the {LOOP_NAMES[key]} in {n} of {len(study.drawn)} draws" for key, n in counts.items() if n
         ]
-        return f"Feedback is unstable with {' and with '.join(parts)}; {_without(study)}"
+        what = study.status.replace("_", " ")
+        return f"Feedback is {what} with {' and with '.join(parts)}; {_without(study)}"
     if study.status == "does_not_hold":
         return (
             f"Feedback does not keep the {thing}: {_error(study, loop)} from it at the end with the "

@@ -225,6 +225,7 @@ def _describe_loop(loop: LoopResult) -> dict[str, Any]:
         "steps": loop.steps,
         "broken": {name: list(who) for name, who in loop.broken.items()},
         "unstable": loop.unstable,
+        "not_solved": loop.not_solved,
     }
 
 

@@ -250,7 +250,7 @@ class SweptControl(Operation):
                 continue
             lost = next((run for run in runs if run.status != "ok"), None)
             if lost is not None:
-                outcomes.mark(k, "unstable", lost.message)
+                outcomes.mark(k, lost.status, lost.message)
                 continue
             rows = [measure_run(model, run, self.design.last) for run in runs]
             worst = max(rows, key=lambda row: row.end_error)

@@ -163,6 +163,16 @@ def test_a_loop_worse_than_the_open_one_is_not_ok(model: CompiledModel, motion: 
     assert simulate_control(model, motion, **options).status == "ok"
 
 
+def test_commands_that_are_often_cut_are_warned_of(
+    model: CompiledModel, motion: Motion, gains: Gains
+) -> None:
+    away = Disturbance(coordinate_error=np.radians(5.0) * np.array([1.0, -1.0, -1.0, 1.0, 1.0, -1.0]))
+    run = simulate_control(model, motion, gains, t_end=0.2, disturbance=away, compare=False)
+    cut = run.step_status.count("rate_limited") + run.step_status.count("range_limited")
+    assert cut > 4
+    assert run.warnings[0].startswith(f"{100 * cut / 40:.0f} % of the commands were cut to the rate or range")
+
+
 def test_slow_motors_and_long_delays_are_refused(model: CompiledModel, motion: Motion) -> None:
     with pytest.raises(InvalidValueError, match="too fast for an actuator") as caught:
         simulate_control(model, motion, limits=ActuatorLimits(rate=0.02))

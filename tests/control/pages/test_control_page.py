@@ -163,6 +163,13 @@ def test_an_unstable_loop_is_named_with_its_draws(opened: int) -> None:
     )
 
 
+def test_programs_that_are_not_solved_are_stated() -> None:
+    study = study_of("not_solved", open=OPEN, true_state=(measure(0.1, status="not_solved"), measure(0.1)))
+    assert describe_control_finding(study) == (
+        "Feedback is not solved with the true state in 1 of 2 draws; 6.4 mm without feedback"
+    )
+
+
 def test_feedback_that_does_harm_is_stated() -> None:
     study = study_of("does_not_hold", open=OPEN, true_state=(measure(9.0), measure(2.0)))
     assert describe_control_finding(study) == (

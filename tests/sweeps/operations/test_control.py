@@ -1,6 +1,7 @@
 """Operation `control`: cases under the controller of the unchanged scene, beside single simulated loops."""
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.apply.slots import hash_constants
 from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.operations.control import SweptControl
+from tensegrity_codegen.sweeps.statuses import STATUSES
 from tensegrity_codegen.sweeps.summary.results import read_results
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tensegrity_codegen.sweeps.tasks.unchanged_loop import SweptPlant, UnchangedLoop
@@ -240,6 +242,19 @@ def test_other_controllers_are_those_of_the_verb(lift: Path, options: dict[str, 
     sent = pickle.loads(pickle.dumps(loop))
     again = SweptPlant(sent.model, sent).run({}, {}, 0, 0)
     np.testing.assert_array_equal(again.command, SweptPlant(loop.model, loop).run({}, {}, 0, 0).command)
+
+
+def test_a_loop_whose_programs_are_not_solved_has_this_status(
+    lift: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_loop = SweptPlant.run
+    monkeypatch.setattr(
+        SweptPlant, "run", lambda *given: replace(run_loop(*given), status="not_solved", message="90 of 300")
+    )
+    found = run(lift, {CORD: [70.0]})
+    assert STATUSES[int(found.status[0])] == "not_solved"
+    assert str(found.message.values[0]) == "90 of 300"
+    assert np.isnan(float(found.end_error[0]))
 
 
 def test_random_loops_are_the_same_for_any_number_of_workers(lift: Path) -> None:

@@ -1,6 +1,7 @@
 """The record of a simulated closed loop, and its comparison with the same loop without feedback."""
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,6 +20,8 @@ from tensegrity_codegen.system.summaries import Summarised
 
 COMPARED_PART = 1.0 / 6.0  # of the simulated time, in which errors are compared
 LEAST_WORSE = 0.005  # of the size of the structure, by which a loop may end further away than the open loop
+OFTEN = 0.1  # of the commands: so many are often cut, or not solved
+CUT_STATUSES = ("rate_limited", "range_limited")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,8 +32,9 @@ class ControlRun(Summarised):
     ----------
     status : str
         ``"ok"``; ``"does_not_hold"`` where the last sixth of the time is further from the motion than without
-        feedback, by more than 1/200 of the size of the structure; ``"unstable"`` where the integration
-        stopped: arrays end there.
+        feedback, by more than 1/200 of the size of the structure; ``"not_solved"`` where a tenth of the
+        commands are not those of a solved program; ``"unstable"`` where the integration stopped: arrays end
+        there.
     message : str
         A sentence.
     time : ndarray, shape (n_t,) [s]
@@ -51,8 +55,9 @@ class ControlRun(Summarised):
         Estimated disturbance force on each coordinate [N or N m].
     step_status : tuple of str, length n_t - 1
         Of each command: ``"ok"``, ``"rate_limited"``, ``"range_limited"``, and with a distribution of
-        tensions ``"tension_limited"`` (least tensions prevent the forces of feedback), ``"least_tension"``
-        (one cannot be reached within rate and range) and ``"not_solved"`` (feedback was cut instead); with an
+        tensions or prediction ``"tension_limited"`` (least tensions prevent what feedback asks for),
+        ``"least_tension"`` (one cannot be reached within rate and range) and ``"not_solved"`` (what feedback
+        asks for, or the last plan, was cut instead); with an
         estimator ``"outlier"`` (measurements that are too far from their prediction: the last command holds).
     actuators, coordinate_name, member_name : tuple of str
         Names.
@@ -159,12 +164,14 @@ def build_run(
     n_t, n = len(state), len(manifest.coordinate_name)
     time = sample * np.arange(n_t, dtype=float)
     goal = np.array([motion.at(float(now)).coordinate for now in time])
-    limited = sum(status != "ok" for status in statuses)
+    limited, unsolved = sum(status != "ok" for status in statuses), statuses.count("not_solved")
     slip, what_slips = measure_slip(model, state)
     is_ok, has_known = word == "ok", known is not None and len(known) > 0
+    is_solved, text = unsolved < max(OFTEN * len(statuses), 1), f"{n_t - 1} samples, {limited} limited"
+    text += "" if is_solved else f", {unsolved} not solved: the last plan, or feedback, was cut instead"
     return ControlRun(
-        status="ok" if is_ok else "unstable",
-        message=f"{n_t - 1} samples, {limited} limited" if is_ok else f"{word} at {time[-1]:.6g} s",
+        status=("ok" if is_solved else "not_solved") if is_ok else "unstable",
+        message=text if is_ok else f"{word} at {time[-1]:.6g} s",
         time=time,
         coordinate=state[:, :n],
         velocity=state[:, n : 2 * n],
@@ -179,8 +186,20 @@ def build_run(
         coordinate_name=manifest.coordinate_name,
         member_name=manifest.member_name,
         yielding=yielding,
-        warnings=(what_slips,) if what_slips else (),
+        warnings=tuple(filter(None, (describe_cuts(Counter(statuses)), what_slips))),
         slip=slip,
+    )
+
+
+def describe_cuts(steps: Mapping[str, int]) -> str:
+    """Return a sentence where commands, so many of each status, are often cut, else ""."""
+    cut = sum(steps.get(word, 0) for word in CUT_STATUSES) / max(sum(steps.values()), 1)
+    if cut <= OFTEN:
+        return ""
+    return (
+        f"{100 * cut:.0f} % of the commands were cut to the rate or range of an actuator, and integrals of "
+        "errors stand still then: weaker feedback (a smaller effort), a slower motion or faster actuators "
+        "avoid that"
     )
 
 

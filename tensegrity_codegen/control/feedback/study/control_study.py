@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
+from tensegrity_codegen.control.feedback.loop.control_run import describe_cuts
 from tensegrity_codegen.control.feedback.loop.loop_parts import describe_unknown_delays
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.mpc import Mpc
@@ -26,8 +27,6 @@ from tensegrity_codegen.structure.limits import Limits
 
 LEAST_WORSE = 0.1  # of the tolerance, by which a closed loop may end further away than the open loop
 LITTLE_GAIN = 0.5  # of the error of the open loop: with more left, feedback gains little
-OFTEN_CUT = 0.1  # of the commands of a loop: more are cut often
-CUT_STATUSES = ("rate_limited", "range_limited")
 LOOP_NAMES = {OPEN: "open loop", "true_state": "true state", "estimator": "estimator"}
 
 
@@ -39,8 +38,9 @@ class ControlStudy:
     ----------
     status : str
         ``"holds"``; ``"does_not_hold"``: at the end, a loop with feedback is further from the motion than the
-        open loop by more than a tenth of the tolerance of the weights; ``"unstable"``: the simulation of a
-        loop with feedback stopped.
+        open loop by more than a tenth of the tolerance of the weights; ``"not_solved"``: in a loop with
+        feedback a tenth of the commands of a draw are not those of a solved program; ``"unstable"``: the
+        simulation of a loop with feedback stopped.
     message : str
         A sentence.
     motion : Motion
@@ -174,6 +174,7 @@ def judge_study(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[str,
     texts = [
         f"{LOOP_NAMES[name]} {1000 * ends[name]:.3g} mm"
         + (f" ({loop.unstable} unstable)" if loop.unstable else "")
+        + (f" ({loop.not_solved} not solved)" if loop.not_solved else "")
         for name, loop in loops.items()
     ]
     message = f"largest errors at the end: {', '.join(texts)}"
@@ -184,6 +185,8 @@ def judge_study(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[str,
         message += f"; {LOOP_NAMES[closed[-1]]} worse than open loop in {worse} of {count} draws"
     if any(loops[name].unstable for name in closed):
         return "unstable", message
+    if any(loops[name].not_solved for name in closed):
+        return "not_solved", message
     bound = np.inf if loops[OPEN].unstable else ends[OPEN]
     bound = min(bound, 1e300) + LEAST_WORSE * tolerance
     return ("holds" if all(ends[name] <= bound for name in closed) else "does_not_hold"), message
@@ -262,14 +265,9 @@ def find_warnings(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[st
     for name, loop in loops.items():
         if name == OPEN or loop.unstable:
             continue
-        count = sum(loop.steps.values())
-        cut = sum(loop.steps.get(word, 0) for word in CUT_STATUSES) / max(count, 1)
-        if cut > OFTEN_CUT:
-            found.append(
-                f"{LOOP_NAMES[name]}: {100 * cut:.0f} % of the commands were cut to the rate or range of an "
-                "actuator, and integrals of errors stand still then: weaker feedback (a smaller effort), a "
-                "slower motion or faster actuators avoid that"
-            )
+        cuts = describe_cuts(loop.steps)
+        if cuts:
+            found.append(f"{LOOP_NAMES[name]}: {cuts}")
         if loop.run.slip is not None and loop.run.warnings:
             found.append(f"{LOOP_NAMES[name]}, worst draw: {loop.run.warnings[-1]}")
         left = float(loop.end_error.max())

@@ -45,7 +45,7 @@ class RunMeasures:
     @property
     def is_unstable(self) -> bool:
         """Whether the simulation stopped."""
-        return self.status not in ("ok", "does_not_hold")
+        return self.status not in ("ok", "does_not_hold", "not_solved")
 
 
 def measure_run(model: CompiledModel, run: ControlRun, last: float) -> RunMeasures:
@@ -57,7 +57,7 @@ def measure_run(model: CompiledModel, run: ControlRun, last: float) -> RunMeasur
     # Errors, and where the largest one is at the end.
     away = find_displacement(model, run)
     ending = run.time >= run.time[-1] - last - 1e-12
-    angles = find_angles(model)
+    angles = find_angles(model.manifest)
     tension = run.member_tension
     cables = find_cables(model)
     step, node = np.unravel_index(int(away[ending].argmax()), away[ending].shape)
@@ -135,6 +135,11 @@ class LoopResult:
     def unstable(self) -> int:
         """Number of draws in which the simulation stopped."""
         return sum(row.is_unstable for row in self.measures)
+
+    @property
+    def not_solved(self) -> int:
+        """Number of draws in which a tenth of the commands are not those of a solved program."""
+        return sum(row.status == "not_solved" for row in self.measures)
 
     @property
     def end_error(self) -> FloatArray:

@@ -141,7 +141,7 @@ def check_errors(model: CompiledModel, stated: StatedErrors) -> None:
         if not is_default and not (is_number(value) and 0.0 <= value < most):
             allowed = f"a number >= 0{' and < 1' if most == 1.0 else ''} [{unit}]"
             raise InvalidValueError("out of range", where=name, given=value, allowed=allowed)
-    if stated.start_angle is not None and not find_angles(model).any():
+    if stated.start_angle is not None and not find_angles(model.manifest).any():
         raise InvalidValueError(
             "no coordinate is an angle", where="start_error", given=f"{stated.start_angle:g} rad",
             allowed="a displacement [m]",

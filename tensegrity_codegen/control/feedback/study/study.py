@@ -225,7 +225,7 @@ class _Work:
             for draw in some:
                 # The error at the end, above all where a run stopped.
                 row = rows[names[-1]][draw]
-                rank = np.finfo(float).max if row.status != "ok" else row.end_error
+                rank = np.finfo(float).max if row.is_unstable else row.end_error
                 if rank > worst:
                     worst, number = rank, draw
                     kept = {name: runs[name][draw - first] for name in names}

@@ -22,6 +22,7 @@ from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_positive
 from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.tables.manifest import Manifest
 
 TOLERANCE = 0.05  # of the size of the structure: displacement that is accepted for a moment
 EFFORT = 0.05  # of this displacement: change of a rest length
@@ -65,7 +66,7 @@ def find_scales(model: CompiledModel, motion: Motion, arguments: Mapping[str, An
     n = len(q)
     position = place_nodes(model, q, arguments=_without_input(arguments))
     size = float(np.ptp(position, axis=0).max(initial=0.0))
-    is_angle = find_angles(model)
+    is_angle = find_angles(model.manifest)
     lever = np.array([_find_lever(model, q, k, arguments) if is_angle[k] else 1.0 for k in range(n)])
     lever[lever < NO_STIFFNESS * size] = size  # a coordinate that moves no node
     state_matrix, input_matrix = linearise(model, motion, motion.duration, motion.actuators, arguments)
@@ -78,9 +79,8 @@ def find_scales(model: CompiledModel, motion: Motion, arguments: Mapping[str, An
     return Scales(size, lever, is_angle, frequency, gain)
 
 
-def find_angles(model: CompiledModel) -> BoolArray:
+def find_angles(manifest: Manifest) -> BoolArray:
     """Return which coordinates are angles, (n_coordinates,): those of bodies whose name ends in no axis."""
-    manifest = model.manifest
     if manifest.coordinate_node_axis:
         return np.zeros(len(manifest.coordinate_name), dtype=bool)
     return np.array([name.rpartition("_")[2] not in ("x", "y", "z") for name in manifest.coordinate_name])

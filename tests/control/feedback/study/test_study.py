@@ -140,14 +140,15 @@ def test_a_loop_that_is_worse_than_none_does_not_hold(
     assert [isinstance(item, str) for item in told] == [True, False, False]
 
 
-def test_an_unstable_loop_is_named(study: ControlStudy) -> None:
+@pytest.mark.parametrize("word", ["unstable", "not_solved"])
+def test_a_loop_that_stops_or_is_not_solved_is_named(study: ControlStudy, word: str) -> None:
     loops = dict(study.loops)
-    row = replace(loops["true_state"].measures[0], status="unstable")
+    row = replace(loops["true_state"].measures[0], status=word)
     loops["true_state"] = replace(loops["true_state"], measures=(row, *loops["true_state"].measures[1:]))
     status, message = judge_study(loops, study.tuning.tolerance)
-    assert status == "unstable"
+    assert status == word
     assert "true state" in message
-    assert "(1 unstable)" in message
+    assert f"(1 {word.replace('_', ' ')})" in message
 
 
 def test_an_open_loop_that_is_unstable_does_not_forbid_feedback(study: ControlStudy) -> None:
