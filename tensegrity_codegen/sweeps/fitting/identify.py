@@ -61,7 +61,7 @@ def identify(
     method, rtol : str and float
         Of motions: integrator with error control, and the relative tolerance of its steps.
     schedule : Profile, optional
-        Inputs over time.
+        Inputs over time; by default those of the measurements, if these have any, linear between the times.
     compiler : str, optional
         C compiler.
     progress : callable, optional
@@ -113,6 +113,9 @@ def identify(
     if data.is_static:
         problem = KeyedStatics(scene, names, data, compiler)
     else:
+        if schedule is None and data.conditions:
+            courses = {name.removeprefix("input."): course for name, course in data.conditions.items()}
+            schedule = Profile(data.time, courses)
         problem = KeyedMotion(scene, names, RunSettings(method, rtol, schedule), compiler)
     limits = read_bounds(problem, bounds)
     return judge_fit(Fit(problem, data, limits, _read_noise(noise, data), hold_out, progress).run())

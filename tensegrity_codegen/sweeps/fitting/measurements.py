@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_doubles
+from tensegrity_codegen.runtime.trajectory.frames import list_input_units
 from tensegrity_codegen.scene.formats.files.csv_table import LARGEST_TABLE, read_lines, read_table
 from tensegrity_codegen.scene.formats.imported import read_text
 from tensegrity_codegen.structure.structure import Structure
@@ -69,7 +70,7 @@ class Measurements:
     is_static : bool
         Whether these are states at rest.
     conditions : mapping of str to ndarray, shape (n_t,)
-        Of states at rest: keys of the scene, and their values in each state.
+        Keys of the scene, and their values in each state at rest; inputs of motions at the times.
     """
 
     time: FloatArray
@@ -115,10 +116,10 @@ def read_measurements(
     measured : str, Path, mapping or Measurements
         File with the column ``time`` and columns as ``t1.x``, ``t1.vx``, ``bar1.length``, ``bar1.tension``,
         each with or without its unit (``t1.x [m]``, as files of motions have them); cells of what is missing
-        are empty. Without ``time`` each row is a state at rest, which may have natural frequencies
-        (``frequency.1``), and other columns are keys of the scene with their values in each state
-        (``loads[0].force[2]``, ``input.winch``). Or a mapping of such names to arrays (n_t,), NaN where a
-        value is missing.
+        are empty; ``input.winch`` is an input over time. Without ``time`` each row is a state at rest, which
+        may have natural frequencies (``frequency.1``), and other columns are keys of the scene with their
+        values in each state (``loads[0].force[2]``, ``input.winch``). Or a mapping of such names to arrays
+        (n_t,), NaN where a value is missing.
     structure : Structure
         Whose nodes and members are named.
 
@@ -145,9 +146,12 @@ def read_measurements(
     known = list_channels(structure)
     known |= {item.name: item for item in known.values()}
     source = str(measured) if isinstance(measured, str | Path) else "measured"
-    columns = (
-        _read_arrays(measured, known) if isinstance(measured, Mapping) else _read_file(Path(measured), known)
-    )
+    units = list_input_units(structure).items()
+    inputs = {
+        text: f"input.{name}" for name, unit in units for text in (f"input.{name}", f"input.{name} [{unit}]")
+    }
+    read: Any = _read_arrays if isinstance(measured, Mapping) else _read_file
+    columns = {inputs.get(name, name): values for name, values in read(measured, known, inputs).items()}
     time = columns.pop(TIME, None)
     channels = tuple(known[name] for name in columns if name in known)
     _check_twice(channels, source)
@@ -160,11 +164,18 @@ def read_measurements(
     return found
 
 
-def _read_file(path: Path, known: Mapping[str, Channel]) -> dict[str, FloatArray]:
+def _read_file(
+    measured: Any, known: Mapping[str, Channel], inputs: Mapping[str, str]
+) -> dict[str, FloatArray]:
     """Return the columns of a table by name; the times by the name TIME."""
+    path = Path(measured)
     first = next(read_lines(read_text(path, LARGEST_TABLE, "a CSV table"), path), (0, []))
     is_motion = any(name in TIMES for name in first[1])
-    conditions = [] if is_motion else [name for name in first[1] if name and name not in (*known, *IGNORED)]
+    conditions = [
+        name
+        for name in first[1]
+        if name and (name in inputs if is_motion else name not in (*known, *IGNORED))
+    ]
     rows = read_table(path, (*TIMES, *known, *IGNORED, *conditions), ())
     if not rows:
         raise InvalidValueError(
@@ -180,7 +191,9 @@ def _read_file(path: Path, known: Mapping[str, Channel]) -> dict[str, FloatArray
     return found
 
 
-def _read_arrays(measured: Any, known: Mapping[str, Channel]) -> dict[str, FloatArray]:
+def _read_arrays(
+    measured: Any, known: Mapping[str, Channel], inputs: Mapping[str, str]
+) -> dict[str, FloatArray]:
     """Return arrays by name; the times by the name TIME."""
     is_motion = any(name in TIMES for name in measured)
     found = {}
@@ -188,7 +201,7 @@ def _read_arrays(measured: Any, known: Mapping[str, Channel]) -> dict[str, Float
         if name in IGNORED:
             continue
         if is_motion:
-            check_choice(name, (*TIMES, *known), "measured number", "measured")
+            check_choice(name, (*TIMES, *known, *inputs), "measured number", "measured")
         found[TIME if name in TIMES else name] = np.atleast_1d(to_doubles(given, name, "(n_t,)"))
     count = len(next(iter(found.values()))) if found else 0
     for name, array in found.items():

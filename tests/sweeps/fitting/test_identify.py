@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
+from tensegrity_codegen.runtime.profiles.profile import Profile
+from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.sweeps.fitting.identify import identify
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
@@ -38,6 +40,35 @@ def test_a_damped_cable_is_found_again_through_the_jumps_of_its_force() -> None:
     assert found.whiteness > 1e-3
     assert found.warnings == ()
     assert found.document["members"]["rope"]["spring_constant"] == found.value[0]
+
+
+def test_inputs_of_a_file_of_a_motion_are_its_profile(tmp_path: Path) -> None:
+    """Written by simulate with a winch that pulls; 100 N/m is found from 60 N/m, also from arrays by name."""
+    rope = {"kind": "cable", "spring_constant": 100.0, "rest_length": 0.9}
+    scene: dict[str, Any] = {
+        "name": "lift",
+        "gravity": [0, 0, -9.81],
+        "nodes": {
+            "a": {"position": [0, 0, 0], "anchored": True},
+            "b": {"position": [1, 0, -0.2], "mass": 1.0},
+            "c": {"position": [2, 0, 0], "anchored": True},
+        },
+        "classes": {"rope": rope},
+        "members": {"m": {"class": "rope", "nodes": ["a", "b"]}, "n": {"class": "rope", "nodes": ["b", "c"]}},
+        "actuators": [{"name": "w", "members": ["m"], "rate": 0.1, "range": [0.5, 1.5]}],
+    }
+    pull = Profile([0.0, 1.0], {"w": [0.0, -0.1]})
+    motion = simulate(compile_scene(scene, for_="simulate"), 1.0, samples=21, schedule=pull, rtol=1e-9)
+    motion.write(tmp_path / "run.csv")
+    assert "input.w [m]" in (tmp_path / "run.csv").read_text().splitlines()[0]
+    scene["classes"] = {"rope": {**rope, "spring_constant": 60.0}}
+    arrays = {"time": motion.time, "b.z": motion.position("b")[:, 2], "input.w": -0.1 * motion.time}
+    for measured in (tmp_path / "run.csv", arrays):
+        found = identify(scene, measured, ["classes.rope.spring_constant"])
+        assert found.status == "ok"
+        assert found.value[0] == pytest.approx(100.0, rel=1e-5)
+    still = identify(scene, arrays, ["classes.rope.spring_constant"], schedule=Profile([0, 1], {"w": [0, 0]}))
+    assert abs(still.value[0] - 100.0) > 1.0  # a profile that is given counts
 
 
 def test_a_slipping_rod_shows_its_ground() -> None:
