@@ -83,3 +83,27 @@ def test_the_model_page_offers_rigid_bars_instead_of_stiff_ones() -> None:
     section = document("docs/model.md").partition("## What is not in the model")[2].partition("\n## ")[0]
     assert "`rigid_bar`" in section
     assert "thousand times" not in section
+
+
+LIMITS = re.compile(r"(<!-- limits.*? -->\n)(.*?)(<!-- end of limits -->)", re.DOTALL)
+
+
+def test_limits_in_short_are_those_of_their_page(update_golden: bool) -> None:
+    """README and index have them from docs/limits.md, with links from where they stand."""
+    found = LIMITS.search(document("docs/limits.md"))
+    assert found is not None
+    short = found[2]
+    assert short.count("\n- ") + 1 == 4
+    for name, folder in (("README.md", "docs/"), ("docs/index.md", "")):
+        text = document(name)
+        lines = re.sub(r"\]\((?=\w+\.md)", f"]({folder}", short)
+        expected = LIMITS.sub(lambda place, lines=lines: place[1] + lines + place[3], text)
+        assert lines in expected
+        if update_golden:
+            (ROOT / name).write_text(expected, encoding="utf-8", newline="\n")
+        assert document(name) == expected, "run this test with --update-golden"
+
+
+def test_the_index_counts_the_gallery() -> None:
+    pages = len(list((ROOT / "docs" / "gallery").glob("*.md")))
+    assert f"[All {pages} structures](gallery.md)" in document("docs/index.md")

@@ -8,13 +8,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import tensegrity_codegen
 from tensegrity_codegen import compile_scene, find_equilibrium, read_scene, simulate
+from tensegrity_codegen.runtime.integrate.event_log import EventLog
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.summaries import Summarised
 from tests.cases import thorough
+from tests.models import EXAMPLES
 from tests.user_script import SCENE, deliver, main
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -62,6 +65,16 @@ def test_the_script_uses_every_public_name() -> None:
 def test_the_whole_script_runs(tmp_path: Path) -> None:
     found = deliver(tmp_path, main(tmp_path))
     assert set(found) == {"tuning", "study", "runs", "loaded", "graphs", "fmu"}
+
+
+def test_parts_of_results_have_a_repr_of_five_lines_at_most() -> None:
+    structure, _ = tensegrity_codegen.load_scene(EXAMPLES / "two_nodes.toml")
+    built = tensegrity_codegen.build_library(structure, tensegrity_codegen.ModelRequest(("member_tension",)))
+    log = EventLog(np.arange(900.0), ("cable",) * 900, ("member1",) * 900, np.ones(900, dtype=np.int64), 900)
+    for value in (built, log):
+        lines = repr(value).splitlines()
+        assert len(lines) <= 5
+        assert max(map(len, lines)) <= 120
 
 
 def test_every_result_has_a_repr_of_five_lines_at_most(results: Mapping[str, object]) -> None:

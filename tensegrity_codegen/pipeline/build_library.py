@@ -35,6 +35,7 @@ from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.system.output_folder import write_folder
 from tensegrity_codegen.system.progress import COMPILING, GENERATING, work_pass
+from tensegrity_codegen.system.summaries import Summarised
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 from tensegrity_codegen.tables.targets import Target, find_host, find_target
@@ -47,8 +48,8 @@ FEW_CALLS, MANY_CALLS = 300, 100_000
 MOST_QUICK_MEMBERS = 10_000  # up to which compiling takes longer than so few calls
 
 
-@dataclass(frozen=True)
-class BuiltLibrary:
+@dataclass(frozen=True, repr=False)
+class BuiltLibrary(Summarised):
     """A compiled library in the cache.
 
     Attributes

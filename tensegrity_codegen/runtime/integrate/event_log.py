@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.summaries import Summarised
 from tensegrity_codegen.tables.manifest import EVENT_KINDS, JUMP_KINDS, IntegratorSpec, Manifest
 
 # (time [s], coordinate, velocity) -> a number; where its sign changes is an event.
@@ -37,8 +38,8 @@ class Watch:
         return sum(EVENT_KINDS[kind] for kind in set(self.stop))
 
 
-@dataclass(frozen=True)
-class EventLog:
+@dataclass(frozen=True, repr=False)
+class EventLog(Summarised):
     """Events in the order of time; rows (n,) of time [s], kind, name of member or pair, direction.
 
     direction: 1 where a cable goes taut, a member grows longer than where its law switches, bars part

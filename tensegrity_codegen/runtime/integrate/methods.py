@@ -34,7 +34,7 @@ class Method:
     keeps_energy : bool
         Whether its steps can end at the energy of the start.
     takes_schedule : bool
-        Whether inputs may change with time.
+        Whether inputs may change with time by a function, not by a table (profile) alone.
     scipy : str
         SciPy's name of it.
     """
