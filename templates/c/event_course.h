@@ -147,8 +147,9 @@ static inline int event_may_continue(double time, double step, scene_run *run)
     run->mark = time;
     run->n_stalled = 0;
   }
-#if WITH_CONTACT_EVENTS
-  /* Rounding of rigid bars, which grows at impacts, can move a margin by more than its noise in no time. */
+#if WITH_LOUD_MARGINS
+  /* Rounding of rigid bars, which grows at impacts, can move a margin by more than its noise in no time; and steps and
+   * extrapolations disagree about that of a ring by more, where a strand beside it goes slack. */
   if (run->n_stalled % 16 == 15) {
     run->loudness *= 8.0;
   }
@@ -175,7 +176,7 @@ static inline int event_is_mispredicted(const event_memory *m, double length, co
 {
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
-    if (m->side[k] * m->start_margin[k] <= -10.0 * length * m->side[k] * m->start_rate[k]) {
+    if (event_side_distance(m, m->start_margin, k) <= -10.0 * length * m->side[k] * m->start_rate[k]) {
       return 0;
     }
   }

@@ -36,6 +36,17 @@ def test_the_result_file_holds_what_it_must(run: Run, prism: Path) -> None:
     assert ended.data["energy_drift"] < 1e-6
 
 
+def test_json_says_how_far_a_run_came_and_was_to_come(run: Run, prism: Path) -> None:
+    words = ["--t-end", 5.0, "--max-steps", 40, "--control", "steps", "--method", "rk853", "--json"]
+    ended = run("simulate", prism, *words)
+    assert (ended.code, ended.data["status"]) == (3, "not_converged")
+    assert ended.data["t_asked"] == 5.0
+    assert 0.0 <= ended.data["t_end"] <= ended.data["t_stopped"] < 5.0
+    assert f"stopped at t = {ended.data['t_stopped']:.6g} s" in ended.data["message"]
+    whole = run.good("simulate", prism, "--t-end", 0.02, "--json").data
+    assert (whole["t_asked"], whole["t_end"], whole["t_stopped"]) == (0.02, 0.02, None)
+
+
 def test_a_file_is_not_needed(run: Run, folder: Path, two_nodes: Path) -> None:
     data = run("simulate", two_nodes, "--t-end", 0.1, "--json").data
     assert data["out"] is None

@@ -307,6 +307,7 @@ def _run(
     repeat: the library with a stiffer ground, and its arguments, to compare with.
     """
     from tensegrity_codegen.runtime.contacts.rest_memory import describe_plastic
+    from tensegrity_codegen.runtime.integrate.raw_results import STOPPED_AT
     from tensegrity_codegen.scene.checks.plausible_ground import warn_of_sampled_contacts
 
     model = built.load()
@@ -317,6 +318,7 @@ def _run(
     if out is not None:
         trajectory.write(out, overwrite=overwrite)
     data = trajectory.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
+    data |= {"t_asked": given["t_end"], "t_stopped": trajectory.evidence.get(STOPPED_AT)}
     data["inputs"] = {name: value for name, value in given["arguments"].items() if name != "internal"}
     finding = f"{trajectory.status}: {describe_extremes(data, trajectory.find_flaws())}"
     readable: list[Any] = [finding, lambda: build_run_table(data), *_list_events(trajectory.log)]

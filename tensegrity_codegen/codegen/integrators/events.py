@@ -183,6 +183,7 @@ def events_context(
         "setting": setting,
         "first_stick": next((kind["first"] for kind in kinds if kind["word"] in setting), 0),
         "n_yields": len(manifest.subjects_of("yield")),
+        "n_rings": len(manifest.ring_name),
         "n_slips": sum(len(manifest.subjects_of(kind)) for kind in setting),
         "n_measured": max(
             (reach.get(kind["quantity"], n_coordinates) for kind in kinds), default=n_coordinates

@@ -273,12 +273,13 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
         "WITH_MARGIN_JUMPS": has_jumps,
         "WITH_PROFILE_RATE": has_jumps and bool(columns["is_directed"] or columns["has_adjoint"]),
         "WITH_COLUMN_JUMPS": has_jumps and columns["has_columns"],
-        "WITH_EVENT_FORECAST": any([events.get("is_smooth"), events.get("n_contacts")]),
+        "WITH_EVENT_FORECAST": any(events.get(word) for word in ("is_smooth", "n_contacts", "n_rings")),
         **{
             f"WITH_{word.upper()}_EVENTS": any(kind["word"] == word for kind in events.get("kinds", ()))
             for word in ("switch", "collision", "ground", "stick", "yield", "motor", "ring")
         },
         "WITH_CONTACT_EVENTS": bool(events.get("n_contacts")),
+        "WITH_LOUD_MARGINS": any(events.get(count) for count in ("n_contacts", "n_rings")),
         "WITH_STIFFENING": any(events.get(count) for count in ("n_contacts", "n_yields")),
         "WITH_SET_STATES": bool(events.get("n_slips")),
         "WITH_STATIC_FRICTION": "stick" in events.get("setting", ()),

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.accuracy.tolerance import Comparison, Tolerance, compare_runs
-from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.runtime.integrate.raw_results import STOPPED_AT, RawTrajectory
 from tensegrity_codegen.system.arrays import FloatArray
 
 Run = Callable[[float, float], RawTrajectory]
@@ -163,7 +163,7 @@ class _Rounds:
         if previous.status == "unstable":
             return replace(previous, method=_name(previous))
         if previous.status != "ok":
-            return self._give_up(previous, previous.message, previous.status)
+            return self._give_up(previous, previous.message, previous)
         # Refuse a run that would take too long.
         shrink = self._next_shrink()
         expected = self.n_evaluations + previous.n_evaluations * shrink ** (-1.0 / ORDER)
@@ -174,7 +174,7 @@ class _Rounds:
         before = max(self.atol * self.factor, self.least)
         finer = self._try_finer(shrink)
         if finer.status != "ok":
-            return self._give_up(previous, finer.message, finer.status)
+            return self._give_up(previous, finer.message, finer)
         if self.atol * self.factor <= self.least and before < MIN_ATOL_RATIO * self.least:
             before = 10.0 * self.least
             self.previous = self._try(10.0 * self.rtol * self.factor, before)
@@ -295,18 +295,26 @@ class _Rounds:
             evidence=evidence,
         )
 
-    def _give_up(self, last: RawTrajectory, why: str, stopped: str = "not_converged") -> RawTrajectory:
-        """Return the last run with what ended the rounds; stopped: the status of the run that did."""
+    def _give_up(self, last: RawTrajectory, why: str, stopped: RawTrajectory | None = None) -> RawTrajectory:
+        """Return the last run with what ended the rounds; stopped: the run that did not reach its end."""
         estimate = self.error if np.isfinite(self.error) else None
         words = "unknown" if estimate is None else f"{estimate:.3g} times the tolerance {self.where}".rstrip()
+        held_up = stopped is not None and stopped.status == TOO_MANY_EVENTS
+        advice = "take another method or other tolerances" if held_up else "loosen `rtol` and `atol`"
         return replace(
             last,
-            status=stopped if stopped == TOO_MANY_EVENTS else "not_converged",
-            message=f"{why}; estimated error {words}: loosen `rtol` and `atol`, simulate a shorter time, "
+            status=TOO_MANY_EVENTS if held_up else "not_converged",
+            message=f"{why}; estimated error {words}: {advice}, simulate a shorter time, "
             "or control the error of each step only",
             method=_name(last),
             error_estimate=estimate,
+            evidence=last.evidence if stopped is None else {**last.evidence, **_read_stop(stopped)},
         )
+
+
+def _read_stop(run: RawTrajectory) -> dict[str, float]:
+    """Return when a run stopped short of its end [s], if that is known."""
+    return {key: run.evidence[key] for key in (STOPPED_AT,) if key in run.evidence}
 
 
 def _note_bound(run: RawTrajectory, rounding: Rounding, bound: float) -> RawTrajectory:

@@ -3,12 +3,13 @@
 import time as clock
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from tensegrity_codegen.runtime.integrate.event_run import EventRun
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, judge_end
+from tensegrity_codegen.runtime.integrate.raw_results import STOPPED_AT, RawTrajectory, judge_end
 
 FIRST_CHUNK = 64  # steps of the first call into C
 CHUNK_SECONDS = 0.1  # a call lasts about this long
@@ -73,7 +74,10 @@ class CRun(ABC):
                 break
             self.advance(count)
             self.motion.report(self.fraction)
-        return self.result()
+        found = self.result()
+        if found.status == "ok":
+            return found
+        return replace(found, evidence={**found.evidence, STOPPED_AT: float(self.time[0])})
 
     def call(self, head: Sequence[Any], tail: Sequence[Any]) -> None:
         """Call the loop in C; head: what it takes before the state, tail: between samples and work memory."""

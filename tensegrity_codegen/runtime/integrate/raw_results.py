@@ -15,6 +15,7 @@ CountArray = NDArray[np.int64]
 
 MAX_STEPS = 1_000_000  # steps that a run may try unless told otherwise: seconds for a dozen members
 NOT_ESTIMATED = 'the error at the samples is not estimated (`control="samples"`)'
+STOPPED_AT = "stopped_at"  # evidence of a run that did not reach its end: where it was [s]
 GIVEN_UP = -1  # in place of a status of C's: too many steps are in sight
 
 

@@ -68,13 +68,14 @@ class Trajectory(Sampled):
     step : float or None
         Fixed step [s].
     error_estimate : float or None
-        Estimated error over the tolerance; with contacts, of adaptive methods in C, at least 0.05.
+        Estimated error over the tolerance; with contacts, or members and rings with memory, of adaptive
+        methods in C, at least 0.05.
     events : tuple of MotionEvent
         The event that ended the motion, at the last sample.
     log : EventLog
         Events at which steps ended, such as cables that went slack or taut.
     evidence : mapping of str to float
-        Counts and error bounds of the method.
+        Counts and error bounds of the method; `stopped_at` [s]: where a run stopped short of its end.
     node_name, member_name : tuple of str
         Names.
     input : ndarray or None, shape (n_t, n_inputs) [m, N or N m]

@@ -90,6 +90,19 @@ def test_runs_with_loose_steps_that_pass_over_the_same_events_are_not_enough(
     np.testing.assert_array_equal(found.state, state)
 
 
+def test_a_run_that_events_hold_up_says_where_and_does_not_ask_for_looser_tolerances() -> None:
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        found = trajectory(np.ones((5, 6)))
+        if rtol > 5e-7:
+            return found
+        return replace(found, status="too_many_events", message="events follow", evidence={"stopped_at": 0.6})
+
+    found = tighten_until_converged(run, of_one_node(1e-6, 1e-9))
+    assert (found.status, found.evidence["stopped_at"]) == ("too_many_events", 0.6)
+    assert "take another method or other tolerances" in found.message
+    assert "loosen" not in found.message
+
+
 def test_errors_do_not_depend_on_how_the_axes_lie() -> None:
     rng = np.random.default_rng(1)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
