@@ -209,11 +209,16 @@ class PlanPath:
         # Zero where the first step, to first order, does not move the targets.
         expected = sum(self.expected_progress[-N_RECENT_STEPS:])
         share = f", {made / expected:.2g} of what they would make at the start" if expected > 0.0 else ""
-        self.failure = (
-            f"progress has died out: {made:.3g} of the way in the last {N_RECENT_STEPS} steps{share}; a step "
-            f"changes rest lengths by {self.most_radius:.3g} m at most, fewer steps (`steps`) permit more"
+        has_stalled = (
+            made < LEAST_RECENT_PROGRESS or made < LEAST_RECENT_PART * self.least_progress * expected
         )
-        return made < LEAST_RECENT_PROGRESS or made < LEAST_RECENT_PART * self.least_progress * expected
+        if has_stalled:
+            self.failure = (
+                f"progress has died out: {made:.3g} of the way in the last {N_RECENT_STEPS} steps{share}; a "
+                f"step changes rest lengths by {self.most_radius:.3g} m at most, fewer steps (`steps`) "
+                "permit more"
+            )
+        return has_stalled
 
     def _shorten(self, why: str) -> bool:
         """Shorten the next step; return whether it is long enough to be tried."""

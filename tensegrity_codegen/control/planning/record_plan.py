@@ -31,7 +31,7 @@ UNITS = {"clearance": "m", "range": "m", "least_stiffness": "N/m"}  # of others:
 SORTED_DIGITS = 6  # digits of multipliers that order limits; equal ones stay in the order of the structure
 N_NAMED = 6  # limits that a message names
 ENDINGS = (".npz", ".csv")
-ANOTHER_PATH = ". Another path may exist"
+ANOTHER_PATH = ". Another path may exist: more `attempts` look for it"
 
 
 def describe_margin(plan_model: PlanModel, margins: Margins, row: int) -> str:

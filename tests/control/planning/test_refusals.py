@@ -46,12 +46,29 @@ def model() -> CompiledModel:
     return compile_plan(limit(actuate(PRISM)))
 
 
-def find_blocked(structure: Any, target: str, **options: Any) -> PlanResult:
+def find_blocked(structure: Any, target: str | list[str], **options: Any) -> PlanResult:
     found = plan(compile_plan(structure), target, **options)
     assert found.status == "blocked"
     assert found.block is not None
     assert "Another path may exist" in found.message
     return found
+
+
+def test_a_path_that_the_clearance_of_bars_ends_names_it_and_not_a_lack_of_progress() -> None:
+    """Eight full steps come before the one that the bars forbid."""
+    shape = {"kind": "prism", "bars": 4, "bottom_radius": 0.12, "height": 0.25, "twist": 150.0}
+    shape |= {"opposite_class": "cable", "prestress": 15.0}
+    classes = CLASSES | {"cable": {"kind": "cable", "spring_constant": 1500.0}}
+    prism = assemble({"name": "four", "classes": classes, "shape": shape})
+    free = limit(actuate(prism), least=0.5, clearance=0.003, most=80.0)
+    found = find_blocked(free, ["twist=193.209", "height=0.2976"], attempts=0)
+    assert found.progress[-1] == pytest.approx(0.428, abs=0.001)
+    assert len(found.progress) > 9
+    assert "height = 0.270375 m of 0.2976: the limits leave no progress; binding: clearance of 0.003 m" in (
+        found.message
+    )
+    assert found.message.endswith("Another path may exist: more `attempts` look for it")
+    assert len(names(found, "clearance")) == 4
 
 
 def names(found: PlanResult, limit: str) -> list[str]:
