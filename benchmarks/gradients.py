@@ -26,7 +26,7 @@ from typing import Any
 from xml.etree.ElementTree import tostring
 
 import numpy as np
-from harness.turns import replace_figures, table_text, time_in_turns
+from harness.turns import describe_origin, replace_figures, table_text, time_in_turns
 from numpy.typing import NDArray
 
 import tensegrity_codegen
@@ -40,7 +40,6 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.system.provenance import name_processor
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.ground_cases import GRAVITY, make_prism
 from tests.runtime.integrate.test_ground import rotate
@@ -89,7 +88,7 @@ def main() -> None:
         cost = "" if rtol is None else f"{times[name] / times[f'motion at {rtol:.0e}']:.1f}"
         rows.append((name, f"{errors[name]:.1e}", f"{1e3 * times[name]:.1f}", cost, notes[name]))
     head = ("gradient to 11 numbers", "error", "CPU [ms]", "in motions", "")
-    text = f"Measured on {name_processor()}.\n\n{table_text(head, rows)}\n\n{compare_tower()}"
+    text = f"{describe_origin()}\n\n{table_text(head, rows)}\n\n{compare_tower()}"
     if importlib.util.find_spec("mujoco.mjx"):
         text += f"\n\n{compare_mjx(prism)}"
     print(text)

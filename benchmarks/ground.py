@@ -21,7 +21,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from harness.turns import replace_figures, table_text, time_in_turns
+from harness.turns import describe_origin, replace_figures, table_text, time_in_turns
 from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.build_library import build_library
@@ -31,7 +31,6 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.system.provenance import name_processor
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.ground_cases import GRAVITY, make_block, make_prism, make_slope
 from tests.runtime.integrate.test_ground import rotate
@@ -65,7 +64,7 @@ def main() -> None:
         table_text(("bounce", "error of the height after 0.9 s [m]"), measure_bounce()),
         table_text(drop, measure_prism()),
     )
-    text = "\n\n".join((f"Measured on {name_processor()}.", *tables))
+    text = "\n\n".join((describe_origin(), *tables))
     print(text)
     if chosen.document:
         replace_figures(chosen.document, BEGIN, END, text)

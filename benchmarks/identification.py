@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 import scipy
-from harness.turns import replace_figures, table_text
+from harness.turns import describe_origin, replace_figures, table_text
 from live_pages import write_net
 from numpy.typing import NDArray
 
@@ -43,7 +43,6 @@ from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATI
 from tensegrity_codegen.sweeps.fitting.identification import Identification
 from tensegrity_codegen.sweeps.fitting.keyed_motion import KeyedMotion, RunSettings
 from tensegrity_codegen.sweeps.keys import KeyPath
-from tensegrity_codegen.system.provenance import name_processor
 
 FloatArray = NDArray[np.float64]
 BEGIN, END = "<!-- identification: benchmarks/identification.py -->", "<!-- end of identification -->"
@@ -104,7 +103,7 @@ def main() -> None:
         "CPU a fit [s]",
         "motions",
     )
-    text = f"Measured on {name_processor()}, {chosen.seeds} seeds, of the net a quarter."
+    text = f"{describe_origin()} {chosen.seeds} seeds, of the net a quarter."
     text += f"\n\n{table_text(head, rows)}"
     text += f"\n\n{table_text(('twenty rest lengths', 'CPU [s]', 'motions', 'ratio'), compare())}"
     print(text)

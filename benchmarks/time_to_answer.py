@@ -22,13 +22,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.turns import EXAMPLES, ROOT, replace_figures, table_text
+from harness.turns import EXAMPLES, ROOT, describe_origin, replace_figures, table_text
 from large_scene import QUANTITIES
 from large_scene import SCENE as TOWER
 from live_pages import write_net
 
 from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
-from tensegrity_codegen.system.provenance import name_processor
 
 BEGIN, END = "<!-- time to answer: benchmarks/time_to_answer.py -->", "<!-- end of time to answer -->"
 PROGRAM = (sys.executable, "-m", "tensegrity_codegen")
@@ -255,8 +254,8 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         rows = list(measure_all(options, Path(folder)))
-    load = f"load {os.getloadavg()[0]:.1f}, which lengthens processor times too where it is above 1"
-    text = f"{table_text(HEADS, rows)}\n\n{name_processor()}, {os.cpu_count()} processors, {load}."
+    origin = f"{describe_origin()} A load above 1 lengthens processor times too."
+    text = f"{table_text(HEADS, rows)}\n\n{origin}"
     print(text)
     if options.document:
         replace_figures(options.document, BEGIN, END, text)

@@ -45,12 +45,12 @@ def all_cores() -> Iterator[None]:
 
 def describe_machine(compilers: Sequence[Compiler], pinned: str) -> dict[str, str]:
     """Return CPU model, compilers and packages by version, and whether the process stays on one core."""
-    from tensegrity_codegen.studies.study import find_version  # imports NumPy
-    from tensegrity_codegen.system.provenance import name_processor
+    from harness.turns import describe_origin  # imports NumPy
+    from tensegrity_codegen.studies.study import find_version
 
     versions = {name: find_version(name) for name in PACKAGES}
     return {
-        "CPU": name_processor(),
+        "run": describe_origin().removesuffix("."),
         "compilers": "; ".join(compiler.version for compiler in compilers),
         "packages": ", ".join(f"{name} {version}" for name, version in versions.items()),
         "Python": platform.python_version(),

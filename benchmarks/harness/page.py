@@ -299,7 +299,7 @@ def _machine(machine: Mapping[str, str], floor: Floor | None) -> Iterator[Sectio
         yield _section("floor", "core", "Floor of this core", table, (table,))
     if machine:
         table = table_of("Compilers and packages", [["what", "value"], *([k, v] for k, v in machine.items())])
-        yield Section("versions", "machine", "Machine", "plain", machine.get("CPU", ""), (table,))
+        yield Section("versions", "machine", "Machine", "plain", machine.get("run", ""), (table,))
 
 
 def _scripts(scripts: Mapping[str, str]) -> Iterator[Section]:

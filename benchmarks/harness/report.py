@@ -122,9 +122,11 @@ Written by `make bench`; figures as measured in one run.
 - **Ours**: the C functions of generated libraries, called from C with all their checks, named by emitter,
   compiler and flag set (`reference`: to be bit-equal to CasADi's virtual machine, `native` is for this
   CPU). A batch evaluates 8 states in one call; its figures are for one state.
-- **CasADi C**: C that CasADi writes, by `-O3 -march=native`: the unrolled SX expression, or an MX `map`
-  over the members with sparse sums. Unrolled C was not attempted above 1,000 members, and above 100 for
-  anything but the force. **CasADi VM**: its virtual machine, through buffers.
+- **CasADi C**: C that CasADi writes, by `-O3 -march=native -fno-semantic-interposition`: the unrolled SX
+  expression, our own expression where there are at most 100 members, or an MX `map` over the members with
+  sparse sums. Without the last of these options gcc does not inline CasADi's small functions in a shared
+  library. Compilers are gcc and clang, or zig, whose C compiler is clang. Unrolled C was not attempted above
+  1,000 members, and above 100 for anything but the force. **CasADi VM**: its virtual machine.
 - **NumPy**: whole arrays, summed by a sparse incidence matrix or by `add.at`. **numba**: one loop over the
   members with fast math. **JAX**: `jit` in double precision on one core. All three are called from Python,
   as their users do.

@@ -98,11 +98,17 @@ class Plan:
     scripts: bool = False
     pinned: str = ""
     fresh: bool = False
+    only: tuple[str, ...] = ()
 
     @property
     def structures(self) -> tuple[str, ...]:
         """Names of the structures."""
-        return QUICK if self.quick else STRUCTURES
+        return self.only or (QUICK if self.quick else STRUCTURES)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether the largest scenes are left out."""
+        return self.quick or bool(self.only)
 
     @property
     def count(self) -> int:
@@ -113,7 +119,7 @@ class Plan:
     def parts(self) -> list[str]:
         """Names of all parts that take long, in their order."""
         compared = [*list_comparisons(self.structures, self.full), *list_ensembles(self.count)]
-        large = [] if self.quick else [_name_large(stages) for stages in STAGES]
+        large = [] if self.is_small else [_name_large(stages) for stages in STAGES]
         return [
             *(name_comparison(*item) for item in compared),
             *large,
@@ -176,7 +182,7 @@ def _run_others(
     session.say("the largest scenes, in a process of their own")
     large = {
         stages: kept.find(_name_large(stages), partial(measure_large, stages), lambda row: "error" not in row)
-        for stages in (() if plan.quick else STAGES)
+        for stages in (() if plan.is_small else STAGES)
     }
     session.say("the other scripts")
     scripts = {

@@ -303,7 +303,7 @@ def _positive(seconds: float, kept: object) -> float:
 
 Way = tuple[str, Callable[[], Candidate]]  # title, and what makes the candidate or raises Unavailable
 
-WANTED = ("gcc", "clang")
+WANTED, MOST_COMPILERS = ("gcc", "clang", "zig"), 2  # zig cc is a clang
 
 
 @dataclass(frozen=True)
@@ -318,7 +318,7 @@ class Tools:
 def find_tools(folder: Path, time_limit: float) -> Tools:
     """Return the tools of this machine; libraries go to `folder`, no compiler runs above time_limit [s]."""
     found = find_compilers()
-    named = [compiler for name in WANTED for compiler in found if compiler.name == name][: len(WANTED)]
+    named = [compiler for name in WANTED for compiler in found if compiler.name == name][:MOST_COMPILERS]
     compilers = tuple(named) or found[:1]
     compilation = Compilation(folder, time_limit)
     return Tools(compilers, compilation, Runner(compilation, compilers[0]))

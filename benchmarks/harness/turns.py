@@ -1,12 +1,17 @@
 """Times of calls that take turns, so that a slow moment of the machine falls on all; rows of tables."""
 
+import os
+import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tensegrity_codegen.system.provenance import name_processor
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "tensegrity_codegen" / "scene" / "examples"
@@ -33,6 +38,19 @@ def time_in_turns(
     """Return the median time of each call [s] over rounds."""
     runs = {name: partial(measure_call, call, clock=clock) for name, call in calls.items()}
     return {name: float(np.median(seconds)) for name, seconds in take_turns(runs, rounds).items()}
+
+
+def describe_origin() -> str:
+    """Return the commit, the day and the machine of what is measured now, as a sentence."""
+
+    def ask(*words: str) -> str:
+        done = subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=False)
+        return done.stdout.strip()
+
+    commit = ask("rev-parse", "--short=8", "HEAD") or "unknown"
+    changed = " with changes" if ask("status", "--porcelain", "*.py", "templates") else ""
+    machine = f"{name_processor()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}"
+    return f"Measured at commit {commit}{changed} on {datetime.now(UTC):%Y-%m-%d}; {machine}."
 
 
 def markdown_row(*cells: object) -> str:

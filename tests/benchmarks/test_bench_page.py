@@ -25,9 +25,10 @@ OURS = (
     "lanes (clang native)",
     "table (gcc native)",
 )
+SAME = "CasADi C, our expression (gcc)"
 PEERS = (
     "CasADi C, unrolled (gcc)",
-    "CasADi C, our expression (gcc)",
+    SAME,
     "CasADi VM",
     "numba",
     "MuJoCo, mj_forward",
@@ -53,7 +54,7 @@ def make_rows(own: float = 1.0, quantities: tuple[str, ...] = ("node_force", "el
     return rows
 
 
-MACHINE = {"CPU": "a processor", "compilers": "gcc 12; clang 14", "pinned": "one core"}
+MACHINE = {"run": "Measured at a commit", "compilers": "gcc 12; clang 14", "pinned": "one core"}
 FLOOR = Floor({1: {"fma": 0.1, "sqrt": 2.0, "div": 1.0}, 8: {"fma": 0.02, "sqrt": 0.3, "div": 0.2}})
 
 LARGE = {
@@ -72,17 +73,24 @@ LARGE = {
 def test_the_finding_counts_comparisons_and_their_ratios() -> None:
     rows = make_rows()
     assert len(compare_rows(rows)) == 9
-    text = describe_finding(rows)
-    assert (
-        text == "Fastest of all ways in 9 of 9 comparisons: 4.0 times as fast at the median (4.0 to 14 times)"
+    assert describe_finding(rows) == (
+        "Fastest of all ways in 9 of 9 comparisons (100%): 4.0 times as fast as the fastest other way at the "
+        "median, at least 4.0 times (prism, node_force: CasADi C, unrolled (gcc)), at most 14 times"
     )
-    slow = describe_finding(make_rows(own=8.0))
-    assert slow.startswith(
-        "Fastest of all ways in 1 of 9 comparisons: 0.5 times as fast at the median (0.5 to"
+    assert describe_finding(make_rows(own=8.0)) == (
+        "Fastest of all ways in 1 of 9 comparisons (11%): 0.50 times as fast as the fastest other way at the "
+        "median, at least 0.50 times (prism, node_force: CasADi C, unrolled (gcc)), at most 14 times"
     )
     alone = [row for row in rows if row.side == "ours"]
     assert describe_finding(alone) == "33 functions timed, 0 comparisons with other ways"
     assert describe_finding([]) == "0 functions timed, 0 comparisons with other ways"
+
+
+def test_rows_in_which_another_way_is_faster_count_and_are_listed() -> None:
+    rows = [*make_rows(), Row("prism", 12, "elastic_energy", SAME, "peer", ns=6.0)]
+    assert "Fastest of all ways in 8 of 9 comparisons (89%)" in describe_finding(rows)
+    assert f"at least 0.50 times (prism, elastic_energy: {SAME})" in describe_finding(rows)
+    assert comparison_cells(rows)[2][-3:] == [SAME, "0.5", "0.50"]
 
 
 def test_a_batch_is_compared_with_many_states_alone() -> None:
@@ -91,7 +99,7 @@ def test_a_batch_is_compared_with_many_states_alone() -> None:
         "unrolled (gcc native)",
         "C, lanes (gcc native)",
     }
-    assert "CasADi C, our expression (gcc)" not in {item.peer.name for item in compare_rows(rows)}
+    assert SAME not in {item.peer.name for item in compare_rows(rows)}
     cells = comparison_cells(rows)
     assert cells[1][-1] == "4.0"
     assert cells[-1][-1] == "14"

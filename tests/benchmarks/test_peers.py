@@ -111,6 +111,23 @@ def test_a_candidate_that_computes_something_else_is_not_timed(tools: Tools) -> 
     assert bad.note == "computes something else"
 
 
+def test_no_function_of_casadi_is_called_in_its_c(tools: Tools) -> None:
+    """gcc keeps calls of functions that another library may replace, unless the flags say that none does."""
+    ways = dict(casadi_c.ways(make_problem("prism"), "elastic_energy", tools))
+    built = ways[f"{casadi_c.UNROLLED} ({tools.compilers[0].name})"]().built
+    assert built is not None
+    assert (built.code_bytes or 0) > 0
+    slow = replace(tools, compilation=replace(tools.compilation, folder=tools.compilation.folder / "slow"))
+    with pytest.MonkeyPatch.context() as patch:
+        flags = tuple(flag for flag in casadi_c.FLAGS if "interposition" not in flag)
+        patch.setattr(casadi_c, "FLAGS", flags)
+        make = dict(casadi_c.ways(make_problem("prism"), "elastic_energy", slow))
+        other = make[f"{casadi_c.UNROLLED} ({tools.compilers[0].name})"]().built
+    if tools.compilers[0].name == "gcc":
+        assert other is not None
+        assert other.code_bytes != built.code_bytes
+
+
 @pytest.mark.peers
 @pytest.mark.parametrize("quantity", QUANTITIES[:3])
 def test_many_states_are_computed_alike(quantity: str, tools: Tools) -> None:
