@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import stiff_bars
 from harness.turns import markdown_head, markdown_row, print_table
-from stiff_bars import RADAU, Ask, Case, Found, certify, find_setting, make_contenders, time_in_turns
+from stiff_bars import RADAU, Case, Found, Pair, certify, find_setting, make_contenders, time_in_turns
 
 RATIOS = (1e3, 1e5, 1e7, 1e9)
 ERRORS = (1e-4, 1e-5)
@@ -46,7 +46,7 @@ def measure(name: str) -> dict[tuple[float, float], Found]:
     """Return the cheapest setting of each ratio and error, timed in turns."""
     found = {}
     for ratio in RATIOS:
-        case = Case(name, ratio, 1.0, 0.0, (Ask((RADAU,), (), 1.0),))
+        case = Case(name, ratio, 1.0, 0.0, (Pair("our methods", (RADAU,), ()),))
         contenders = make_contenders(case)
         reference = certify(case, contenders)
         for error in ERRORS:
