@@ -18,16 +18,24 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from harness.turns import EXAMPLES, ROOT, markdown_head, markdown_row, replace_figures
+from harness.turns import EXAMPLES, ROOT, describe_origin, markdown_head, markdown_row, replace_figures
 
 from tensegrity_codegen.studies.stability.judge import VERDICTS
 from tensegrity_codegen.studies.stability.page import WORDS
-from tensegrity_codegen.system.provenance import name_processor
 from tests.common_prism import BARS, PLACES, STRINGS, span
 
 DOCUMENT = ROOT / "docs" / "stability.md"
 SCENES = ("prism", "planar", "icosahedron", "tower")
 BEGIN, END = "<!-- figures: benchmarks/stability_pages.py -->", "<!-- end of figures -->"
+# The example prism: file -> what stands behind the kind of its cables, and at its end.
+VARIANTS = {
+    "standing": (
+        "damping = 2",
+        "[ground]\nstiffness = 2e4\nrestitution = { value = 0.5, speed = 1 }\nfriction = 0.5",
+    ),
+    "yielding": ("yield_force = 12\nhardening = 0.1", ""),
+    "viscous": ("relaxation_time = 0.02\nrelaxed_fraction = 0.5", ""),
+}
 MOST_WRONG = 40  # listed one by one
 
 
@@ -44,6 +52,7 @@ def main() -> None:
     words = parser.parse_args()
     words.out.mkdir(parents=True, exist_ok=True)
     scenes = {name: EXAMPLES / f"{name}.toml" for name in SCENES}
+    scenes |= {name: write_variant(words.out, name) for name in VARIANTS}
     scenes |= {"common_prism": import_common_prism(words.out)}
     scenes |= {file.stem: import_file(words.out, file.stem, file) for file in words.ntrt}
     chosen = {name: scene for name, scene in scenes.items() if not words.only or name in words.only}
@@ -52,6 +61,20 @@ def main() -> None:
     print(text)
     if not words.no_write:
         replace_figures(DOCUMENT, BEGIN, END, text)
+
+
+def write_variant(folder: Path, name: str) -> Path:
+    """Return a scene of VARIANTS; on the ground its nodes are free."""
+    cable, end = VARIANTS[name]
+    text = (EXAMPLES / "prism.toml").read_text(encoding="utf-8")
+    text = text.replace('name = "prism"', f'name = "{name}"').replace(
+        'kind = "cable"', f'kind = "cable"\n{cable}'
+    )
+    if end:
+        text = text.replace('anchor_bottom = "z"', "")
+    path = folder / f"{name}.toml"
+    path.write_text(f"{text}\n{end}\n", encoding="utf-8")
+    return path
 
 
 def import_common_prism(folder: Path) -> Path:
@@ -114,8 +137,8 @@ def write_figures(found: dict[str, dict[str, Any]]) -> str:
         f"<!-- site: bars scene: {shown} -->",
         "",
         f"Each motion lasts {first['t_end']:g} s. A run may take {limits['run']:g} s of CPU time, one for a "
-        f"reference {limits['reference']:g} s, a scene {limits['total']:g} s by the clock, with "
-        f"{name_processor()}.",
+        f"reference {limits['reference']:g} s, a scene {limits['total']:g} s by the clock. "
+        f"{describe_origin()}",
         "",
         'Our methods. "Stated bound" and "positions" say of how many right results velocities are judged '
         "by the bound that the run states, or not at all.",

@@ -7,6 +7,8 @@ import pytest
 import stability_pages
 from stability_pages import DOCUMENT, replace_figures, write_figures
 
+from tensegrity_codegen.pipeline.compile_scene import load_nodes
+
 
 def row(contender: str, verdict: str, *, own: bool = True, rule: str = "") -> dict[str, Any]:
     words = {"group": "damping", "case": "10", "contender": contender, "is_own": own}
@@ -33,6 +35,16 @@ def test_every_verdict_that_was_given_has_its_count() -> None:
     assert "| prism | 1 | 1 | 1 | 1 | 0 |" in lines
     assert "| CVODES | 1 |" in lines
     assert "| prism | damping: 10 | rk54 | 12 |" in lines  # wrong ones of ours are listed
+
+
+@pytest.mark.parametrize("name", stability_pages.VARIANTS)
+def test_variants_of_the_prism_are_what_they_are_named_for(name: str, tmp_path: Path) -> None:
+    structure = load_nodes(stability_pages.write_variant(tmp_path, name))
+    assert structure.name == name
+    assert (structure.ground is not None) == (name == "standing")
+    assert structure.node_anchored.any() == (name != "standing")
+    assert structure.internal_name
+    assert structure.is_linear.all() == (name == "standing")
 
 
 def test_figures_are_written_between_the_marks_alone(tmp_path: Path) -> None:

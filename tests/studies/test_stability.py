@@ -30,6 +30,7 @@ from tensegrity_codegen.studies.stability.report import StabilityReport, run_cas
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 from tensegrity_codegen.system.forked import can_fork
 from tests.common_prism import common_prism
+from tests.ground_cases import make_slope
 from tests.report.browser import find_browser, open_page
 from tests.runtime.build import prism
 
@@ -64,6 +65,39 @@ def test_cases_cover_what_breaks_integrators(structure: Structure) -> None:
     stiff = [item for item in cases if item.group == "stiffness ratio"]
     assert [item.is_rigid for item in stiff].count(False) == 12
     assert any(item.is_rigid for item in cases)
+
+
+def test_two_groups_of_bars_are_a_thousand_times_as_stiff_as_each_other() -> None:
+    (mixed,) = (item for item in generate_cases(prism(), 1.0) if item.group == "two stiff groups")
+    mu = mixed.structure.mu[mixed.structure.is_bar]
+    assert sorted(mu / mu.min()) == pytest.approx([1.0, 1.0, 1e3])
+    tension = as_springs(prism()).static_tension()
+    assert np.abs(mixed.structure.static_tension() - tension).max() < 1e-6 * np.abs(tension).max()
+
+
+def test_cases_vary_the_ground() -> None:
+    slope, _ = make_slope(np.radians(30.0))
+    items = {item.name: item.structure for item in generate_cases(slope, 0.1) if item.group == "ground"}
+    grounds = [structure.ground for structure in items.values()]
+    assert [g and g.stiffness for g in grounds] == [1e3, 1e7, 1e9, *[1e5] * 4]
+    assert [g and g.friction for g in grounds] == [*[0.5] * 3, 0.0, 0.05, 1.0, 0.5]
+    grazing = items["a node grazes it at one length a second"]
+    assert grazing.ground is not None
+    assert abs(grazing.node_position[0] @ grazing.ground.normal) < 1e-15
+    assert abs(grazing.node_velocity[0] @ grazing.ground.normal) < 1e-15
+    assert np.linalg.norm(grazing.node_velocity[0]) == pytest.approx(slope.member_length().mean())
+    assert not [item for item in generate_cases(prism(), 0.1) if item.group == "ground"]
+
+
+def test_every_method_with_error_control_takes_part_on_the_ground() -> None:
+    """Its references know the ground: a block that starts on a slope slides."""
+    slope, _ = make_slope(np.radians(30.0))
+    (item,) = (item for item in generate_cases(slope, 0.05) if "grazes" in item.name)
+    assert certify_extended(item, 1.0) is None  # which has no ground
+    found = run_case(models(slope), item, Limits(peers=False))
+    assert {row.contender: row.verdict for row in found} == dict.fromkeys(
+        ("auto", "rk853", "rk54", "tsit5", "rodas"), "survived"
+    )
 
 
 def test_stiffer_bars_keep_the_tension_that_they_have() -> None:

@@ -1,7 +1,7 @@
 """The cases of a study: what a scene becomes at its extremes, as run-time values of a few compiled models."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -121,6 +121,9 @@ DAMPING_RATIOS = (0.0, 0.1, 1.0, 10.0, 1e3)
 TOLERANCES = (1e-300, 1e-14, 1e-9, 1e-3, 1.0, 1e3)
 STEPS = (1e-300, 1e-6, 1e-4, 1e-2, 1.0, 1e300)  # of the time span
 GAPS = (1e-3, 1e-9, 0.0)  # between the first two joined nodes, over their distance
+TWO_RATIOS = (1e3, 1e6)  # of every other bar
+GROUND_STIFFNESSES = (1e-2, 1e2, 1e4)  # over that of the scene
+FRICTIONS = (0.0, 0.05, 1.0)
 SPEEDS = (1e1, 1e3, 1e6)  # of an impact, mean lengths a second
 OFFSET = 1e9  # [m]
 SNAPS = ((1e-6, "to where it is about to snap through"), (-1.0, "to the far side of its neighbours"))
@@ -183,6 +186,7 @@ def generate_cases(structure: Structure, t_end: float) -> Iterator[Case]:
     yield Case("slack", "every cable slack", structure.with_changes(rest_length=slack), t_end)
     yield from _snap_through(structure, t_end)
     yield from _impact(structure, t_end)
+    yield from _ground(structure, t_end)
     yield Case("offset", f"all of it {OFFSET:.0e} m away", _far_away(structure), t_end)
     yield from _bad_numbers(structure, t_end)
 
@@ -204,6 +208,14 @@ def _stiffness(structure: Structure, t_end: float) -> Iterator[Case]:
         changed = put_at_ratio(springs, ratio)
         if changed is not None:
             yield Case("stiffness ratio", f"{ratio:.0e}", changed, t_end)
+    one, other = (put_at_ratio(springs, ratio) for ratio in TWO_RATIOS)
+    if one is not None and other is not None and np.count_nonzero(bar) > 1:
+        second = np.cumsum(bar) % 2 == 0
+        kept = {
+            name: np.where(second, getattr(other, name), getattr(one, name))
+            for name in ("spring_constant", "rest_length")
+        }
+        yield Case("two stiff groups", "1e+03 and 1e+06 in turns", one.with_changes(**kept), t_end)
     if not structure.is_rigid.any():
         yield Case("stiffness ratio", "rigid", with_rigid_bars(structure), t_end)
 
@@ -256,6 +268,26 @@ def _impact(structure: Structure, t_end: float) -> Iterator[Case]:
     for speed in SPEEDS:
         hit = push_node(structure, node, axis, speed * length)
         yield Case("impact", f"one node at {speed:.0e} lengths a second", hit, t_end)
+
+
+def _ground(structure: Structure, t_end: float) -> Iterator[Case]:
+    """Softer and stiffer ground, less and more friction, a node that touches it and moves along it."""
+    ground = structure.ground
+    if ground is None:
+        return
+    for ratio in GROUND_STIFFNESSES:
+        stiffness = {key: ratio * getattr(ground, key) for key in ("stiffness", "stick_stiffness")}
+        changed = structure.with_changes(ground=replace(ground, **stiffness))
+        yield Case("ground", f"{ratio:g} times as stiff", changed, t_end)
+    for friction in FRICTIONS:
+        changed = structure.with_changes(ground=replace(ground, friction=friction, static_friction=None))
+        yield Case("ground", f"friction {friction:g}", changed, t_end)
+    gap = float(np.min(structure.node_position[ground.node] @ ground.normal - ground.radius)) - ground.offset
+    along = np.linalg.svd(ground.normal[None])[2][1] * structure.member_length().mean()
+    place = structure.node_position - gap * ground.normal
+    speed = np.where(structure.node_anchored, 0.0, along)
+    grazing = settle_bars(structure.with_changes(node_position=place, node_velocity=speed))
+    yield Case("ground", "a node grazes it at one length a second", grazing, t_end)
 
 
 def _bad_numbers(structure: Structure, t_end: float) -> Iterator[Case]:

@@ -190,12 +190,12 @@ AGREEMENTS = 2  # one after the other; where cables go slack, two runs can agree
 def certify_extended(case: Case, limit: float) -> Truth | None:
     """Return states that steps in extended precision and shorter ones agree on, None where time is up before.
 
-    Only where all members are linear springs. limit: seconds of CPU time.
+    Only where all members are linear springs without memory, and no ground. limit: seconds of CPU time.
     """
     structure = case.structure
     if case.expects_refusal or case.is_rigid or not has_extended_precision():
         return None
-    if not structure.is_linear.all():
+    if not structure.is_linear.all() or structure.ground is not None or structure.internal_name:
         return None
     deadline = time.process_time() + limit
     times = np.linspace(0.0, case.t_end, SAMPLES)

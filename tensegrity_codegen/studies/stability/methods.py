@@ -39,6 +39,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 AUTO = "auto"
 EXPLICIT = ("rk853", "rk54")
+OTHERS = ("tsit5", "rodas")  # which certify nothing
 FOR_STIFF_BARS = STIFF_INTEGRATOR
 FIXED = "rk4"
 OF_MEMBERS = ("rest_length", "spring_constant", "damping")
@@ -49,7 +50,7 @@ class CaseModels:
 
     def __init__(self, structure: Structure, *, compiler: str | None, flags: str) -> None:
         self.structure, self.compiler, self.flags = structure, compiler, flags
-        self._made: dict[tuple[bool, tuple[str, ...]], CompiledModel] = {}
+        self._made: dict[tuple[object, ...], CompiledModel] = {}
 
     def of(self, case: Case, method: str = "") -> CompiledModel:
         """Return the model that a case is for, all its members springs or the bars rigid.
@@ -64,7 +65,9 @@ class CaseModels:
         integrators = (*list_integrators(structure), FIXED)
         if method == AUTO:
             integrators = integrators_for(AUTO, case.structure, formulation, case.rtol)
-        key = (case.is_rigid, integrators)
+        ground = case.structure.ground
+        structure = structure.with_changes(ground=ground)
+        key = (case.is_rigid, integrators, ground and (ground.stiffness, ground.friction))
         if key not in self._made:
             self._made[key] = self._compile(structure, formulation, integrators)
         return self._made[key]
@@ -120,7 +123,7 @@ def list_integrators(structure: Structure) -> tuple[str, ...]:
     free = ~np.all(structure.node_anchored[:, list(structure.axes)], axis=1)
     moves = np.any(free[structure.connectivity], axis=1)
     is_stiff = bool((structure.is_mixed & moves).any())
-    return (*EXPLICIT, FOR_STIFF_BARS) if is_stiff else EXPLICIT
+    return (*EXPLICIT, *([FOR_STIFF_BARS] if is_stiff else []), *OTHERS)
 
 
 def values_of(model: CompiledModel, structure: Structure) -> Mapping[str, FloatArray]:
