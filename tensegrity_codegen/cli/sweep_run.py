@@ -65,6 +65,9 @@ class SweepCall:
             output.warn(outcome.describe_empty())
         table = self._write_table(output)
         data = _describe_outcome(prepared, outcome) | {"table": None if table is None else str(table)}
+        data["not_checked"] = operation.not_checked
+        if operation.not_checked:
+            output.note(operation.not_checked)
         written = [] if table is None else [f"wrote {table}"]
         output.result(data, *_list_lines(outcome, operation.name, table), *written)
         return outcome.good > 0

@@ -39,6 +39,8 @@ def test_a_grid_of_equilibria_is_stored_and_goes_on(run: Run, two_nodes: Path, f
     assert (again.code, again.data["n_computed"], again.data["n_good"]) == (0, 0, 10)
     text = run(*words[:-1])
     assert "10 of 10 cases" in text.out
+    assert "keep snapped" in again.data["not_checked"]
+    assert "whether cases snapped is not checked" in text.err
     other = run("sweep", two_nodes, *SETTLE, *GRID[:2], "--out", "a.zarr")
     assert other.code == 2
     assert "another sweep" in other.err
@@ -48,6 +50,9 @@ def test_a_grid_of_equilibria_is_stored_and_goes_on(run: Run, two_nodes: Path, f
     assert shown.data["results"][0]["name"] == "length"
     for command in shown.data["worst"][0]["commands"]:
         run.good(*shlex.split(command)[1:])
+    asked = run.good("sweep", two_nodes, *SETTLE, *GRID, "--keep", "snapped", "--out", "b.zarr", "--json")
+    assert asked.data["not_checked"] == ""
+    np.testing.assert_array_equal(read("b.zarr")["snapped"], np.zeros((5, 2)))
 
 
 @pytest.mark.parametrize(

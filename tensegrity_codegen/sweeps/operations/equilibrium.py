@@ -65,6 +65,7 @@ SNAP_RESULTS = {
     "limit_prestress_factor": ("float64", "1", "The same of the prestress; NAN: all."),
 }
 RESULTS |= SNAP_RESULTS
+NOT_CHECKED = "whether cases snapped is not checked: keep snapped (ten times as long as the search)"
 # Quantities that every search returns, so that they are not computed again.
 SEARCH_QUANTITIES = (POSITION, "member_tension", "member_length")
 
@@ -110,6 +111,11 @@ class FindEquilibrium(Operation):
     @property
     def _keeps_snap(self) -> bool:
         return any(kept_text.expression in SNAP_RESULTS for kept_text in self._parse_keep())
+
+    @property
+    def not_checked(self) -> str:
+        """That nobody asked whether cases snapped."""
+        return "" if self._keeps_snap else NOT_CHECKED
 
     def _parse_keep(self) -> tuple[KeptText, ...]:
         return parse_kept(self.keep or DEFAULT_RESULTS, (*RESULTS, COORDINATE))

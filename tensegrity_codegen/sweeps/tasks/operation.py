@@ -151,6 +151,11 @@ class Operation(ABC):
         """Names of the analyses that are done, as of `compile_scene`."""
         return (self.name,)
 
+    @property
+    def not_checked(self) -> str:
+        """What the verb says of one case and the sweep does not compute, and what to keep for it; or ""."""
+        return ""
+
     def prepared(self, scene: str | Path | Mapping[str, Any] | Scene) -> "Operation":
         """Return the operation with what it makes of the unchanged scene once, before all cases."""
         return self
