@@ -51,7 +51,7 @@ def describe_machine(compilers: Sequence[Compiler], pinned: str) -> dict[str, st
     versions = {name: find_version(name) for name in PACKAGES}
     return {
         "run": describe_origin().removesuffix("."),
-        "compilers": "; ".join(compiler.version for compiler in compilers),
+        "compilers": "; ".join(f"{compiler.name} {compiler.version}" for compiler in compilers),
         "packages": ", ".join(f"{name} {version}" for name, version in versions.items()),
         "Python": platform.python_version(),
         "pinned": pinned,
