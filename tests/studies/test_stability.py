@@ -92,12 +92,15 @@ def test_cases_vary_the_ground() -> None:
 def test_every_method_with_error_control_takes_part_on_the_ground() -> None:
     """Its references know the ground: a block that starts on a slope slides."""
     slope, _ = make_slope(np.radians(30.0))
-    (item,) = (item for item in generate_cases(slope, 0.05) if "grazes" in item.name)
+    stiffer, *_, item = (item for item in generate_cases(slope, 0.05) if item.group == "ground")
     assert certify_extended(item, 1.0) is None  # which has no ground
-    found = run_case(models(slope), item, Limits(peers=False))
+    made = models(slope)
+    found = run_case(made, item, Limits(peers=False))
     assert {row.contender: row.verdict for row in found} == dict.fromkeys(
         ("auto", "rk853", "rk54", "tsit5", "rodas"), "survived"
     )
+    assert made.of(stiffer) is made.of(item)  # one library: its numbers are run-time parameters
+    assert values_of(made.of(stiffer), stiffer.structure)["ground"].tolist() == [1e3, 0.5, 1e3]
 
 
 def test_stiffer_bars_keep_the_tension_that_they_have() -> None:

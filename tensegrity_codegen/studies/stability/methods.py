@@ -25,6 +25,7 @@ from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case, as_springs, with_rigid_bars, with_springs
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run, Unavailable
@@ -42,6 +43,7 @@ EXPLICIT = ("rk853", "rk54")
 OTHERS = ("tsit5", "rodas")  # which certify nothing
 FOR_STIFF_BARS = STIFF_INTEGRATOR
 FIXED = "rk4"
+OF_GROUND = ("stiffness", "friction", "stick_stiffness")
 OF_MEMBERS = ("rest_length", "spring_constant", "damping")
 
 
@@ -65,9 +67,8 @@ class CaseModels:
         integrators = (*list_integrators(structure), FIXED)
         if method == AUTO:
             integrators = integrators_for(AUTO, case.structure, formulation, case.rtol)
-        ground = case.structure.ground
-        structure = structure.with_changes(ground=ground)
-        key = (case.is_rigid, integrators, ground and (ground.stiffness, ground.friction))
+        structure = structure.with_changes(ground=case.structure.ground)
+        key = (case.is_rigid, integrators, has_friction(structure))
         if key not in self._made:
             self._made[key] = self._compile(structure, formulation, integrators)
         return self._made[key]
@@ -96,6 +97,8 @@ class CaseModels:
             "node_mass": tuple(int(n) for n in np.flatnonzero(massive)),
             "anchor_position": tuple(int(n) for n in np.flatnonzero(anchored)),
         }
+        if has_friction(structure):
+            kept["ground"] = tuple(CHANGEABLE.index(name) for name in OF_GROUND)
         rigid = find_formulation(formulation).has_rigid_bars
         extra = ("consistent_coordinate", "consistent_velocity") if rigid else ()
         request = ModelRequest(
@@ -111,6 +114,11 @@ class CaseModels:
         return build_library(
             structure, request, compiler=self.compiler, flags=self.flags, calls=MANY_CALLS
         ).load()
+
+
+def has_friction(structure: Structure) -> bool:
+    """Return whether there is a ground with friction, whose numbers are run-time parameters then."""
+    return structure.ground is not None and structure.ground.friction > 0.0
 
 
 def list_methods(structure: Structure) -> tuple[str, ...]:
@@ -140,6 +148,8 @@ def values_of(model: CompiledModel, structure: Structure) -> Mapping[str, FloatA
             found["anchor_position"] = structure.node_position[[node[n] for n in argument.over]][:, axes]
         elif argument.name == "node_mass":
             found["node_mass"] = structure.node_mass[[node[n] for n in argument.over]]
+        elif argument.name == "ground":
+            found["ground"] = np.array([getattr(structure.ground, name) for name in argument.over])
         elif argument.name in OF_MEMBERS:
             found[argument.name] = getattr(structure, argument.name)[[member[e] for e in argument.over]]
     return found
