@@ -89,7 +89,7 @@ def _make(
     cvode = _load_cvode()
     node, axis = structure.coordinate_node_axis.T
     start = np.concatenate([structure.node_position[node, axis], structure.node_velocity[node, axis]])
-    motion, kept = _set_motion(*compiled(), len(node))
+    motion = _set_motion(*compiled(), len(node))
     state, size = start.copy(), ctypes.c_int64(len(start))
     context, memory = ctypes.c_void_p(), ctypes.c_void_p()
     cvode.SUNContext_Create(0, ctypes.byref(context))
@@ -98,7 +98,6 @@ def _make(
     memory.value = cvode.CVodeCreate(method, context)
     cvode.CVodeInit(memory, load_c("cvode_rates", RATES).rates, ctypes.c_double(0.0), vector)
     cvode.CVodeSStolerances(memory, ctypes.c_double(1e-3), ctypes.c_double(1e-3))
-    cvode.CVodeSetUserData(memory, ctypes.byref(motion))
     cvode.CVodeSetMaxNumSteps(memory, ctypes.c_long(MOST_STEPS))
     if uses_newton:
         matrix = ctypes.c_void_p(cvode.SUNDenseMatrix(size, size, context))
@@ -112,6 +111,7 @@ def _make(
 
     def run(rtol: float) -> Callable[[], Run]:
         state[:] = start
+        cvode.CVodeSetUserData(memory, ctypes.byref(motion))
         cvode.CVodeReInit(memory, moments[0], vector)
         cvode.CVodeSStolerances(memory, ctypes.c_double(rtol), ctypes.c_double(ATOL_OF_RTOL * rtol))
         states = [start]
@@ -131,7 +131,6 @@ def _make(
         place[:, node, axis] = np.array(states)[:, : len(node)]
         return Run(place, "ok", "", *(count.value for count in counts))
 
-    run.kept = (motion, kept)  # type: ignore[attr-defined]
     return Contender(name, "peer", "node_position", "cvode", "tolerance", TOLERANCES, run)
 
 
@@ -144,8 +143,8 @@ class _Motion(ctypes.Structure):
     )
 
 
-def _set_motion(model: CompiledModel, path: Path, n: int) -> tuple[_Motion, object]:
-    """Return what the rates need, other arguments at their nominal values, and what must live as long."""
+def _set_motion(model: CompiledModel, path: Path, n: int) -> _Motion:
+    """Return what the rates need, other arguments at their nominal values."""
     name, library = f"{model.manifest.name}_acceleration", ctypes.CDLL(str(path))
     sizes = [ctypes.c_longlong() for _ in range(4)]
     getattr(library, f"{name}_work")(*map(ctypes.byref, sizes))
@@ -159,4 +158,6 @@ def _set_motion(model: CompiledModel, path: Path, n: int) -> tuple[_Motion, obje
     places = [names.index(word) if word in names else n_arg for word in ("coordinate", "velocity")]
     functions = (ctypes.CDLL(None).N_VGetArrayPointer, getattr(library, name))
     parts = (ctypes.cast(part, ctypes.c_void_p) for part in (*functions, arg, res, iw, w))
-    return _Motion(*parts, n, *places), (library, others, arg, res, iw, w)
+    motion = _Motion(*parts, n, *places)
+    motion.kept = (library, others, arg, res, iw, w)  # what it points to
+    return motion
