@@ -85,16 +85,18 @@ class Checks:
     resolves_vibration: whether tighter steps leave less out, so that amounts of positions keep the rounds
     going after all. lost: run -> error over the tolerance by vibrations that tighter steps keep. least_atol:
     below which the steps' absolute tolerance does not go; there the whole difference to a run with ten times
-    that counts. least_rtol: the same of the relative one, for which rounding ends the rounds. min_counted:
-    the part of a difference that counts at least, for methods that pass over kinks. least_error: estimate
-    over the tolerance below which none is stated. max_shrink: factor by which a round tightens the steps at
-    least. rounding: what it makes of velocities.
+    that counts; find_least_atol: the same by the first run, where what stands on the ground has other
+    vibrations than at the start. least_rtol: the same of the relative one, for which rounding ends the
+    rounds. min_counted: the part of a difference that counts at least, for methods that pass over kinks.
+    least_error: estimate over the tolerance below which none is stated. max_shrink: factor by which a round
+    tightens the steps at least. rounding: what it makes of velocities.
     """
 
     vibration: Callable[[RawTrajectory], FloatArray] | None = None
     resolves_vibration: bool = False
     lost: Callable[[RawTrajectory], float] | None = None
     least_atol: float = 0.0
+    find_least_atol: Callable[[RawTrajectory], float] | None = None
     least_rtol: float = MIN_RTOL
     min_counted: float = 0.0
     least_error: float = 0.0
@@ -134,6 +136,8 @@ class _Rounds:
     def result(self) -> RawTrajectory:
         """Return the first run that meets the tolerance, or the last one with what is wrong with it."""
         self.previous = self._try(self.rtol, self.atol)
+        if self.checks.find_least_atol is not None and self.previous.status == "ok":
+            self.least = max(self.least, self.checks.find_least_atol(self.previous))
         for _ in range(MAX_ROUNDS):
             found = self._go_on()
             if found is not None:

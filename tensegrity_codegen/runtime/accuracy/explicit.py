@@ -59,8 +59,16 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
     if not find_method(options.method).scipy:
         lost = _LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
         switches = manifest.needs_state_jacobian  # contacts, or members and rings with memory
+        share = find_row(options.method, switches).noise_share
+
+        def find_least_atol(run: RawTrajectory) -> float:
+            return share * find_noise(
+                motion, find_fastest(replace(begin_motion(motion), state=run.state[-1]))
+            )
+
         checks = Checks(
-            least_atol=find_row(options.method, switches).noise_share * noise,
+            least_atol=share * noise,
+            find_least_atol=find_least_atol if manifest.has_contacts else None,
             min_counted=MIN_COUNTED_WITH_SWITCHES if switches else 0.0,
             least_error=LEAST_ERROR_WITH_SWITCHES if switches else 0.0,
             max_shrink=MAX_SHRINK_WITH_SWITCHES if switches else 0.1,

@@ -12,7 +12,7 @@ from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tests.cases import thorough
-from tests.ground_cases import make_block, make_ground, make_icosahedron, make_prism, make_rod
+from tests.ground_cases import GRAVITY, make_block, make_ground, make_icosahedron, make_prism, make_rod
 from tests.models import simulator
 from tests.runtime.integrate.test_ground import rotate
 from tests.scene.samples import build
@@ -120,3 +120,28 @@ def test_stated_errors_hold_where_a_member_yields(drop: CompiledModel, rtol: flo
     assert 1.0 >= motion.error_estimate > measure(drop, motion, exact, "rk853", rtol)
     assert "rounding" not in motion.message
     assert motion.log.count == exact.log.count == 20
+
+
+def test_a_rope_that_lies_on_the_floor_takes_no_steps_of_rounding() -> None:
+    """Velocities are some 1e-13 m/s then, which rounding keeps from any tolerance far below that."""
+    nodes = {f"n{k}": {"position": [0.05 * k - 0.2, 0.0, 0.03], "mass": 0.002} for k in range(9)}
+    bars = {f"b{k}": {"mass": 0.004, "kind": "bar", "nodes": [f"n{k}", f"n{k + 1}"]} for k in range(8)}
+    ground = {
+        "radius": 0.005, "stiffness": 2000.0, "restitution": {"value": 0.5, "speed": 0.5}, "friction": 0.8,
+    }  # fmt: skip
+    scene = {
+        "name": "rope",
+        "gravity": [0.0, 0.0, -GRAVITY],
+        "nodes": nodes,
+        "members": bars,
+        "ground": ground,
+    }
+    model = simulator(build(scene)[0], "rk853", formulation="rigid_bar")
+    motion = simulate(model, 2.0, samples=21)
+    assert motion.status == "ok"
+    assert motion.error_estimate is not None
+    assert 0.05 <= motion.error_estimate <= 1.0
+    assert motion.n_steps < 10_000
+    depth = (0.002 + 0.5 * 0.004) * GRAVITY / 2000.0
+    assert motion.position("n0")[-1] == pytest.approx([-0.2, 0.0, 0.005 - depth], abs=1e-9)
+    assert float(np.abs(motion.node_velocity[-1]).max()) < 1e-9
