@@ -120,6 +120,26 @@ def test_a_start_far_off_ends_where_the_regulator_ends(
     assert np.degrees(ends[1]) < 0.01
 
 
+def test_sums_that_stand_still_at_least_tensions_are_warned_of(
+    four_bars: tuple[CompiledModel, Motion],
+) -> None:
+    """Stiffnesses are 5 % off, and every cable is to keep its tension."""
+    model, held = four_bars
+    weights = choose_weights(model, held, sample=SAMPLE)
+    mpc = design_mpc(
+        model, held, weights.Q, weights.R, sample=SAMPLE, integral_action=weights.integral_action,
+        least_tension=20.0,
+    )  # fmt: skip
+    draw = Disturbance(axial_stiffness=600.0 * np.where(np.arange(12) % 2, 1.05, 0.95))
+    run = simulate_control_batch(model, held, mpc, draws=[draw], t_end=1.0, compare=False)[0]
+    count = run.step_status.count("tension_limited") + run.step_status.count("least_tension")
+    assert count > 100
+    assert run.warnings == (
+        f"{count / 2:.0f} % of the commands were held back by least tensions or ranges of coordinates, and "
+        "integrals of errors stand still then: an error may stay, and smaller least tensions avoid that",
+    )
+
+
 def test_a_run_whose_programs_are_often_not_solved_says_so(four_bars: tuple[CompiledModel, Motion]) -> None:
     """One iteration is too few wherever a limit is active."""
     regulated, planned = start_off(four_bars, 8.0, code=ControllerCode(qp_iterations=1))

@@ -21,7 +21,17 @@ from tensegrity_codegen.system.summaries import Summarised
 COMPARED_PART = 1.0 / 6.0  # of the simulated time, in which errors are compared
 LEAST_WORSE = 0.005  # of the size of the structure, by which a loop may end further away than the open loop
 OFTEN = 0.1  # of the commands: so many are often cut, or not solved
-CUT_STATUSES = ("rate_limited", "range_limited")
+# Statuses at which sums of errors stand still: what did it, and what avoids it.
+STANDSTILLS = {
+    ("rate_limited", "range_limited"): (
+        "cut to the rate or range of an actuator",
+        "weaker feedback (a smaller effort), a slower motion or faster actuators avoid that",
+    ),
+    ("tension_limited", "least_tension"): (
+        "held back by least tensions or ranges of coordinates",
+        "an error may stay, and smaller least tensions avoid that",
+    ),
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -186,21 +196,21 @@ def build_run(
         coordinate_name=manifest.coordinate_name,
         member_name=manifest.member_name,
         yielding=yielding,
-        warnings=tuple(filter(None, (describe_cuts(Counter(statuses)), what_slips))),
+        warnings=(*describe_cuts(Counter(statuses)), *([what_slips] if what_slips else ())),
         slip=slip,
     )
 
 
-def describe_cuts(steps: Mapping[str, int]) -> str:
-    """Return a sentence where commands, so many of each status, are often cut, else ""."""
-    cut = sum(steps.get(word, 0) for word in CUT_STATUSES) / max(sum(steps.values()), 1)
-    if cut <= OFTEN:
-        return ""
-    return (
-        f"{100 * cut:.0f} % of the commands were cut to the rate or range of an actuator, and integrals of "
-        "errors stand still then: weaker feedback (a smaller effort), a slower motion or faster actuators "
-        "avoid that"
-    )
+def describe_cuts(steps: Mapping[str, int]) -> list[str]:
+    """Return a sentence for each reason why commands, so many of each status, are often cut."""
+    count = max(sum(steps.values()), 1)
+    parts = {words: sum(steps.get(word, 0) for word in words) / count for words in STANDSTILLS}
+    return [
+        f"{100 * part:.0f} % of the commands were {STANDSTILLS[words][0]}, and integrals of errors stand "
+        f"still then: {STANDSTILLS[words][1]}"
+        for words, part in parts.items()
+        if part > OFTEN
+    ]
 
 
 # Simulated loops beside the same ones without feedback: which one ends nearer to the motion.

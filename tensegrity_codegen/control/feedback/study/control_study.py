@@ -265,9 +265,7 @@ def find_warnings(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[st
     for name, loop in loops.items():
         if name == OPEN or loop.unstable:
             continue
-        cuts = describe_cuts(loop.steps)
-        if cuts:
-            found.append(f"{LOOP_NAMES[name]}: {cuts}")
+        found += [f"{LOOP_NAMES[name]}: {text}" for text in describe_cuts(loop.steps)]
         if loop.run.slip is not None and loop.run.warnings:
             found.append(f"{LOOP_NAMES[name]}, worst draw: {loop.run.warnings[-1]}")
         left = float(loop.end_error.max())
