@@ -17,7 +17,14 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent, PathPoint, collect_path
-from tensegrity_codegen.runtime.paths.path_events import SLOPE_STEP, Crossing, EventTracker, LostError, Step
+from tensegrity_codegen.runtime.paths.path_events import (
+    MAX_PREDICTION_ERROR,
+    SLOPE_STEP,
+    Crossing,
+    EventTracker,
+    LostError,
+    Step,
+)
 from tensegrity_codegen.runtime.paths.path_memory import PathMemory
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem, Watch
 from tensegrity_codegen.runtime.paths.path_solver import PathSolver, PathState
@@ -35,7 +42,6 @@ from tensegrity_codegen.system.progress import describe_pass
 # Newton iterations up to which the next step is longer, above which it is shorter.
 FEW_ITERATIONS, MANY_ITERATIONS = 3, 6
 MIN_TANGENT_COSINE = 0.9  # least cosine of the angle between tangents of one step
-MAX_PREDICTION_ERROR = 0.5  # largest correction of a predicted point, as part of the step
 KINK_OFFSET = 1e-7  # how far behind a kink the stiffness of the far side is taken, in z
 TURN_STEP_RATIO = 1e-2  # step that tells how a floating structure turns, as part of the largest
 MAX_CROSSINGS = 4  # of one step, for each value that is watched; with more it is tried shorter
@@ -338,6 +344,8 @@ class _Path:
         first = self.solver.join(self.points[0].coordinate, self.points[0].load_factor)
         along = step.end.z - step.start.z
         length = float(np.linalg.norm(along))
+        if length == 0.0:  # cut at a kink where the step begins
+            return None
         part = float((first - step.start.z) @ along) / length**2
         aside = float(np.linalg.norm(first - step.start.z - np.clip(part, 0, 1) * along))
         if (

@@ -1,6 +1,6 @@
 """Events on a path: values whose zeros matter, on which side of zero each is, and where they cross."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +20,7 @@ CROSSING_TOLERANCE = 1e-8  # of a value's change over the step: values this near
 BIFURCATION_TOLERANCE = 1e-7
 ITERATED_BIFURCATION_TOLERANCE = 1e-4  # the same where the mode is found by iteration
 SLOPE_STEP = 1e-6  # step in z for slopes along the tangent
+MAX_PREDICTION_ERROR = 0.5  # largest correction of a predicted point, as part of the step
 # Part of the end values that a cubic through the step must fall to before its minimum is sought.
 TOUCH_RATIO = 0.05
 
@@ -39,12 +40,22 @@ class Step:
     crossings: "list[Crossing]" = field(default_factory=list)
     is_cut: bool = False
 
-    def at(self, length: float) -> PathState | None:
-        """Return the point of the path at a part of the length, None if it is not found."""
-        part = length / self.length
-        guess = self.start.z + part * (self.end.z - self.start.z)
+    def at(self, length: float, known: Mapping[float, PathState] | None = None) -> PathState | None:
+        """Return the point of the path at a part of the length, None if it is not found.
+
+        known: points by length, which interpolate where the stiffness is so nearly singular, along a mode
+        that the load does not push, that Newton's corrections are rounding.
+        """
+        known = {0.0: self.start, self.length: self.end, **(known or {})}
+        low = max(place for place in known if place <= length)
+        high = min(place for place in known if place >= length)
+        part = (length - low) / (high - low) if high > low else 0.0
+        guess = known[low].z + part * (known[high].z - known[low].z)
         level = float(self.tangent @ self.start.z) + length
-        return self.solver.solve(guess, self.tangent, level)
+        state = self.solver.solve(guess, self.tangent, level)
+        if state is not None and np.linalg.norm(state.z - guess) <= MAX_PREDICTION_ERROR * (high - low):
+            return state
+        return self.solver.find_state(guess, 0) or state
 
     def tangent_at(self, state: PathState) -> FloatArray:
         """Return the tangent at a point of the step, that of the step's start where there is none."""
@@ -120,7 +131,7 @@ class EventTracker:
 
         def look(length: float) -> tuple[PathState, FloatArray]:
             if length not in seen:
-                state = step.at(length)
+                state = step.at(length, {place: state for place, (state, _) in seen.items()})
                 if state is None:
                     raise LostError
                 seen[length] = state, self.values(state, step.tangent_at(state))

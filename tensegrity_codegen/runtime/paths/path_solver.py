@@ -128,7 +128,7 @@ class PathSolver:
             size = float(np.linalg.norm(step))
             z = z + step
             if size <= CORRECTION_TOLERANCE or (size >= before / 4 and size <= ROUNDING_TOLERANCE):
-                return self._state(z, iteration)
+                return self.find_state(z, iteration)
             if size > 2 * before:
                 return None
             before = size
@@ -199,7 +199,7 @@ class PathSolver:
             return None
         return self.tangent(state, upward, stiffness)
 
-    def _state(self, z: FloatArray, iterations: int) -> PathState | None:
+    def find_state(self, z: FloatArray, iterations: int) -> PathState | None:
         """Return the state at z; None where the forces there are not finite or, after all, do not balance."""
         coordinate, load_factor = self.split(z)
         try:

@@ -19,7 +19,9 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, UnknownNameError
 from tensegrity_codegen.tables.request import ModelRequest
-from tests.runtime.build import bar, make_structure, spring
+from tests.cases import thorough
+from tests.reference import ReferenceModel
+from tests.runtime.build import bar, cable, make_structure, spring
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "tensegrity_codegen/scene/examples"
 
@@ -262,3 +264,51 @@ def test_a_floating_structure_turns_to_stay_in_balance() -> None:
     assert pushed.status == "completed"
     assert [(event.kind, event.load_factor) for event in pushed.events] == [("stability", 0.0)]
     assert pushed.smallest_eigenvalue[-1] < 0
+
+
+def cable_dome() -> tuple[ReferenceModel, np.ndarray]:
+    """Three sectors about an axis, two hoops of nodes on posts, anchored outside; 1 kN on the upper nodes."""
+    angle = 2 * np.pi * np.arange(3) / 3
+    outer, middle = (np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1) for r in (8.0, 4.0))
+    place = np.zeros((11, 3))  # upper and lower node on the axis, anchors, upper and lower hoop
+    place[0, 2], place[1, 2] = 1.4, -0.6
+    place[2:5, :2] = outer
+    place[5:, :2] = np.tile(middle, (2, 1))
+    place[5:8, 2], place[8:, 2] = 1.0, -1.2
+    members = [bar(1, 0, 2.000232861309073, 1e8 / 2.000232861309073)]
+    for k in range(3):
+        anchor, upper, lower = 2 + k, 5 + k, 8 + k
+        ropes = {
+            (anchor, upper): 4.112823566700908,
+            (upper, 0): 4.012126752569139,
+            (anchor, lower): 4.167329031363734,
+            (upper, 1): 4.305882290359844,
+            (lower, 8 + (k + 1) % 3): 6.920128132273389,
+        }
+        members += [cable(*ends, rest, 2e7 / rest) for ends, rest in ropes.items()]
+        members.append(bar(lower, upper, 2.2002668215444054, 1e8 / 2.2002668215444054))
+    model = ReferenceModel(make_structure(place, members, anchored=dict.fromkeys((2, 3, 4), "xyz")))
+    load = np.zeros_like(model.nominal("node_load"))
+    load[[0, 5, 6, 7], 2] = -1000.0
+    return model, load
+
+
+@pytest.mark.parametrize("step", [0.05, *thorough(0.3, 0.1, 0.02)])
+def test_a_bifurcation_of_a_symmetric_dome_is_found_whatever_the_step(step: float) -> None:
+    model, load = cable_dome()
+    path = ModelPath(model, load)
+    start = find_equilibrium(model, tolerance=1e-12).coordinate
+    way = follow_path(path, start, most=13.5, control=StepControl(largest=step))
+    assert (way.status, [event.kind for event in way.events]) == ("completed", ["bifurcation"])
+    assert way.events[0].load_factor == pytest.approx(11.3227456828, rel=1e-7)
+
+
+@pytest.mark.parametrize("before", [1.6e-6, *thorough(1e-4, 1e-5, 1e-6)])
+def test_a_path_that_begins_just_before_a_bifurcation_finds_it(before: float) -> None:
+    model, load = cable_dome()
+    path = ModelPath(model, load)
+    near = 11.3227456828 - before
+    start = find_equilibrium(model, arguments={"node_load": near * load}, tolerance=1e-12).coordinate
+    way = follow_path(path, start, least=near, most=13.5)
+    assert (way.status, [event.kind for event in way.events]) == ("completed", ["bifurcation"])
+    assert way.events[0].load_factor == pytest.approx(11.3227456828, rel=1e-7)
