@@ -98,8 +98,13 @@ class Output:
     def _print_long(self, table: LongTable, most: int) -> None:
         """Print a table: whole, or its `most` most important rows and how to see the others."""
         if not self.whole and is_cut(table.count, most):
-            title = f"{table.describe_cut(most)} with --all, and in --json"
-            print_text(table.write(table.pick(most), title))
+            short = table.short or table
+            is_short = table.short is not None and not is_cut(short.count, most)
+            said = (
+                f"{short.title}; all {table.count:,} {table.things}" if is_short else short.describe_cut(most)
+            )
+            rows = range(short.count) if is_short else short.pick(most)
+            print_text(short.write(rows, f"{said} with --all, and in --json"))
         elif table.count > MOST_DRAWN or not table.fits(self.human.width):
             print_text(table.write(range(table.count), table.title))
         else:

@@ -7,7 +7,7 @@ from rich.table import Table
 
 from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.number_text import format_short
-from tensegrity_codegen.report.tables import rank_members
+from tensegrity_codegen.report.tables import classes_table, rank_members
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
@@ -154,6 +154,9 @@ def analysis_members_table(found: Analysis, subject: Subject) -> LongTable:
     return LongTable(
         f"{subject.name}: members", tuple(heads), f"f{'r' * (len(heads) - 1)}", len(subject.member_name),
         describe, "members", rank_members(subject, shown.tension, checks),
+        short=classes_table(
+            subject, {"prestress": shown.tension, "tension\n[N]": found.member_tension}, shown.tension, checks
+        ),
     )  # fmt: skip
 
 

@@ -42,6 +42,8 @@ class LongTable:
         Why rows matter, and their numbers, the most important first.
     caption : str
         Stands below it; may be empty.
+    short : LongTable or None
+        What is printed in its place where it is cut.
     """
 
     title: str
@@ -52,6 +54,7 @@ class LongTable:
     things: str
     ranking: Ranking
     caption: str = ""
+    short: "LongTable | None" = None
 
     def pick(self, most: int) -> list[int]:
         """Return the numbers of at most `most` rows: the first of each reason in turn, reason by reason."""

@@ -218,6 +218,50 @@ def members_table(
     return LongTable(
         f"{structure.name}: members", ("member", "class", "nodes", *heads), "fffrrrrl",
         structure.n_members, describe, "members", rank_members(structure, member_tension, checks),
+        short=classes_table(
+            structure, {"length\n[m]": member_length, "tension\n[N]": member_tension}, member_tension, checks
+        ),
+    )  # fmt: skip
+
+
+def classes_table(
+    structure: Structure | BodySystem,
+    values: Mapping[str, FloatArray],
+    member_tension: FloatArray,
+    checks: MemberChecks | None = None,
+) -> LongTable | None:
+    """Return a table of the classes of members; None for one or two, or more than half as many as members.
+
+    A row has the range of each of the values (n_members,), by their heading, the largest use of a limit, and
+    the member that has it; without limits that of the largest force.
+    """
+    rows: dict[str, list[int]] = {}
+    for e, name in enumerate(structure.member_class):
+        rows.setdefault(name or ("bar" if structure.is_bar[e] else "cable"), []).append(e)
+    if not 2 < len(rows) <= len(structure.member_class) // 2 or not any(structure.member_class):
+        return None
+    unknown = np.full(len(member_tension), np.nan)
+    use = np.fmax.reduce([unknown, *(checks.use.values() if checks is not None else ())])
+    weight = np.where(np.isnan(use), np.abs(member_tension) / (1 + np.abs(member_tension).max()) - 2, use)
+    worst = {name: max(members, key=lambda e: weight[e]) for name, members in rows.items()}
+    names = list(rows)
+
+    def describe(k: int) -> list[str]:
+        members, at = rows[names[k]], worst[names[k]]
+        texts = [
+            " to ".join(dict.fromkeys(f"{x:.5g}" for x in (value[members].min(), value[members].max())))
+            for value in values.values()
+        ]
+        return [
+            names[k], str(len(members)), *texts, "" if np.isnan(use[at]) else f"{use[at]:.4g}",
+            structure.member_name[at],
+        ]  # fmt: skip
+
+    heads = ("class", "members", *values, "largest\nuse", "where")
+    order = rank_rows(np.array([-weight[worst[name]] for name in names]))
+    return LongTable(
+        f"{structure.name}: members by class", heads, f"fr{'r' * len(values)}rf", len(names), describe,
+        "classes", (("nearest to their limits, largest force", order),),
     )  # fmt: skip
 
 

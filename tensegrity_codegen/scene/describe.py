@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.scene.describe_control import describe_control
+from tensegrity_codegen.scene.describe_control import describe_control, share_values
 from tensegrity_codegen.scene.describe_ground import describe_ground
 from tensegrity_codegen.structure.bodies import BodyInput, BodySystem
 from tensegrity_codegen.structure.ground import CHANGEABLE
@@ -27,7 +27,8 @@ _NODE_PARAMETERS = ("node_mass", "node_load", "anchor_position")
 def describe_structure(structure: Structure, request: ModelRequest | None = None) -> dict[str, Any]:
     """Return the flat scene document of `structure`: positions, stiffnesses and rest lengths [m] explicit.
 
-    Reading it back gives the same numbers bit by bit. `request` adds what is wanted of it.
+    What all members of a class have alike stands in the class. Reading it back gives the same numbers bit by
+    bit. `request` adds what is wanted of it.
     """
     document: dict[str, Any] = {"name": structure.name}
     document["axes"] = "".join(_LETTERS[axis] for axis in structure.axes)
@@ -41,6 +42,8 @@ def describe_structure(structure: Structure, request: ModelRequest | None = None
     document["members"] = {
         name: _describe_member(structure, e) for e, name in enumerate(structure.member_name)
     }
+    for owner, values in share_values(document["members"], structure).items():
+        document["classes"][owner] |= values
     document["groups"] = {
         name: [structure.member_name[e] for e in members]
         for name, members in structure.groups.items()

@@ -11,7 +11,7 @@ from tensegrity_codegen.scene.describe import (
     describe_structure,
     describe_values,
 )
-from tensegrity_codegen.scene.describe_control import describe_control
+from tensegrity_codegen.scene.describe_control import describe_control, share_values
 from tensegrity_codegen.scene.describe_ground import describe_ground
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.actuators import REST_LENGTH_KINDS
@@ -39,6 +39,8 @@ def describe_bodies(system: BodySystem, request: ModelRequest | None = None) -> 
     document["classes"] = {name: {"kind": "cable"} for name in system.member_class if name}
     document["bodies"] = {item.name: _describe(system, row, item) for row, item in enumerate(system.bodies)}
     document["tendons"] = {name: _tendon(system, e) for e, name in enumerate(system.member_name)}
+    for name, values in share_values(document["tendons"], system).items():
+        document["classes"][name] |= values
     document["groups"] = {
         name: [system.member_name[e] for e in members] for name, members in system.groups.items() if members
     }

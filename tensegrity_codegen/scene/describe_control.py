@@ -1,7 +1,7 @@
 """From a structure or body system back to the scene's actuators, sensors and limits."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,25 @@ def _describe_limits(subject: Subject) -> dict[str, Any]:
         if math.isfinite(getattr(limits, key)):
             document[key] = float(getattr(limits, key))
     by_name = {subject.member_name[e]: members[e] for e in sorted(members)}
-    return document | ({"members": by_name} if by_name else {})
+    document["classes"] = share_values(by_name, subject)
+    document["members"] = {name: table for name, table in by_name.items() if table}
+    return {key: value for key, value in document.items() if value not in ({}, None)}
+
+
+def share_values(tables: Mapping[str, dict[str, Any]], subject: Subject) -> dict[str, dict[str, Any]]:
+    """Move the values that all members of a class have alike out of their tables; return them by class."""
+    of_class: dict[str, list[dict[str, Any]]] = {}
+    for name, owner in zip(subject.member_name, subject.member_class, strict=True):
+        if owner:
+            of_class.setdefault(owner, []).append(tables.get(name, {}))
+    shared: dict[str, dict[str, Any]] = {}
+    for owner, members in of_class.items():
+        for key, value in list(members[0].items()) if len(members) > 1 else ():
+            if key not in ("class", "nodes", "points") and all(item.get(key) == value for item in members):
+                shared.setdefault(owner, {})[key] = value
+                for item in members:
+                    del item[key]
+    return shared
 
 
 def _describe_value(key: str, value: float) -> float | bool:

@@ -1,4 +1,5 @@
 import io
+from dataclasses import replace
 
 import numpy as np
 from rich.console import Console
@@ -11,6 +12,8 @@ from tensegrity_codegen.report.tables import (
     nodes_table,
     run_table,
 )
+from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.structure.member_limits import check_members
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, LeftOut, Manifest
 from tests.report.samples import frame, make_trajectory
 from tests.runtime.build import prism
@@ -111,3 +114,25 @@ def test_names_are_whole_on_a_narrow_terminal():
     text = console.file.getvalue()
     assert all(name in text for name in structure.member_name)
     assert "…" not in text
+
+
+def test_many_members_of_few_classes_are_shown_class_by_class():
+    structure = frame().with_changes(member_class=("a", "b", "b", "c", "b", "c"))
+    tension = np.array([-3.0, 2.0, 10.0, 4.0, 1.0, 4.0])
+    short = members_table(structure, structure.member_length(), tension).short
+    header, body = rows(short)
+    assert header == ["class", "members", "length\n[m]", "tension\n[N]", "largest\nuse", "where"]
+    assert body == [
+        ("a", "1", "2.2361", "-3", "", "e0"),
+        ("b", "3", "2 to 2.2361", "1 to 10", "", "e2"),
+        ("c", "2", "1", "4", "", "e3"),
+    ]
+    assert short.pick(2) == [1, 2]
+    limits = replace(Limits().for_members(6), most_tension=np.array([np.inf, 4.0, 40, 5, 40, 4.5]))
+    limited = structure.with_changes(limits=limits)
+    checks = check_members(limited, tension, limited.member_length())
+    body = rows(members_table(limited, limited.member_length(), tension, checks).short)[1]
+    assert [row[-2:] for row in body] == [("", "e0"), ("0.5", "e1"), ("0.8889", "e5")]
+    for classes in (("", "", "", "", "", ""), ("a", "a", "b", "b", "a", "b"), tuple("abcdef")):
+        other = structure.with_changes(member_class=classes)
+        assert members_table(other, other.member_length(), tension).short is None

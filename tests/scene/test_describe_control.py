@@ -125,3 +125,23 @@ def test_libraries_depend_on_the_members_of_actuators_only():
     inputs = [*ROUND["inputs"], {"name": "m", "kind": "rest_length", "members": ["ab"]}]
     same = build(changed("inputs", to=inputs, base=ROUND))[0]
     assert hash_of() == hash_scene(same, ModelRequest(("member_tension",)))
+
+
+def test_what_the_members_of_a_class_have_alike_stands_in_the_class() -> None:
+    limits = {"classes": {"string": {"yield_stress": 1e8}}, "members": {"ab": {"most_tension": 30}}}
+    string = {"kind": "cable", "spring_constant": 70.0, "radius": 0.002}
+    structure, request = build({**ROUND, "classes": {**ROUND["classes"], "string": string}, "limits": limits})
+    strings = [e for e, name in enumerate(structure.member_class) if name == "string"]
+    assert len(strings) > 1
+    document = describe_structure(structure, request)
+    assert document["classes"]["string"] == string
+    for e in strings:
+        assert set(document["members"][structure.member_name[e]]) == {"class", "nodes", "rest_length"}
+    assert document["limits"] == {
+        "classes": {"string": {"yield_stress": 1e8}},
+        "members": {"ab": {"most_tension": 30.0}},
+    }
+    again = read_again(document)
+    for name in ("spring_constant", "radius", "rest_length", "member_class"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(structure, name))
+    check_same(structure, again)
