@@ -14,12 +14,13 @@ from tensegrity_codegen.runtime.trajectory.frames import list_columns
 from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
 from tensegrity_codegen.scene.formats.import_tables import MEMBER_COLUMNS, NODE_COLUMNS
 from tensegrity_codegen.scene.read import read_scene
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.structure.ring_support import require_no_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
 
 # Sections of a scene that the tables have.
-WRITTEN = ("name", "axes", "shape", "classes", "nodes", "members", "loads")
+WRITTEN = ("name", "axes", "shape", "classes", "nodes", "members", "loads", "limits")
 MOTION = ("time [s]", ".x [m]", ".y [m]", ".z [m]", ".tension [N]")  # ends of the columns of a motion
 
 
@@ -73,6 +74,8 @@ def _list_nodes(structure: Structure) -> Iterable[list[Any]]:
 def _list_members(structure: Structure) -> Iterable[list[Any]]:
     """Yield the rows of members; rigid bars have no rest length, which is their present length."""
     numbers = ("rest_length", "spring_constant", "axial_stiffness", "damping")
+    limits = structure.limits.for_members(structure.n_members)
+    inner = np.zeros(structure.n_members) if structure.inner_radius is None else structure.inner_radius
     for row, (name, ends) in enumerate(zip(structure.member_name, structure.connectivity, strict=True)):
         kind = "bar" if structure.is_bar[row] else "cable"
         values = [float(getattr(structure, key)[row]) or "" for key in numbers]
@@ -81,17 +84,21 @@ def _list_members(structure: Structure) -> Iterable[list[Any]]:
         mass, radius = float(structure.member_mass[row]) or "", float(structure.radius[row]) or ""
         slack = "" if kind == "bar" else "yes" if structure.tension_only[row] else "no"
         nodes = [structure.node_name[end] for end in ends]
-        yield [name, kind, *nodes, *values, mass, "", "", radius, slack]
+        own = {key: float(getattr(limits, key)[row]) for key in MEMBER_LIMITS}
+        stated = ["" if own[key] == none else own[key] for key, none in MEMBER_LIMITS.items()]
+        stated[-1] = "no" if own["buckling"] < 0 else stated[-1]
+        more = [structure.member_class[row], "", "", "", float(inner[row]) or "", *stated]
+        yield [name, kind, *nodes, *values, mass, "", "", radius, slack, *more]
 
 
 def _list_losses(source: ExportSource, structure: Structure) -> list[str]:
     """Return what of the scene is not in the tables, a sentence each."""
     others = [key for key in read_scene(source.path).to_document() if key not in WRITTEN]
-    tubes = structure.inner_radius is not None and bool(structure.inner_radius.any())
+    whole = max(structure.limits.clearance, structure.limits.least_stiffness) > -np.inf
     facts = [
         (bool(others), f"sections of the scene that are not in the tables: {', '.join(others)}"),
         (len(structure.axes) < 3, "the axes that the scene does not model are anchored in the tables"),
-        (tubes, "inner radii are not in the tables"),
+        (whole, "limits of the whole structure are not in the tables"),
         (bool(structure.law_parameter), "member laws other than a linear spring are not in the tables"),
     ]
     return [text for is_lost, text in facts if is_lost]

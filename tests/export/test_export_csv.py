@@ -11,6 +11,7 @@ from tensegrity_codegen import load_scene
 from tensegrity_codegen.export.exporter import ExportSource, write_export
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.write import write_scene
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, OutputError
 from tests.export.scenes import HOIST, load_source, write_loose, write_motion
@@ -73,6 +74,45 @@ def test_import_reads_every_column_back(tmp_path: Path) -> None:
     back = check_round_trip(ExportSource(path, *load_scene(path)), tmp_path)
     assert back.node_anchored.tolist() == [[True] * 3, [False] * 3, [True, False, True]]
     assert back.is_rigid.tolist() == [True, False, False]
+
+
+def test_import_reads_classes_tubes_and_limits_back(tmp_path: Path) -> None:
+    classes = {
+        "strut": {
+            "kind": "bar",
+            "youngs_modulus": 2.1e11,
+            "section": {"tube": [0.06, 0.003]},
+            "density": 7850,
+        },
+        "rope": {"kind": "cable", "youngs_modulus": 1.6e11, "section": {"rod": 0.02}, "mass_per_length": 2.4},
+    }
+    members = {
+        "ab": {"class": "strut", "nodes": ["a", "b"]},
+        "bc": {"class": "rope", "nodes": ["b", "c"]},
+        "ca": {"class": "rope", "nodes": ["c", "a"]},
+    }
+    limits = {
+        "yield_stress": 7e8,
+        "buckling": 1.5,
+        "clearance": 0.1,
+        "classes": {"strut": {"yield_stress": 3.55e8}, "rope": {"least_tension": 10.0}},
+        "members": {"ca": {"most_tension": 1e4}},
+    }
+    path = tmp_path / "steel.toml"
+    own = {"nodes": EVERYTHING["nodes"], "classes": classes, "members": members, "limits": limits}
+    write_scene({"name": "steel", **own}, path, overwrite=False)
+    source = ExportSource(path, *load_scene(path))
+    back = check_round_trip(source, tmp_path)
+    assert isinstance(source.structure, Structure)
+    assert back.member_class == ("strut", "rope", "rope")
+    np.testing.assert_array_equal(back.inner_radius, source.structure.inner_radius)
+    for name in MEMBER_LIMITS:
+        np.testing.assert_array_equal(
+            getattr(back.limits, name), getattr(source.structure.limits, name), strict=True
+        )
+    notes = write_export("csv", source, tmp_path / "again").notes
+    assert "limits of the whole structure are not in the tables" in notes
+    assert not any("inner radii" in note or "sections" in note for note in notes)
 
 
 def test_axes_that_are_not_modelled_are_anchored(tmp_path: Path) -> None:

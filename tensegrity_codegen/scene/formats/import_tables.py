@@ -2,7 +2,8 @@
 
 nodes:   node,x,y,z,vx,vy,vz,mass,anchored,fx,fy,fz             (needed: node, x, y, z)
 members: member,kind,node_i,node_j,rest_length,spring_constant,axial_stiffness,damping,mass,prestress,
-         density,radius,tension_only                            (needed: kind, node_i, node_j)
+         density,radius,tension_only,class,section,youngs_modulus,mass_per_length,inner_radius,
+         least_tension,most_tension,yield_stress,buckling       (needed: kind, node_i, node_j)
 SI units; docs/import.md says what each column means, and by which other names columns are known.
 """
 
@@ -10,9 +11,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
+from tensegrity_codegen.scene.formats.files.csv_table import LARGEST_TABLE, Row, read_lines, read_table
+from tensegrity_codegen.scene.formats.files.xml_file import read_numbers
 from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult
+from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
 from tensegrity_codegen.scene.formats.network import (
     POSITIVE,
     Network,
@@ -21,6 +23,7 @@ from tensegrity_codegen.scene.formats.network import (
     check_ends,
 )
 from tensegrity_codegen.scene.names import check_known
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
@@ -42,6 +45,7 @@ MEMBER_COLUMNS = (
     "density",
     "radius",
     "tension_only",
+    *("class", "section", "youngs_modulus", "mass_per_length", "inner_radius", *MEMBER_LIMITS),
 )
 OTHER_NODE_NAMES = {"id": "node", "name": "node", "fixed": "anchored"}
 OTHER_MEMBER_NAMES = {"id": "member", "name": "member", "type": "kind", "from": "node_i", "to": "node_j"}
@@ -64,6 +68,9 @@ def import_tables(
     """
     nodes_path, members_path = Path(nodes_path), Path(members_path)
     network = Network()
+    if _names_members(nodes_path) and not _names_members(members_path):
+        nodes_path, members_path = members_path, nodes_path
+        network.notes.append(f"the tables were given in the other order: {nodes_path} has the nodes")
     node_rows = read_table(nodes_path, NODE_COLUMNS, NODE_COLUMNS[:4], OTHER_NODE_NAMES)
     member_rows = read_table(members_path, MEMBER_COLUMNS, MEMBER_COLUMNS[1:4], OTHER_MEMBER_NAMES)
     for path, rows, what in ((nodes_path, node_rows, "nodes"), (members_path, member_rows, "members")):
@@ -84,7 +91,15 @@ def import_tables(
         named = {f"m{number}": row for number, row in enumerate(member_rows, 1)}
         network.notes.append(f"the table names no members: they are m1 to m{len(named)}, in its order")
     network.members = [_read_member(foreign, row, network.nodes) for foreign, row in named.items()]
+    limits = {foreign: found for foreign, row in named.items() if (found := _read_limits(row))}
+    network.control = {"limits": {"members": limits}} if limits else {}
     return build_result(network, nodes_path, name, gravity)
+
+
+def _names_members(path: Path) -> bool:
+    """Return whether the header of a table names columns that only members have, and need."""
+    _, header = next(read_lines(read_text(path, LARGEST_TABLE, "a CSV table"), path), (0, []))
+    return {OTHER_MEMBER_NAMES.get(name.lower(), name.lower()) for name in header} >= set(MEMBER_COLUMNS[1:4])
 
 
 def _name_rows(rows: list[Row], column: str) -> dict[str, Row]:
@@ -153,9 +168,32 @@ def _read_member(name: str, row: Row, nodes: Mapping[str, Any]) -> NetworkMember
         value = row.number(column)
         if value is not None and (value or column != "damping"):
             member[column] = value
+    if row.cells.get("class"):
+        member["class"] = row.cells["class"]
+    if section := row.cells.get("section"):
+        member["section"] = _read_section(section, row.where("section"))
     if _is_two_sided(row, kind):
         member["tension_only"] = False
     return NetworkMember(name, ends, member, row.where("node_j"), row.where)
+
+
+def _read_section(text: str, where: str) -> Any:
+    """Return the section of a scene: "rod 0.02", "tube 0.06 0.003", or a name of the catalogue."""
+    shape, *words = text.split()
+    if shape.lower() not in ("rod", "tube"):
+        return text
+    sizes = read_numbers(" ".join(words), where, (1 if shape.lower() == "rod" else 2,))
+    return {shape.lower(): sizes[0] if len(sizes) == 1 else sizes}
+
+
+def _read_limits(row: Row) -> dict[str, Any]:
+    """Return the limits of a member; buckling may be yes or no too."""
+    word = _FLAG.get(row.cells.get("buckling", "").lower()) if "buckling" in row.cells else None
+    limits: dict[str, Any] = {}
+    for key in MEMBER_LIMITS:
+        value = word if key == "buckling" and word is not None else row.number(key)
+        limits |= {} if value is None else {key: value}
+    return limits
 
 
 def _is_two_sided(row: Row, kind: str) -> bool:

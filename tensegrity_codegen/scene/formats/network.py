@@ -15,9 +15,12 @@ from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, StructureError
 
 Where = Callable[[str], str]
-STIFFNESSES = ("spring_constant", "axial_stiffness")
+STIFFNESSES = ("spring_constant", "axial_stiffness", "youngs_modulus")
 # Numbers of a member that must be above zero.
-POSITIVE = ("rest_length", *STIFFNESSES, "mass", "density", "radius")
+POSITIVE = (
+    *("rest_length", *STIFFNESSES, "mass", "density", "radius"),
+    *("inner_radius", "mass_per_length"),
+)
 
 
 def check_ends(first: str, second: str, given: object, where: str) -> None:
@@ -32,7 +35,10 @@ def check_member(member: Mapping[str, Any], where: Where) -> None:
     """Raise InvalidValueError for values out of range, given twice, or that the member cannot have."""
     _check_ranges(member, where)
     _check_stiffness(member, where)
-    for one, other in (("rest_length", "prestress"), ("mass", "density")):
+    for one, other in (
+        *(("rest_length", "prestress"), ("mass", "density"), ("mass", "mass_per_length")),
+        *(("section", "radius"), ("section", "inner_radius")),
+    ):
         if one in member and other in member:
             raise InvalidValueError(
                 f"the member has {one} and {other}, which define the same value",
@@ -60,29 +66,36 @@ def _check_stiffness(member: Mapping[str, Any], where: Where) -> None:
     if len(stiffness) > 1:
         raise InvalidValueError(
             "the member has two stiffnesses",
-            where=where("axial_stiffness"),
-            given=f"spring_constant {member['spring_constant']}, axial_stiffness {member['axial_stiffness']}",
-            allowed="at most one of spring_constant [N/m] and axial_stiffness [N]",
+            where=where(stiffness[1]),
+            given=", ".join(f"{key} {member[key]}" for key in stiffness),
+            allowed="at most one of spring_constant [N/m], axial_stiffness [N] and youngs_modulus [Pa]",
         )
     if member["kind"] == "cable" and not stiffness:
         raise InvalidValueError(
             "a cable without stiffness",
             where=where("spring_constant"),
-            allowed="one of spring_constant [N/m] and axial_stiffness [N]",
+            allowed="one of spring_constant [N/m], axial_stiffness [N] and youngs_modulus [Pa]",
+        )
+    if "youngs_modulus" in member and not {"radius", "section"} & member.keys():
+        raise InvalidValueError(
+            "Young's modulus without a section",
+            where=where("youngs_modulus"),
+            given=member["youngs_modulus"],
+            allowed="youngs_modulus [Pa] with a section, or a radius [m]",
         )
 
 
 def _check_mass(member: Mapping[str, Any], where: Where) -> None:
-    key = "density" if "density" in member else "mass"
-    if member["kind"] == "cable" and key in member:
+    is_cable = member["kind"] == "cable"
+    key = "density" if is_cable else "mass_per_length"
+    if key in member:
         raise InvalidValueError(
-            "a cable has no mass",
+            f"a {member['kind']} has no {key}",
             where=where(key),
             given=member[key],
-            allowed=f"no {key}: only bars have a mass",
-            hint="give the mass to the nodes",
+            allowed="mass or mass_per_length of cables, mass or density of bars",
         )
-    if "density" in member and "radius" not in member:
+    if "density" in member and not {"radius", "section"} & member.keys():
         raise InvalidValueError(
             "a density without a radius",
             where=where("density"),
@@ -189,7 +202,22 @@ def build_result(
     if chosen is not None:
         document["gravity"] = [float(value) for value in chosen]
     document["nodes"] = {node_names[key]: dict(values) for key, values in network.nodes.items()}
-    document["members"] = _build_members(network.members, member_names, node_names)
+    owners = dict.fromkeys(item.values["class"] for item in network.members if "class" in item.values)
+    class_names, class_notes = name_all(owners, "c", "classes were")
+    classes: dict[str, dict[str, Any]] = {}
+    members = _build_members(network.members, member_names, node_names)
+    for item, member in zip(network.members, members.values(), strict=True):
+        if "class" in member:
+            member["class"] = class_names[member["class"]]
+            own = classes.setdefault(member["class"], {"kind": member["kind"]})
+            if own["kind"] != member.pop("kind"):
+                where = (item.place_of or partial(_place_key, item.where))("class")
+                raise InvalidValueError(
+                    "a class with bars and cables", where=where, given=item.values["class"],
+                    allowed="classes of one kind",
+                )  # fmt: skip
+    document |= {"classes": classes} if classes else {}
+    document["members"] = members
     loads = [
         {"node": node_names[node], "force": [float(value) for value in force]}
         for node, force in network.loads
@@ -200,7 +228,7 @@ def build_result(
     inputs = [_rename_entry(item, tables) for item in network.inputs]
     document |= {"inputs": inputs} if inputs else {}
     document |= _rename_control(network.control, node_names, member_names)
-    notes += [*node_notes, *member_notes, *input_notes]
+    notes += [*node_notes, *member_notes, *class_notes, *input_notes]
     defaults = note_defaults(document["members"].values())
     return ImportResult(document, (*notes, *network.notes, *defaults))
 

@@ -178,7 +178,7 @@ def test_the_documentation_names_every_key() -> None:
         ("members.bc.axial_stiffness", 1, InvalidValueError, "members.bc.axial_stiffness"),
         ("members.bc.prestress", 1, InvalidValueError, "members.bc.prestress"),
         ("members.ca.prestress", -1, InvalidValueError, "members.ca.prestress"),
-        ("members.ca.mass", 1, InvalidValueError, "members.ca.mass"),
+        ("members.ca.density", 1, InvalidValueError, "members.ca.density"),
         ("members.ca.damping", -1, InvalidValueError, "members.ca.damping"),
         ("members.ca.tension_only", "no", InvalidValueError, "members.ca.tension_only"),
         ("members.ab.tension_only", True, InvalidValueError, "members.ab.tension_only"),

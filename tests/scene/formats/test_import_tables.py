@@ -196,7 +196,6 @@ def test_bad_node_tables(load, old, new, error, place, text):
         ("1.2,100", "-1.2,100", InvalidValueError, "line 3, column rest_length", "greater than 0"),
         ("1.2,100", "1.2,0", InvalidValueError, "line 3, column spring_constant", "greater than 0"),
         (",0.5,", ",-0.5,", InvalidValueError, "line 3, column damping", "0 or more"),
-        (",0.5,", ",0.5,2", InvalidValueError, "line 3, column mass", "cable has no mass"),
         ("kind,", "sort,", UnknownKeyError, "line 1", "kind"),
         ("node_i,", "damping,", DuplicateNameError, "line 1", "twice"),
     ],
@@ -281,7 +280,7 @@ def test_loads_prestress_density_radius_and_two_sided_cables(load):
     [
         ("2e4,-12", ",-12", "prestress", "rigid bar"),
         ("100,,5,,0.001,no", "100,,-5,,0.001,", "prestress", "push"),
-        ("100,,5,,", "100,,5,700,", "density", "no mass"),
+        ("100,,5,,", "100,,5,700,", "density", "no density"),
         ("1800,0.01", "1800,", "density", "without a radius"),
         ("1800,0.01", "-1800,0.01", "density", "out of range"),
         ("0.001,no", "0,no", "radius", "out of range"),
@@ -328,3 +327,61 @@ def test_decimal_commas_are_read_where_they_are_none_between_cells(load, separat
         load(nodes.replace("0,2", "0.2"), members)
     assert caught.value.given == "0,5"
     assert "decimal comma as a point" in caught.value.hint
+
+
+STEEL = (
+    "member,class,kind,node_i,node_j,section,youngs_modulus,density,mass_per_length,radius,inner_radius,"
+    "axial_stiffness,mass,least_tension,most_tension,yield_stress,buckling\n"
+    "s1,strut 1,bar,a,b,CHS 60.3x3.2,2.1e11,7850,,,,,,,,3.55e8,1.5\n"
+    "s2,strut 1,bar,b,c,tube 0.06 0.003,2.1e11,,,,,,2.5,,,,yes\n"
+    "s3,,bar,a,c,,2.1e11,7850,,0.03,0.027,,,,,,no\n"
+    "c1,rope,cable,c,d,rod 0.02,1.6e11,,2.4662,,,,,1000,2e5,7.5e8,\n"
+    "c2,rope,cable,d,a,,,,,,,1e6,0.7,,,,\n"
+)
+FOUR = "node,x,y,z,anchored\na,0,0,0,1\nb,1,0,0,1\nc,0,1,0,1\nd,0,1,2,\n"
+
+
+def test_sections_classes_masses_of_cables_and_limits(load):
+    document = load(FOUR, STEEL).document
+    assert document["classes"] == {"strut_1": {"kind": "bar"}, "rope": {"kind": "cable"}}
+    structure, _ = assemble(parse_scene(document))
+    assert structure.member_class == ("strut_1", "strut_1", "", "rope", "rope")
+    tube, rod = math.pi * (0.03**2 - 0.027**2), math.pi * 1e-4
+    chs = math.pi * (0.03015**2 - 0.02695**2)
+    assert structure.axial_stiffness == pytest.approx(
+        [2.1e11 * chs, 2.1e11 * tube, 2.1e11 * tube, 1.6e11 * rod, 1e6]
+    )
+    assert structure.member_mass == pytest.approx([7850 * chs, 2.5, 7850 * tube, 2.4662 * 2, 0.7])
+    assert structure.inner_radius == pytest.approx([0.02695, 0.027, 0.027, 0, 0])
+    assert structure.limits.yield_stress.tolist() == [3.55e8, math.inf, math.inf, 7.5e8, math.inf]
+    assert structure.limits.buckling.tolist()[:2] == [1.5, 1.0]
+    assert structure.limits.buckling[2] < 0
+    assert (structure.limits.least_tension[3], structure.limits.most_tension[3]) == (1000, 2e5)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "column", "text"),
+    [
+        ("c1,rope", "c1,strut 1", "class", "bars and cables"),
+        ("tube 0.06 0.003", "tube 0.06", "section", "not numbers"),
+        (",,,,,,2.5,,", ",,,0.03,,,2.5,,", "radius", "define the same value"),
+        ("rod 0.02,", ",", "youngs_modulus", "without a section"),
+        ("2.1e11,,,,,,2.5", "2.1e11,,3,,,,", "mass_per_length", "a bar has no mass_per_length"),
+    ],
+)
+def test_bad_cells_of_sections_and_classes(load, old, new, column, text):
+    with pytest.raises(InvalidValueError, match=text) as caught:
+        load(FOUR, STEEL.replace(old, new, 1))
+    assert caught.value.where.endswith(f"column {column}")
+
+
+def test_tables_in_the_other_order_are_recognised(tmp_path):
+    for name, text in (("n.csv", FOUR), ("m.csv", STEEL)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    plain = import_tables(tmp_path / "n.csv", tmp_path / "m.csv")
+    swapped = import_tables(tmp_path / "m.csv", tmp_path / "n.csv")
+    assert swapped.document == plain.document
+    (note,) = set(swapped.notes) - set(plain.notes)
+    assert note == f"the tables were given in the other order: {tmp_path / 'n.csv'} has the nodes"
+    with pytest.raises(UnknownKeyError, match="unknown column"):
+        import_tables(tmp_path / "m.csv", tmp_path / "m.csv")
