@@ -77,7 +77,7 @@ def form(
     not determined, or where the structure would leave it. With targets, ranges or --least-load-path the
     densities are where a search over all of them begins.
 
-    Example: tensegrity-codegen form prism.toml --density cables=100 --out formed.toml
+    Example: tensegrity-codegen form icosahedron.toml --density cables=100 --out formed.toml
     """
     output = Output(printing.json, printing.all)
     with output.guard(scene):

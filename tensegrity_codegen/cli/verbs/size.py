@@ -64,13 +64,14 @@ def size(
 ) -> None:
     """Size bars and cables so that they carry the loads at the least mass, with a proof.
 
-    Bars neither yield nor buckle (Euler), cables do not yield. What the scene states of sections is the
-    material unless options state it. Up to about 40 members the mass is proved to be the least, beyond that
-    it is the best of many local optima, with the bound that is proved. Exit code 3 where no forces balance
-    the loads.
+    Sections are any, of no catalogue; members weigh nothing in the loads; load factors are in the cases, and
+    a prestress is what the loads and the least tensions of the scene need. The shape is that of the scene:
+    settle it first. Bars neither yield nor buckle (Euler), cables do not yield. What the scene states of
+    sections is the material unless options state it. Up to about 40 members the mass is proved to be the
+    least, beyond that it is the best of many local optima, with the bound that is proved. Exit code 3 where
+    no forces balance the loads.
 
-    Example: tensegrity-codegen size prism.toml --youngs-modulus 2e11 --density 7850 --yield-stress 235e6
-    --case lift:t1=0,0,-100
+    Example: tensegrity-codegen size settled.toml --youngs-modulus 2e11 --density 7850 --yield-stress 235e6
     """
     output = Output(printing.json, printing.all)
     with output.guard(scene):

@@ -43,11 +43,11 @@ def stand(
 ) -> None:
     """Say whether a structure stands on the ground: forces of its feet, tipping margin, friction needed.
 
-    The structure counts as rigid in its equilibrium. Where no forces of the feet can hold it, a rigid motion
-    proves it. --tip shortens cables, one at a time, until the structure tips. Exit code 3 if it does not
-    stand.
+    The scene has a table [ground]. The structure counts as rigid in its equilibrium. Where no forces of the
+    feet can hold it, a rigid motion proves it. --tip shortens cables, one at a time, until the structure
+    tips. Exit code 3 if it does not stand.
 
-    Example: tensegrity-codegen stand prism.toml --load t1=5,0,0 --tip all
+    Example: tensegrity-codegen stand standing.toml --load t1=1,0,0
     """
     output = Output(printing.json, printing.all)
     with output.guard(scene):

@@ -1,0 +1,89 @@
+"""The examples of all help texts run, in a folder that has what they presuppose."""
+
+import ast
+import shlex
+from pathlib import Path
+
+import pytest
+
+from tensegrity_codegen.cli.scene_files import list_examples
+from tests.cases import thorough
+from tests.cli.conftest import Run
+from tests.control.feedback.standing_prism import SCENE as STANDING
+
+VERBS = Path(__file__).resolve().parents[2] / "tensegrity_codegen" / "cli" / "verbs"
+MARK = "Example: tensegrity-codegen "
+TABLES = {
+    "nodes.csv": "node,x,y,z,mass,anchored\na,0,0,0,,yes\nb,1,0,0,1,no\n",
+    "members.csv": "member,kind,node_i,node_j,spring_constant\ns,cable,a,b,100\n",
+}
+# Words before an example that write what it reads.
+BEFORE = {
+    "identify": "simulate prism.toml --t-end 0.2 --samples 21 --out measured.csv",
+    "show": "simulate prism.toml --t-end 0.1 --samples 11 --out prism.npz",
+    "size": "equilibrium prism.toml --out settled.toml",
+    "sweep case": "sweep prism.toml --do evaluate --over 'gravity[2]=-20:0:21' --out loads.zarr",
+    "sweep summary": "sweep prism.toml --do evaluate --over 'gravity[2]=-20:0:5' --out loads.zarr",
+}
+ELSEWHERE = {
+    "reproduce": "minutes: tests/studies/papers has its parts",
+    "report": "minutes: tests/studies/work_precision",
+    "stability": "minutes: tests/studies/stability",
+    "cache": "would clear what other tests share: tests/cli/test_cache.py",
+    "play": "needs a compiler for pages: tests/cli/test_play.py",
+    "show": "draws a film of seconds in a page: tests/cli/test_show.py",
+}
+LONG = (
+    "control",
+    "plan",
+    "sweep",
+    "sweep case",
+    "sweep summary",
+    "export",
+    "load-path",
+    "simulate",
+    "identify",
+)
+
+
+def list_of_help() -> dict[str, str]:
+    """Return the examples by verb and sub-command."""
+    found = {}
+    for path in sorted(VERBS.glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            text = (ast.get_docstring(node) or "") if isinstance(node, ast.FunctionDef) else ""
+            if MARK in text:
+                words = " ".join(text.partition(MARK)[2].split())
+                verb, sub = [*words.split(), ""][:2]
+                found[f"{verb} {sub}" if sub in ("case", "summary") else verb] = words
+    return found
+
+
+EXAMPLES = list_of_help()
+RUN = [verb for verb in EXAMPLES if verb not in ELSEWHERE]
+
+
+def test_every_verb_has_an_example() -> None:
+    assert len(EXAMPLES) >= 30
+    assert set(ELSEWHERE) | set(BEFORE) | set(LONG) <= set(EXAMPLES)
+
+
+@pytest.mark.parametrize(
+    "verb", [v for v in RUN if v not in LONG] + [*thorough(*(v for v in RUN if v in LONG))]
+)
+def test_the_example_of_a_help_text_runs(verb: str, run: Run, folder: Path) -> None:
+    for package in {"sweep": ("zarr", "xarray", "SALib"), "plan": ("daqp",)}.get(verb.split()[0], ()):
+        pytest.importorskip(package)
+    words = shlex.split(EXAMPLES[verb])
+    scenes = {f"{name}.toml": text for name, text in list_examples().items()} | {"standing.toml": STANDING}
+    written = [words[k + 1] for k, word in enumerate(words[:-1]) if word in ("-o", "--out", "--page")]
+    for name, text in (scenes | TABLES).items():
+        if name in words and name not in written:
+            (folder / name).write_text(text, encoding="utf-8")
+    if verb in BEFORE:
+        before = shlex.split(BEFORE[verb])
+        (folder / "prism.toml").write_text(scenes["prism.toml"], encoding="utf-8")
+        run.good(*before)
+    run.good(*words)
+    for name in written:
+        assert (folder / name).exists()
