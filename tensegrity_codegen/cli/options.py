@@ -48,6 +48,15 @@ class PrintOptions:
     json: JsonOption = False
 
 
+@dataclass(frozen=True)
+class StrictOptions(PrintOptions):
+    """How a verb that compares members with their limits prints its result, and ends."""
+
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit code 3 where members exceed limits or buckle.")
+    ] = False
+
+
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 BatchWidthOption = Annotated[
     int | None,

@@ -116,9 +116,10 @@ def _report(
     tensions = describe_tensions(summarise_tensions(structure, found.member_tension))
     said = [*([found.message] if found.message else []), *([tensions] if found.is_found else [])]
     flaws = [] if found.members is None else found.members.describe()
+    beyond = "exceeds limits; " if found.members is not None and found.members.is_beyond else ""
     output.result(
         data,
-        f"{found.status}: {'; but '.join(['; '.join(said), *flaws])}",
+        f"{beyond}{found.status}: {'; but '.join(['; '.join(said), *flaws])}",
         *(tables if found.is_found else []),  # else those of no equilibrium would hide the reason
         *describe_plastic(found.plastic_elongation),
         *describe_slip(found.slid),

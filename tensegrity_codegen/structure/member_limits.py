@@ -66,6 +66,11 @@ class MemberFlaws(Summarised):
     exceeded: tuple[Exceeded, ...]
     doubtful: tuple[Exceeded, ...]
 
+    @property
+    def is_beyond(self) -> bool:
+        """Whether a stated limit is exceeded, or a member buckles."""
+        return bool(self.exceeded) or any(item.limit == "buckling" for item in self.doubtful)
+
     def describe(self) -> list[str]:
         """Return a sentence for each kind of limit that is exceeded, for buckling, and for large strains."""
         found = []

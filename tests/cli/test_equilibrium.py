@@ -318,3 +318,30 @@ def test_the_error_of_cables_in_segments_is_stated(run: Run, folder: Path) -> No
     again = run("equilibrium", settled, "--json").data
     assert again["displacement"] < 1e-6
     assert again["segments"][0]["sag"] > item["sag"] + 0.2
+
+
+@pytest.mark.parametrize(("radius", "beyond"), [(0.002, True), (0.02, False)])
+def test_members_beyond_their_limits_are_the_first_word(
+    radius: float, beyond: bool, run: Run, folder: Path
+) -> None:
+    """A column of 1 m and E = 2e11 Pa under 100 N: pi^3 E r^4 / (4 l^2) is 25 N, or 250 kN."""
+    text = f"""
+name = "column"
+axes = "z"
+[nodes]
+foot = {{ position = [0], anchored = true }}
+top = {{ position = [1], mass = 1 }}
+[members]
+rod = {{ kind = "bar", youngs_modulus = 2e11, radius = {radius}, rest_length = 1, nodes = ["foot", "top"] }}
+[[loads]]
+node = "top"
+force = [-100]
+"""
+    path = write(folder / "column.toml", text)
+    for verb, words in (("equilibrium", ()), ("analyse", ("--settle",))):
+        ended = run(verb, path, *words)
+        assert (ended.code, ended.out.startswith("exceeds limits; ")) == (0, beyond)
+        assert run(verb, path, *words, "--strict").code == (3 if beyond else 0)
+    data = run("equilibrium", path, "--json").data
+    assert data["status"] == "converged"
+    assert [item["limit"] for item in data["limits"]["doubtful"]] == ["buckling"] * beyond

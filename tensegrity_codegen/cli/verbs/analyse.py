@@ -11,9 +11,9 @@ from tensegrity_codegen.cli.options import (
     CompilerOption,
     OverwriteOption,
     PrestressOption,
-    PrintOptions,
     SceneArgument,
     SceneOutOption,
+    StrictOptions,
     check_prestress,
 )
 from tensegrity_codegen.cli.output import Output, check_result, write_page
@@ -70,13 +70,14 @@ def analyse(
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
     *,
-    printing: PrintOptions,
+    printing: StrictOptions,
 ) -> None:
     """Find self-stresses, mechanisms, a prestress with all cables in tension, stability and modes.
 
     Where no prestress exists, node displacements prove it: they change the length of no bar, lengthen no
     cable and shorten at least one. Members are compared with the limits of the scene. Exit code 3 if there
-    is no such prestress, or if the structure is not stable with it.
+    is no such prestress, or if the structure is not stable with it, and with --strict if members exceed
+    limits or buckle.
 
     --prestress 100 --scene-out tense.toml writes the scene with the prestress found, 100 N in the cable with
     most tension; of several self-stresses it is the one whose least cable tension is largest.
@@ -120,7 +121,8 @@ def analyse(
                 shown = build_analysis_page(found, drawn, subject.member_name, quote_command())
                 write_page(shown, page, overwrite=overwrite)
         _report(output, subject, found, {"out": out, "page": page}, scene_out, tense)
-        if not found.is_good or (scene_out is not None and tense is None):
+        is_refused = printing.strict and found.members.is_beyond
+        if is_refused or not found.is_good or (scene_out is not None and tense is None):
             raise typer.Exit(3)
 
 
@@ -195,7 +197,7 @@ def _report(
         )
     data["hint"] = TRY_SETTLING if found.status == "infeasible" else None
     hints = [f"try: {TRY_SETTLING}"] if found.status == "infeasible" else []
-    verdict = f"{found.status}: {found.message}"
+    verdict = f"{'exceeds limits; ' if found.members.is_beyond else ''}{found.status}: {found.message}"
     output.result(data, verdict, *hints, analysis_table(found, name), *shown, *notes)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from tensegrity_codegen.cli.inputs import InputOption
-from tensegrity_codegen.cli.options import CompilerOption, PrintOptions, SceneArgument
+from tensegrity_codegen.cli.options import CompilerOption, SceneArgument, StrictOptions
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.files import check_ending, check_output
@@ -43,12 +43,13 @@ def equilibrium(
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
     *,
-    printing: PrintOptions,
+    printing: StrictOptions,
 ) -> None:
     """Find the stable equilibrium of a scene, and report how far the nodes moved.
 
     On the ground weights and loads grow from zero, and friction holds feet from where they first touch.
-    Exit code 3 if nothing is found, as where the structure slides or tips.
+    Exit code 3 if nothing is found, as where the structure slides or tips, and with --strict if members
+    exceed limits or buckle.
 
     --out may name the scene itself: with --overwrite the settled structure replaces it. The written rest
     lengths contain the values of --input; forces of inputs and loads of --load are not written.
@@ -74,7 +75,7 @@ def equilibrium(
             method=method,
             frictionless=frictionless,
         )
-        if not found.is_found:
+        if not found.is_found or (printing.strict and found.members is not None and found.members.is_beyond):
             raise typer.Exit(3)
 
 
