@@ -22,7 +22,11 @@ from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
 )
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
-from tensegrity_codegen.structure.ground_support import ANALYSES_WITHOUT_GROUND, check_analysis
+from tensegrity_codegen.structure.ground_support import (
+    ANALYSES_WITHOUT_GROUND,
+    MOST_CONTACTS,
+    check_analysis,
+)
 from tensegrity_codegen.structure.inertia_plan import find_massless
 from tensegrity_codegen.structure.memory_support import require_no_lag, require_no_memory
 from tensegrity_codegen.structure.sliding import require_no_ring_friction
@@ -30,7 +34,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.request import ModelRequest
 
-ANALYSES_WITH_RING_FRICTION = ("simulate", "simulate_batch", "equilibrium", "linearize")
+ANALYSES_WITH_RING_FRICTION = ("simulate", "simulate_batch", "equilibrium", "equilibria", "linearize")
 BATCH_WIDTH = 8  # motions side by side where the request names no number
 MOST_PAIRS = 500  # of bars whose distances a plan reports without a limit of them
 BATCH_METHOD = "rk853"  # of batches, where no method is named
@@ -85,6 +89,14 @@ def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[s
     relaxed = RELAXED_QUANTITIES if structure.relaxes.any() else ()
     rings = RING_QUANTITIES if structure.sliding else ()
     return (*of_formulation(request.formulation), *more, *relaxed, *rings)
+
+
+def balance_energy(structure: Subject, request: ModelRequest) -> Subject:
+    """Return a structure whose motions tell what takes their energy, if its ground and emitter can."""
+    ground = structure.ground
+    if ground is None or ground.n_contacts > MOST_CONTACTS or request.emitter == "table":
+        return structure
+    return replace(structure, ground=replace(ground, balances_energy=True))
 
 
 def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.pipeline.analyses import Needs, want_analyses
+from tensegrity_codegen.pipeline.analyses import Needs, balance_energy, want_analyses
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.pipeline.settle import choose_request
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -164,6 +164,8 @@ def compile_scene(
         parameters or {},
         solvers=check_names(solvers, "solvers"),
     )
+    if "simulate" in analyses and set(analyses) <= {"simulate", "equilibrium"}:
+        structure = balance_energy(structure, request)
     request = choose_request(structure, request, analyses)
     request = want_analyses(structure, request, analyses, method=method, rtol=rtol, besides=besides)
     return build_library(structure, request, calls=MANY_CALLS).load()

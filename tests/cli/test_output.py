@@ -118,8 +118,9 @@ def report_linear_model(output: Output, net: Structure) -> None:
     spectrum = Spectrum(value, True, frequency, np.zeros(n // 2), 0, 0)
     zero, names = np.zeros(n), tuple(f"x{k}" for k in range(n))
     matrix = scipy.sparse.csr_array((n, n))
-    linear = LinearModel(matrix, matrix, zero, zero, zero, np.zeros(0), names, (), spectrum, None)
-    linearize._report(output, linear, dict.fromkeys(net.member_name, True), None)
+    kinks = dict.fromkeys(net.member_name, True)
+    linear = LinearModel(matrix, matrix, zero, zero, zero, np.zeros(0), names, (), spectrum, None, kinks)
+    linearize._report(output, linear, None)
 
 
 def report_load_path(output: Output, net: Structure) -> None:

@@ -283,16 +283,6 @@ class _Asked:
     stiffer: float | None  # factor of the stiffness of the ground, None where nothing is compared
 
 
-def _balance_energy(structure: "Subject", request: "ModelRequest") -> "Subject":
-    """Return a structure whose motions tell what takes their energy, if its ground and emitter can."""
-    from tensegrity_codegen.structure.ground_support import MOST_CONTACTS
-
-    ground = structure.ground
-    if ground is None or ground.n_contacts > MOST_CONTACTS or request.emitter == "table":
-        return structure
-    return replace(structure, ground=replace(ground, balances_energy=True))
-
-
 def _run(
     output: Output,
     built: "BuiltLibrary",
@@ -407,6 +397,7 @@ def _build(
     scene: Path, asked: _Asked, t_end: float, compilation: CompileOptions, output: Output
 ) -> "tuple[BuiltLibrary, dict[str, Any]]":
     """Return the library that the run needs; its start (None: of the scene), inputs and schedule, by name."""
+    from tensegrity_codegen.pipeline.analyses import balance_energy
     from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import has_statics, settle_structure
     from tensegrity_codegen.structure.structure import Structure
@@ -418,7 +409,7 @@ def _build(
         ground = require_ground(structure, "--ground-check").ground
         assert ground is not None
         structure = replace(structure, ground=ground.stiffen(asked.stiffer))
-    structure = _balance_energy(structure, request)
+    structure = balance_energy(structure, request)
     compiler, flags = compilation.compiler, compilation.flags
     given: dict[str, Any] = {"arguments": read_inputs(asked.inputs.input or [], structure, output)}
     schedule = read_schedule(

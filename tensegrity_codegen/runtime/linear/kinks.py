@@ -1,61 +1,45 @@
 """Cables exactly at their rest lengths: their stiffness jumps, a linear model holds on one side only."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.system.arrays import FloatArray
 
 KINK_QUANTITIES = ("member_length", "member_extension")
 
 
 def find_kinks(
-    model: Model,
-    cables: Sequence[str],
-    state: FloatArray,
-    rounding: float,
-    arguments: Mapping[str, Any] | None = None,
+    model: Model, coordinate: FloatArray, rounding: float, arguments: Mapping[str, Any]
 ) -> dict[str, bool]:
-    """Return the cables that are at their rest lengths within rounding.
+    """Return the cables that are at their rest lengths within rounding, with whether each counts as taut.
 
-    Parameters
-    ----------
-    model : Model
-        Must have KINK_QUANTITIES.
-    cables : sequence of str
-        Names of the members to look at.
-    state : (n_states,)
-        Coordinates and velocities.
-    rounding : float
-        Difference of length and rest length that counts as rounding, over the largest of length, rest length
-        and coordinates.
-    arguments : mapping, optional
-        Inputs and parameters by name, where they differ from the scene.
-
-    Returns
-    -------
-    dict
-        Name of the cable -> whether it counts as taut (it is longer than its rest length) or as slack.
-
-    Raises
-    ------
-    FormulationError
-        If the model lacks a quantity.
+    rounding: difference of length and rest length that counts as such, over the largest of length, rest
+    length and coordinates. None of a library without KINK_QUANTITIES, or that was loaded alone.
     """
-    require_quantities(model, KINK_QUANTITIES, "the search for slack cables needs")
-    coordinate = state[: len(model.manifest.coordinate_name)]
-    given = {**(arguments or {}), "coordinate": coordinate}
+    structure = getattr(model, "structure", None)
+    if structure is None or structure.is_bar.all() or not all(model.has(name) for name in KINK_QUANTITIES):
+        return {}
+    given = {**arguments, "coordinate": coordinate}
     length = np.asarray(model.compute("member_length", **given))
     extension = np.asarray(model.compute("member_extension", **given))
     scale = np.maximum(np.maximum(length, length - extension), np.abs(coordinate).max(initial=0.0))
-    place = {name: index for index, name in enumerate(model.manifest.member_name)}
-    rows = [place[name] for name in cables]
-    at_rest = np.abs(extension[rows]) <= rounding * scale[rows]
-    return {
-        name: bool(extension[row] > 0.0)
-        for name, row, kink in zip(cables, rows, at_rest, strict=True)
-        if kink
-    }
+    at_rest = ~np.asarray(structure.is_bar) & (np.abs(extension) <= rounding * scale)
+    return {model.manifest.member_name[row]: bool(extension[row] > 0.0) for row in np.flatnonzero(at_rest)}
+
+
+def describe_kinks(kinks: Mapping[str, bool]) -> list[str]:
+    """Return the warning about cables at their rest lengths, none without any."""
+    sides = [
+        f"as {word}: {', '.join(names[:10])}{' ...' if len(names) > 10 else ''}"
+        for word, is_taut in (("taut", True), ("slack", False))
+        if (names := [name for name, taut in kinks.items() if taut is is_taut])
+    ]
+    if not sides:
+        return []
+    return [
+        f"{len(kinks)} cable{'s are' if len(kinks) > 1 else ' is'} exactly at rest length, where the "
+        f"stiffness jumps; the linear model holds on one side only. It treats {'; '.join(sides)}"
+    ]

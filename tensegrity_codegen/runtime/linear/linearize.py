@@ -1,7 +1,9 @@
 """The linear model about a state: matrices, natural frequencies, damping ratios."""
 
+import math
+import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.runtime.linear.kinks import describe_kinks, find_kinks
 from tensegrity_codegen.runtime.linear.spectrum import Spectrum, find_spectrum
 from tensegrity_codegen.runtime.linear.write_linear import write_linear_model
 from tensegrity_codegen.runtime.model.arguments import check_arguments
@@ -107,6 +110,10 @@ def _along_bars(model: Model, at: Mapping[str, Any]) -> _Variations:
 # What a linear model needs of every model, and of one with inputs too.
 LINEARIZE_QUANTITIES = ("state_derivative", "state_jacobian")
 INPUT_QUANTITY = "input_jacobian"
+ROUNDING = 64 * sys.float_info.epsilon  # of lengths, over lengths and coordinates
+SETTLED_ROUNDING = 1e-11  # the same, of lengths that an equilibrium gives
+# Acceleration, over extent and square of the lowest angular frequency, that counts as none.
+BALANCE_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True, repr=False)
@@ -131,6 +138,10 @@ class LinearModel(Summarised):
         T, where coordinates depend on each other (rigid bars, node distances): x = state + T p are the
         possible variations, and the spectrum is that of the linear model of p. None where all variations are
         possible.
+    one_sided_cables : dict of str to bool
+        Cables exactly at rest length, where the stiffness jumps, with whether they count as taut.
+    slipping_feet : tuple of str
+        Feet of the equilibrium at the limit of friction, where it jumps too.
     """
 
     A: Any
@@ -143,6 +154,8 @@ class LinearModel(Summarised):
     input_name: tuple[str, ...]
     spectrum: Spectrum
     variation: Any = None
+    one_sided_cables: Mapping[str, bool] = field(default_factory=dict)
+    slipping_feet: tuple[str, ...] = ()
 
     def headline(self) -> str:
         """Return the numbers of states and inputs."""
@@ -189,6 +202,73 @@ class LinearModel(Summarised):
     def damping_ratio(self) -> FloatArray:
         """Damping ratios `-Re lambda / |lambda|` of the oscillating modes."""
         return self.spectrum.damping_ratio
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether forces are in balance at `state`, so that modes are vibrations about an equilibrium."""
+        half = len(self._speed)
+        position = self.state[:half]
+        extent = float(np.ptp(position)) if half else 0.0
+        slowest = float(self.natural_frequency.min(initial=math.inf))
+        square = (2 * math.pi * slowest) ** 2 if math.isfinite(slowest) else float(abs(self.A).max())
+        return bool(self._fall <= BALANCE_TOLERANCE * square * (extent or 1.0))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about what the linear model does not hold for."""
+        found = []
+        if self.slipping_feet:
+            found.append(
+                f"feet at the limit of friction: {', '.join(self.slipping_feet)}; their stiffness jumps "
+                "there, and the linear model holds on one side only"
+            )
+        speed = float(abs(self._speed).max(initial=0.0))
+        if speed > 0:
+            found.append(
+                f"the structure moves at x0 (largest velocity {speed:.3g}): eigenvalues hold for this moment "
+                "only"
+            )
+        if not self.is_balanced:
+            found.append(
+                f"the structure is out of balance at x0 (largest acceleration {self._fall:.3g}): eigenvalues "
+                "and frequencies are not those of vibrations about an equilibrium, and rigid motions may "
+                "appear as vibrations; --settle linearizes about the equilibrium"
+            )
+        return (*found, *describe_kinks(self.one_sided_cables))
+
+    @property
+    def _speed(self) -> FloatArray:
+        """Rates of the coordinates, which internal states stand behind."""
+        half = sum(name.endswith("'") for name in self.state_name)
+        return self.state[half : 2 * half]
+
+    @property
+    def _fall(self) -> float:
+        """Largest acceleration of a coordinate."""
+        half = len(self._speed)
+        return float(abs(self.residual_rate[half : 2 * half]).max(initial=0.0))
+
+    def as_evidence(self) -> dict[str, Any]:
+        """Return sizes, spectrum and doubts by name, JSON-ready but for arrays."""
+        return {
+            "n_states": len(self.state),
+            "n_inputs": len(self.input_name),
+            "n_variations": len(self.state) if self.variation is None else self.variation.shape[1],
+            "A_nonzeros": self.A.nnz,
+            "B_nonzeros": self.B.nnz,
+            "largest_affine_term": float(abs(self.c).max()),
+            "largest_residual_rate": float(abs(self.residual_rate).max()),
+            "residual_rate": self.residual_rate,
+            "natural_frequency": self.natural_frequency,
+            "damping_ratio": self.damping_ratio,
+            "zero_eigenvalues": self.spectrum.zero_eigenvalues,
+            "growing_eigenvalues": self.spectrum.growing,
+            "is_balanced": self.is_balanced,
+            "one_sided_cables": list(self.one_sided_cables),
+            "state_name": self.state_name,
+            "input_name": self.input_name,
+            "inputs": dict(zip(self.input_name, self.input.tolist(), strict=True)),
+        }
 
 
 def linearize(
@@ -286,7 +366,12 @@ def linearize(
     spectrum = find_spectrum(reduced, frequency_count, _count_internal(model.manifest))
     names = tuple(name for name in name_states(model.manifest) if not is_constant(name))
     basis = None if allowed is None else allowed.basis
-    return LinearModel(a, b, rate - a @ state - b @ u, rate, state, u, names, inputs, spectrum, basis)
+    feet = equilibrium.feet if isinstance(equilibrium, Equilibrium) else None
+    return LinearModel(
+        a, b, rate - a @ state - b @ u, rate, state, u, names, inputs, spectrum, basis,
+        one_sided_cables=find_kinks(model, q, ROUNDING if equilibrium is None else SETTLED_ROUNDING, at),
+        slipping_feet=() if feet is None else feet.slipping,
+    )  # fmt: skip
 
 
 def linearize_quantities(formulation: str, *, with_inputs: bool) -> tuple[str, ...]:

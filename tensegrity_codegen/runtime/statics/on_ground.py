@@ -68,6 +68,11 @@ class Feet:
     load_steps: int = 0
     change: float = 0.0
 
+    @property
+    def slipping(self) -> tuple[str, ...]:
+        """Nodes at the limit of friction."""
+        return tuple(name for name, state in zip(self.node_name, self.state, strict=True) if state == "slip")
+
     def as_evidence(self) -> dict[str, Any]:
         """Return state, force and penetration by node, and the steps of the load, JSON-ready."""
         parts = zip(self.state, self.force.tolist(), self.penetration.tolist(), strict=True)

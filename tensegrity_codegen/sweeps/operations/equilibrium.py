@@ -155,8 +155,7 @@ def _judge_snaps(
         own.pop("velocity", None)
         start = own.pop(COORDINATE, None)
         alone = find_equilibrium(model, coordinate=equilibria.coordinate[k], arguments=own)
-        load = own.get("node_load", model.nominal("node_load"))
-        snap = judge_snap(model, alone, coordinate=start, arguments=own, base=load)
+        snap = judge_snap(model, alone, coordinate=start, arguments=own, base=own.get("node_load"))
         for name, array in found.items():
             value = getattr(snap, name)
             array[k] = np.nan if value is None else value
@@ -196,6 +195,7 @@ def _compute_quantities(
         COORDINATE: equilibria.coordinate,
         "velocity": np.zeros_like(equilibria.coordinate),
     }
+    rows |= {} if equilibria.internal is None else {"internal": equilibria.internal}
     computed = compute_values(model, computed_names, replace(case_arguments, rows=rows), threads)
     values = {name: value for name, (value, _) in computed.items()}
     return values | {name: getattr(equilibria, name) for name in names if name in SEARCH_QUANTITIES}

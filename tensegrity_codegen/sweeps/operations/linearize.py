@@ -21,6 +21,8 @@ RESULTS: Mapping[str, Result] = {
     "residual_rate": (("state",), "float64", "", "State derivative at the point."),
     "zero_eigenvalues": ((), "int64", "1", "Eigenvalues that are zero to rounding."),
     "growing_eigenvalues": ((), "int64", "1", "Eigenvalues with a positive real part."),
+    "is_balanced": ((), "int64", "1", "1 where forces are in balance at the point."),
+    "one_sided_cables": ((), "int64", "1", "Cables exactly at rest length, where the stiffness jumps."),
 }
 
 
@@ -56,7 +58,8 @@ class Linearize(AtPoint):
     ) -> Mapping[str, Any]:
         """Return what is kept of the linear model of one case."""
         coordinate, velocity = point
-        linear = linearize_one(model, coordinate=coordinate, velocity=velocity, arguments=arguments)
+        settled, start = (coordinate, None) if self.about == "equilibrium" else (None, coordinate)
+        linear = linearize_one(model, settled, coordinate=start, velocity=velocity, arguments=arguments)
         return {name: _read(linear, name) for name in names}
 
 
@@ -64,9 +67,8 @@ def _read(linear: LinearModel, name: str) -> Any:
     """Return one result of a linear model."""
     if name in ("A", "B"):
         return getattr(linear, name).toarray()
-    if name == "zero_eigenvalues":
-        return linear.spectrum.zero_eigenvalues
-    return linear.spectrum.growing if name == "growing_eigenvalues" else getattr(linear, name)
+    value = linear.as_evidence()[name]
+    return len(value) if name == "one_sided_cables" else value
 
 
 OPERATION = Linearize

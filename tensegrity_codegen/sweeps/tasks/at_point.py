@@ -8,12 +8,13 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pipeline.analyses import BATCH_WIDTH, Needs, find_needs
+from tensegrity_codegen.pipeline.analyses import Needs, find_needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
+from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
 from tensegrity_codegen.sweeps.tasks.quantities import CaseArguments, Outcomes
@@ -29,7 +30,6 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 COORDINATE = "coordinate"
 POINTS = ("start", "equilibrium")
-POINT_TOLERANCE = 1e-12  # of equilibria: what is left of the forces turns neutral motions into slow ones
 Point = tuple[NDArray[Any] | None, NDArray[Any] | None]  # coordinates and velocities, None: of the scene
 Result = tuple[tuple[str, ...], str, str, str]  # axes, type, unit, sentence
 
@@ -97,8 +97,9 @@ class AtPoint(Operation):
         needs = find_needs(self.analysis, structure, request)
         if self.about == "equilibrium":
             more = find_needs("equilibria", structure, request)
-            needs = replace(needs, quantities=tuple(dict.fromkeys((*needs.quantities, *more.quantities))))
-        return replace(needs, batch_width=BATCH_WIDTH)
+            quantities = tuple(dict.fromkeys((*needs.quantities, *more.quantities)))
+            needs = replace(needs, quantities=quantities, batch_width=more.batch_width)
+        return needs
 
     def compute(
         self, model: CompiledModel, case_arguments: CaseArguments, outcomes: Outcomes, threads: int
@@ -107,8 +108,11 @@ class AtPoint(Operation):
         require_double(model.manifest, self.name)
         rows = dict(case_arguments.rows)
         if self.about == "equilibrium":
-            found = find_case_equilibria(model, case_arguments, threads, tolerance=POINT_TOLERANCE)
+            # What is left of the forces turns neutral motions into slow ones.
+            tolerance = choose_tolerance(model.structure)
+            found = find_case_equilibria(model, case_arguments, threads, tolerance=tolerance)
             rows |= {COORDINATE: found.coordinate, "velocity": np.zeros_like(found.coordinate)}
+            rows |= {} if found.internal is None else {"internal": found.internal}
             for k in np.flatnonzero(outcomes.is_ok & ~found.is_found).tolist():
                 outcomes.mark(k, found.status[k], found.message[k])
         arrays = {

@@ -68,6 +68,8 @@ class Equilibria(ByName, Summarised):
         Whether the start was an unstable equilibrium.
     saddles_left : ndarray of int, shape (n_batch,)
         Number of unstable equilibria that the search passed.
+    internal : ndarray or None, shape (n_batch, n_internal) [m]
+        Internal states of members and feet, settled; None without any.
     node_name, member_name : tuple of str
         Names.
     structure : Structure, BodySystem or None
@@ -98,6 +100,7 @@ class Equilibria(ByName, Summarised):
     node_name: tuple[str, ...]
     member_name: tuple[str, ...]
     structure: Structure | BodySystem | None = None
+    internal: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.status)
@@ -137,6 +140,8 @@ class EquilibriaTable:
             name: np.full((count, *shape), np.nan) for name, shape in shapes.items()
         }
         self.arrays["coordinate"] = np.array(coordinate, dtype=np.float64)
+        if manifest.internal_name:
+            self.arrays["internal"] = np.full((count, len(manifest.internal_name)), np.nan)
         for name, empty in NUMBERS.items():
             kind = np.int64 if type(empty) is int else type(empty)
             self.arrays[name] = np.full(count, empty, dtype=kind)
@@ -148,7 +153,7 @@ class EquilibriaTable:
             self.words["status"][k], self.words["message"][k] = row
             return
         for name, array in self.arrays.items():
-            array[k] = getattr(row, name)
+            array[k] = row.internal_argument.get(name, np.nan) if name == "internal" else getattr(row, name)
         for name, column in self.words.items():
             column[k] = getattr(row, name)
 
