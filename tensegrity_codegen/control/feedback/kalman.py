@@ -76,7 +76,7 @@ def design_kalman(
         How fast the disturbance force on each coordinate changes: standard deviation of its change in 1 s.
         By default a tenth of the forces that the largest tension causes; 0: no such force is estimated.
     acceleration_noise : float or array_like, shape (n_coordinates,), optional [m/s2 or rad/s2, by sqrt(Hz)]
-        White noise of the accelerations.
+        White noise of the accelerations. By default 3e-4 of those that these forces cause.
     only_observable : bool
         Estimate disturbance forces on as many coordinates as the sensors tell apart, those that they show
         best, and leave out the others. By default forces that cannot be told apart are refused.
@@ -103,8 +103,8 @@ def design_kalman(
 
     Notes
     -----
-    q'' = a(q, q', u) + M^-1 d, d' = white noise. Without d, errors of stiffness and constant loads become
-    errors of the estimate. Gains are stationary at each knot: P = A (P - L C P) A^T + W,
+    q'' = a(q, q', u) + M^-1 d + w, w and d' white noise. Without d, errors of stiffness and constant loads
+    become errors of the estimate. Gains are stationary at each knot: P = A (P - L C P) A^T + W,
     L = P C^T (C P C^T + V)^-1, with A and W exact for the sample (R. E. Kalman, Journal of Basic Engineering
     82, 1960; C. F. Van Loan, IEEE Transactions on Automatic Control 23, 1978).
 

@@ -239,7 +239,8 @@ def design_gait(scene: SceneLike, *, max_iterations: int = 100) -> Gait:
     FormulationError
         Bodies, a structure without a horizontal ground or without winches.
     InvalidValueError
-        The structure does not stand on three nodes that are a facet of its convex hull.
+        The structure does not stand on three nodes that are a facet of its convex hull, or a winch starts
+        outside of its range.
     ConvergenceError
         No roll was found.
 
@@ -299,7 +300,7 @@ def design_gait(scene: SceneLike, *, max_iterations: int = 100) -> Gait:
 
 
 def _find_winches(structure: Structure) -> Winches:
-    """Return the winches of a structure on a horizontal ground; raises FormulationError."""
+    """Return the winches of a structure on a horizontal ground; raises what design_gait raises."""
     ground, inputs = structure.ground, [item for item in structure.inputs if item.kind == "rest_length"]
     inputs = [item for item in inputs if len(item.targets) == 1 and item.gain in ((), (1.0,))]
     inputs = list({item.targets[0]: item for item in inputs}.values())  # one a member
@@ -320,6 +321,14 @@ def _find_winches(structure: Structure) -> Winches:
     for k, item in enumerate(inputs):
         least, most = ranges.get(item.name, (0.0, np.inf))
         low[k], high[k] = max(low[k], least - rest[k]), min(high[k], most - rest[k])
+        if not low[k] <= 0.0 <= high[k]:
+            raise InvalidValueError(
+                "a winch starts outside of its range",
+                where=f"{structure.name}: actuators.{item.name}.range",
+                given=f"the rest length of {structure.member_name[member[k]]}, {rest[k]:.6g} m",
+                allowed=f"{least:.6g} to {most:.6g} m, the range of the winch",
+                hint="a range with the rest length, or another rest length",
+            )
     mass = structure.lumped_mass
     weight = float(mass.sum() * np.linalg.norm(structure.gravity))
     return Winches(tuple(item.name for item in inputs), member, low, high, mass / mass.sum(), weight)

@@ -1,6 +1,7 @@
 """Gaits: facets and symmetries, the loss of a roll, and walks under errors of stiffness and friction."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -217,6 +218,18 @@ def test_a_structure_without_winches_is_refused(tmp_path: Path) -> None:
     path.write_text(text[: text.index("[[actuators]]")], encoding="utf-8")
     with pytest.raises(FormulationError, match="0 winches"):
         design_gait(path)
+
+
+@pytest.mark.parametrize("bounds", [(0.01, 0.02), (0.9, 1.2)], ids=["below", "above"])
+def test_a_winch_that_starts_outside_of_its_range_is_named(bounds: tuple[float, float]) -> None:
+    motors: Any = PRISM["actuators"]
+    scene = PRISM | {"actuators": [motors[0], motors[1] | {"range": bounds}, *motors[2:]]}
+    rest = float(load_scene(scene)[0].rest_length[load_scene(scene)[0].member_name.index("bottom2")])
+    with pytest.raises(InvalidValueError) as caught:
+        design_gait(scene)
+    assert caught.value.where == "rolling_prism: actuators.winch_bottom2.range"
+    assert caught.value.given == f"the rest length of bottom2, {rest:.6g} m"
+    assert caught.value.allowed == f"{bounds[0]:g} to {bounds[1]:g} m, the range of the winch"
 
 
 @pytest.mark.parametrize("direction", [(0, 0), (1, 0, 0), (np.nan, 1)])
