@@ -14,6 +14,7 @@ from tensegrity_codegen.system.root import find_root
 
 Subject = Structure | BodySystem
 
+LEVEL = 1e-6  # of the size: nodes that are so much higher than the lowest ones are as low
 ALONG = 1e-12  # component of a unit vector below which it counts as zero
 SERIES_RANGE = 0.1  # of u, below which (ln(1 + u) - u) / u^2 comes from its series
 SERIES = [(-1.0) ** (n + 1) / n for n in range(2, 20)]  # error below 1e-17 in this range
@@ -49,6 +50,18 @@ class ContactEstimates:
     stiffness: float
     frequency: float
     stick_offset: float
+
+
+def find_edge(subject: Subject, ground: Ground) -> list[int]:
+    """Return the lowest nodes of a structure that nothing else holds where they are on a line, else []."""
+    if isinstance(subject, BodySystem) or subject.node_anchored.any() or ground.n_contacts <= 2:
+        return []
+    position = subject.node_position[ground.node]
+    height = position @ ground.normal - ground.radius
+    low = np.flatnonzero(height <= height.min() + LEVEL * np.ptp(position, axis=0).max())
+    spread = np.linalg.svd(position[low] - position[low].mean(axis=0), compute_uv=False)
+    on_line = len(low) < 3 or spread[1] <= LEVEL * spread[0]
+    return ground.node[low].tolist() if on_line and len(subject.axes) == 3 else []
 
 
 @np.errstate(all="ignore")  # numbers of any size are scenes

@@ -101,6 +101,20 @@ def test_events_of_more_contacts_than_steps_can_end_at_are_refused(run: Run, fol
     assert f"events of {count} contacts, more than {MOST_CONTACTS}" in ended.data["problem"]
 
 
+def test_a_structure_on_an_edge_is_named(run: Run, folder: Path) -> None:
+    """An icosahedron as its shape is, and on a facet; a corner of it."""
+    text = "name = 'ball'\ngravity = [0, 0, -9.81]\n[ground]\nstiffness = 1e4\noffset = -1\n"
+    text += "[classes]\nbar = { kind = 'bar', spring_constant = 1e5 }\n"
+    text += "cable = { kind = 'cable', spring_constant = 100 }\n"
+    text += "[shape]\nkind = 'icosahedron'\nbar_length = 0.6\nnode_mass = 0.1\nprestress = 5\n"
+    path = write(folder / "ball.toml", text)
+    assert run("check", path, "--json").data["ground"]["stands_on_edge"] == ["n1", "n3"]
+    assert "stands on an edge, n1 and n3: it tips; on_facet of [shape]" in run.good("check", path).out
+    path = write(folder / "facet.toml", text + "on_facet = ['n1', 'n5', 'n9']\n")
+    assert run("check", path, "--json").data["ground"]["stands_on_edge"] == []
+    assert "stands on" not in run.good("check", path).out
+
+
 def test_nodes_below_the_ground_are_warned_of(run: Run, folder: Path) -> None:
     path = write(folder / "small.toml", GROUND.replace("-1.5", "-0.9"))
     ended = run("check", path, "--json")

@@ -47,6 +47,28 @@ def test_json_says_how_far_a_run_came_and_was_to_come(run: Run, prism: Path) -> 
     assert (whole["t_asked"], whole["t_end"], whole["t_stopped"]) == (0.02, 0.02, None)
 
 
+def test_a_motion_is_written_as_a_scene_where_it_ends(run: Run, folder: Path, two_nodes: Path) -> None:
+    """The second half of a motion from there is that of the whole one; inputs are in the rest lengths."""
+    winch = '\n[[actuators]]\nname = "winch"\nmembers = "cord"\n'
+    path = write(folder / "winch.toml", two_nodes.read_text() + winch)
+    words = ("simulate", path, "--samples", 3, "--rtol", 1e-9, "--input", "winch=-0.02")
+    run.good(*words, "--t-end", 1.0, "--out", "whole.npz")
+    ended = run.good(*words, "--t-end", 0.5, "--scene-out", "half.toml")
+    assert "internal" not in ended.err
+    whole, half = np.load("whole.npz"), load_scene("half.toml")[0]
+    assert isinstance(half, Structure)
+    np.testing.assert_allclose(half.node_position, whole["node_position"][1], atol=1e-8)
+    np.testing.assert_allclose(half.node_velocity, whole["node_velocity"][1], atol=1e-7)
+    assert half.rest_length[0] == pytest.approx(load_scene(path)[0].rest_length[0] - 0.02, abs=1e-15)
+    run.good("simulate", "half.toml", "--samples", 3, "--rtol", 1e-9, "--t-end", 0.5, "--out", "rest.npz")
+    np.testing.assert_allclose(
+        np.load("rest.npz")["node_position"][-1], whole["node_position"][-1], atol=1e-7
+    )
+    refused = run("simulate", path, "--t-end", 0.5, "--scene-out", "half.npz")
+    assert refused.code == 2
+    assert "half.npz" in refused.err
+
+
 def test_a_file_is_not_needed(run: Run, folder: Path, two_nodes: Path) -> None:
     data = run("simulate", two_nodes, "--t-end", 0.1, "--json").data
     assert data["out"] is None

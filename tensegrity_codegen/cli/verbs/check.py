@@ -138,7 +138,7 @@ def _summarise_control(subject: "Structure | BodySystem") -> list[str]:
 
 def _describe_ground(subject: "Structure | BodySystem") -> dict[str, Any] | None:
     """Return contacts, stiffness, and penetration and stick offset at rest; None without a ground."""
-    from tensegrity_codegen.structure.contact_estimates import estimate_contacts
+    from tensegrity_codegen.structure.contact_estimates import estimate_contacts, find_edge
 
     ground = subject.ground
     if ground is None:
@@ -147,7 +147,11 @@ def _describe_ground(subject: "Structure | BodySystem") -> dict[str, Any] | None
     names = ("weight", "penetration", "largest_penetration", "frequency", "stick_offset")
     of_ground = {name: getattr(ground, name) for name in ("normal", "stiffness", "dissipation", "friction")}
     contacts = [subject.node_name[node] for node in ground.node]
-    return {"contacts": contacts, **of_ground, **{name: getattr(rest, name) for name in names}}
+    edge = find_edge(subject, ground) if rest.weight > 0 else ()
+    return {
+        "contacts": contacts, **of_ground, **{name: getattr(rest, name) for name in names},
+        "stands_on_edge": [subject.node_name[node] for node in edge],
+    }  # fmt: skip
 
 
 def _summarise_ground(ground: dict[str, Any] | None) -> list[str]:
@@ -166,7 +170,11 @@ def _summarise_ground(ground: dict[str, Any] | None) -> list[str]:
     facts.append(f"contact frequency {ground['frequency']:.4g} Hz")
     if ground["friction"] and ground["weight"] > 0:
         facts.append(f"stick offset at rest up to {ground['stick_offset']:.3g} m")
-    return [f"ground: {', '.join(facts)}"]
+    lines, edge = [f"ground: {', '.join(facts)}"], ground["stands_on_edge"]
+    if edge:
+        kind = f"an edge, {' and '.join(edge)}" if len(edge) == 2 else f"a corner or line, {name_list(edge)}"
+        lines.append(f"stands on {kind}: it tips; on_facet of [shape], or turned nodes, put a facet down")
+    return lines
 
 
 def _count_bars(subject: "Structure | BodySystem") -> tuple[int, int]:

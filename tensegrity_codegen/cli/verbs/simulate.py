@@ -14,7 +14,7 @@ from tensegrity_codegen.cli.options import (
     OverwriteOption,
     SceneArgument,
 )
-from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.output import Output, check_result
 from tensegrity_codegen.cli.simulate_batch import (
     build_for_batch,
     build_run_table,
@@ -84,6 +84,12 @@ ProfileOption = Annotated[
 ]
 ProfileKindOption = Annotated[
     str, typer.Option("--profile-kind", help="Between the rows of --profile: linear or cubic.")
+]
+EndOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--scene-out", help="Write the scene as the motion ends (.toml); with inputs, without loads."
+    ),
 ]
 SettleOption = Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")]
 GroundCheckOption = Annotated[
@@ -167,6 +173,7 @@ class AroundOptions:
 
     settle: SettleOption = False
     ground_check: GroundCheckOption = False
+    scene_out: EndOption = None
 
 
 @dataclass(frozen=True)
@@ -232,6 +239,8 @@ def simulate(
     With --ground-check a scene with [ground] is simulated a second time with four times the stiffness of its
     contacts: where nodes then come to be elsewhere, the motion depends on a number that is seldom known.
 
+    With --scene-out the scene is written as it ends: a structure that came to rest on its ground, say.
+
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
     output = Output(json)
@@ -244,6 +253,7 @@ def simulate(
             options, *read_until(until), around.settle, given, 1.0 if around.ground_check else None
         )
         check_options(options, t_end, samples)
+        check_result(around.scene_out, ".toml", inputs=[scene], overwrite=overwrite)
         if out is not None:
             check_motion_file(out)
             inputs = [path for path in (scene, many.batch, given.profile) if path is not None]
@@ -251,7 +261,7 @@ def simulate(
         if many.batch is not None:
             from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
 
-            check_no_other(settle=around.settle, until=until, ground_check=around.ground_check)
+            check_no_other(until=until, **vars(around))
             options = choose_batch_control(options, integration.control)
             built, values, schedule = build_for_batch(
                 output, scene, options, compilation.compiler, compilation.flags, given.input, given.profile,
@@ -268,7 +278,11 @@ def simulate(
         if around.ground_check:
             stiff, begun = _build(scene, replace(asked, stiffer=STIFFER), t_end, compilation, output)
             repeat = (stiff, given_run | begun)
-        _run(output, built, asked, out, overwrite, repeat, **given_run, **start)
+        motion = _run(output, built, asked, out, overwrite, repeat, **given_run, **start)
+        if around.scene_out is not None:
+            from tensegrity_codegen.cli.settle import write_end
+
+            write_end(output, scene, motion, around.scene_out, overwrite=overwrite)
 
 
 @dataclass(frozen=True)
@@ -291,8 +305,8 @@ def _run(
     overwrite: bool,
     repeat: "tuple[BuiltLibrary, dict[str, Any]] | None",
     **given: Any,
-) -> None:
-    """Simulate the motion and say how it went; exit code 3 where it is not good.
+) -> "Trajectory":
+    """Simulate the motion, say how it went, and return it; exit code 3 where it is not good.
 
     repeat: the library with a stiffer ground, and its arguments, to compare with.
     """
@@ -329,6 +343,7 @@ def _run(
             where = "" if motion is trajectory else f"with {STIFFER:g} times the ground's stiffness: "
             output.warn(f"{where}{motion.status}: {motion.message}")
             raise typer.Exit(3)
+    return trajectory
 
 
 def _move(output: Output, model: "CompiledModel", asked: _Asked, given: dict[str, Any]) -> "Trajectory":

@@ -6,6 +6,7 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
 from tensegrity_codegen.scene.names import unknown_key
+from tensegrity_codegen.scene.shapes.facet import turn_onto_facet
 from tensegrity_codegen.scene.shapes.icosahedron import IcosahedronShape
 from tensegrity_codegen.scene.shapes.prism import PrismShape
 from tensegrity_codegen.scene.shapes.tower import TowerShape
@@ -28,7 +29,10 @@ def expand_shape(shape: BaseModel | Mapping[str, Any], where: str = "shape") -> 
     given = shape if isinstance(shape, BaseModel) else _validate(shape, where)
     if not isinstance(given, PrismShape | TowerShape | IcosahedronShape | TwoNodeShape):
         raise InvalidValueError("not a shape", where=where, given=given, allowed="one of the shape models")
-    return given.expand(where)
+    document = given.expand(where)
+    if given.on_facet is not None:
+        turn_onto_facet(document["nodes"], given.on_facet, f"{where}.on_facet")
+    return document
 
 
 def _validate(shape: Mapping[str, Any], where: str) -> BaseModel:

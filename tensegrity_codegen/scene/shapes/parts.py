@@ -27,6 +27,9 @@ class ShapeModel(BaseModel, ABC):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
 
     node_mass: Positive | None = Field(None, description="Point mass of every node [kg]; bars add their own.")
+    on_facet: Annotated[list[str], Field(min_length=3, max_length=3)] | None = Field(
+        None, description="Three nodes of a facet of the hull that the shape stands on, at z = 0."
+    )
 
     @classmethod
     def kind_name(cls) -> str:

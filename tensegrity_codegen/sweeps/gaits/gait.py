@@ -268,7 +268,8 @@ def design_gait(scene: SceneLike, *, max_iterations: int = 100) -> Gait:
             where=structure.name,
             given="after 1 s other nodes are lowest than three of a facet of its convex hull",
             allowed="a structure that stands on a triangle",
-            hint="settle it on its ground: tensegrity-codegen equilibrium SCENE -o NEW.toml",
+            hint="put a facet down: on_facet of [shape]; or write how it comes to rest: tensegrity-codegen "
+            "simulate SCENE --t-end 5 --scene-out NEW.toml",
         )
     # Rolls that are found lead to facets that have not been met, until every kind of edge has been
     rolls: dict[Step, FloatArray] = {}
