@@ -15,7 +15,7 @@ from tensegrity_codegen.codegen.compilation.child import run_limited
 from tensegrity_codegen.codegen.compilation.compile import run_compiler
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_program_command
 from tensegrity_codegen.codegen.emit import GeneratedSource
-from tensegrity_codegen.system.errors import CompileError
+from tensegrity_codegen.system.errors import CompileError, describe_reason
 from tensegrity_codegen.system.temporary_files import work_folder
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 
@@ -141,7 +141,7 @@ def _run(program: Path) -> Mapping[str, list[float]]:
         )
     except OSError as error:
         problem = "the measuring program could not be started"
-        raise CompileError(problem, log=str(error), where=where) from error
+        raise CompileError(problem, log=describe_reason(error), where=where) from error
     if not outcome.ok:
         problem = f"the measuring program failed ({outcome.ended} {outcome.number})"
         raise CompileError(problem, log=outcome.log, where=where)

@@ -32,6 +32,7 @@ def describe_structure(structure: Structure, request: ModelRequest | None = None
     """
     document: dict[str, Any] = {"name": structure.name}
     document["axes"] = "".join(_LETTERS[axis] for axis in structure.axes)
+    document["large"] = structure.is_large
     if np.any(structure.gravity):
         document["gravity"] = structure.gravity.tolist()
     if request is not None:

@@ -112,6 +112,8 @@ class Structure(WithMemberLaws, Summarised):
         empty where no member passes any. Its length is the sum of its strands, with one tension in all.
     sliding : tuple of SlidingCable
         Cables with friction at rings, each of several members that slide into one another.
+    is_large : bool
+        Whether members of 50 m and more are meant.
 
     Notes
     -----
@@ -158,6 +160,7 @@ class Structure(WithMemberLaws, Summarised):
     collision: Collision | None = None  # force between bars that touch
     ring_nodes: tuple[tuple[int, ...], ...] = ()  # that each member passes between its ends; (): none does
     sliding: tuple[SlidingCable, ...] = ()  # cables with friction at rings
+    is_large: bool = False  # members of 50 m and more are meant
 
     def headline(self) -> str:
         """Return the name of the scene."""

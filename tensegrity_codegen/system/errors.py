@@ -209,14 +209,17 @@ def check_choice(given: Any, known: Iterable[str], what: str, where: str) -> Non
         )
 
 
-# Words of other programs for keys of a scene, which are not spelled alike.
+# Words of other programs for keys of a scene and for quantities, which are not spelled alike.
 SYNONYMS = {
-    "stiffness": ("spring_constant", "axial_stiffness"),
+    "stiffness": ("spring_constant", "axial_stiffness", "tangent_stiffness"),
     "k": ("spring_constant",),
     "EA": ("axial_stiffness",),
-    "length": ("rest_length",),
+    "length": ("rest_length", "member_length"),
     "l0": ("rest_length",),
-    "tension": ("prestress",),
+    "tension": ("prestress", "member_tension"),
+    "force": ("member_tension",),
+    "stress": ("member_stress",),
+    "energy": ("total_energy",),
     "pretension": ("prestress",),
     "fixed": ("anchored",),
     "type": ("kind",),
@@ -250,6 +253,11 @@ _CONTROLS |= {
 def escape_controls(text: str) -> str:
     """Return a text of which no part, such as a name from a file, can steer the terminal that shows it."""
     return text.translate(_CONTROLS)
+
+
+def describe_reason(error: BaseException) -> str:
+    """Return what the system or Python says of an error, without the number of the system's error."""
+    return getattr(error, "strerror", None) or str(error) or type(error).__name__
 
 
 def shorten(value: Any, most: int = 120) -> str:

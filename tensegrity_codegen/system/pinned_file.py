@@ -21,7 +21,7 @@ from tensegrity_codegen.system.cache_root import (
     warn_of_fallback,
     write_private,
 )
-from tensegrity_codegen.system.errors import MissingSourceError, UnsafeCacheError
+from tensegrity_codegen.system.errors import MissingSourceError, UnsafeCacheError, describe_reason
 
 TIMEOUT = 300.0  # s
 
@@ -130,7 +130,7 @@ class PinnedFile:
             except subprocess.TimeoutExpired as error:
                 raise self._refuse_download(f"no answer within {TIMEOUT:g} s") from error
             except OSError as error:
-                raise self._refuse_download(str(error)) from error
+                raise self._refuse_download(describe_reason(error)) from error
             path = Path(folder) / self.file
             if done.returncode or not path.is_file():
                 raise self._refuse_download(done.stderr.decode("utf-8", "replace"))
@@ -142,7 +142,7 @@ class PinnedFile:
                 content = stream.read(self.largest + 1)
         except (OSError, ValueError) as error:
             raise MissingSourceError(
-                f"{self.title} cannot be read", where=str(path), given=str(error), hint=self.hint
+                f"{self.title} cannot be read", where=str(path), given=describe_reason(error), hint=self.hint
             ) from error
         found = hashlib.sha256(content).hexdigest()
         if found != self.sha256:

@@ -39,7 +39,7 @@ from tensegrity_codegen.system.cache_root import (
     make_private,
     warn_of_fallback,
 )
-from tensegrity_codegen.system.errors import OutputError
+from tensegrity_codegen.system.errors import OutputError, describe_reason
 from tensegrity_codegen.system.temporary_files import remove_abandoned, work_folder
 
 SIZE_LIMIT = 2 * 2**30  # byte
@@ -253,7 +253,7 @@ class Cache:
         try:
             yield
         except (OSError, NotImplementedError) as error:
-            raise self._unusable(path, str(error)) from error
+            raise self._unusable(path, describe_reason(error)) from error
 
     def _unusable(self, path: Path, reason: str) -> OutputError:
         return OutputError(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.system.cache_root import write_private
-from tensegrity_codegen.system.errors import LibraryError
+from tensegrity_codegen.system.errors import LibraryError, describe_reason
 from tensegrity_codegen.tables.targets import library_suffixes
 
 ENTRY_FILE = "entry.json"
@@ -91,7 +91,7 @@ def read_contents(entry: CacheEntry) -> dict[str, bytes]:
         raise LibraryError(
             "a file in the cache of compiled libraries is not what was written there",
             where=str(entry.folder),
-            given=str(error),
+            given=describe_reason(error),
             allowed=f"files with the sha256 in {ENTRY_FILE}",
             hint="remove this folder, or clear the cache with the verb cache, and build again",
         ) from error

@@ -21,6 +21,7 @@ from tensegrity_codegen.system.errors import (
     CompileError,
     InvalidNameError,
     InvalidValueError,
+    describe_reason,
 )
 from tensegrity_codegen.system.temporary_files import work_folder
 from tensegrity_codegen.tables.targets import Target, find_system, library_file_name
@@ -211,7 +212,9 @@ def run_compiler(
         )
     except OSError as error:
         program = compiler.command[0]
-        raise CompileError("the compiler could not be started", log=str(error), where=program) from error
+        raise CompileError(
+            "the compiler could not be started", log=describe_reason(error), where=program
+        ) from error
     for outcome in outcomes:
         if not outcome.ok:
             problem, hint = _explain_failure(outcome, timeout, memory_limit)

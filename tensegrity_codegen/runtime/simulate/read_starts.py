@@ -8,7 +8,13 @@ import numpy as np
 from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays, read_names
 from tensegrity_codegen.runtime.model.named_inputs import unify_name
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    SceneSyntaxError,
+    UnknownNameError,
+    describe_reason,
+    suggest,
+)
 from tensegrity_codegen.tables.manifest import Manifest
 
 OF_NODES = {"node_position": "coordinate", "node_velocity": "velocity"}
@@ -42,7 +48,7 @@ def read_starts(path: str | Path, manifest: Manifest) -> dict[str, Any]:
         raise SceneSyntaxError(
             "not a file of initial states",
             where=str(path),
-            given=str(error),
+            given=describe_reason(error),
             allowed="an .npz file of NumPy arrays",
         ) from error
     found: dict[str, Any] = {"arguments": {}}

@@ -14,7 +14,12 @@ from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, WORDS
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_names
-from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, StructureError
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    SceneSyntaxError,
+    StructureError,
+    describe_reason,
+)
 
 CONTACTS = ("contact_force", "penetration")
 DRIVEN = ("input", "node_load", "internal", *CONTACTS)  # what only files of motions with some of these hold
@@ -38,7 +43,7 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
         raise SceneSyntaxError(
             "not a result file",
             where=str(path),
-            given=str(error),
+            given=describe_reason(error),
             allowed="an .npz file that the verb simulate wrote",
         ) from error
     if names != (structure.node_name, structure.member_name):

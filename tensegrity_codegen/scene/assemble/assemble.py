@@ -88,6 +88,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
         actuators=actuators,
         sensors=build_sensors(scene.sensors, targets),
         sliding=sliding,
+        is_large=scene.large,
         **node,
         **member,
     )

@@ -131,7 +131,10 @@ def _bar(
 ) -> tuple[Bar, list[float], list[float]]:
     """Return the bar, its two angles and their rates."""
     mass = _bar_mass(table, place)
-    inertia = mass * table.length**2 / 12 if table.inertia is None else table.inertia
+    inertia = table.inertia
+    if inertia is None:  # of a hollow cylinder about an axis across its middle
+        across = (table.radius or 0.0) ** 2 + (table.inner_radius or 0.0) ** 2
+        inertia = mass * (table.length**2 + 3 * across) / 12
     if table.anchor is None:
         _need(
             table.centre is not None,

@@ -133,7 +133,8 @@ def _check_pairs(
             where=key_path(where, "members", member_name[row], "nodes"),
             given=[node_name[node] for node in connectivity[row]],
             allowed="one member for a pair of nodes",
-            hint="remove one, or add up their stiffness in one member",
+            hint="remove one; or make one member of both, whose stiffness and prestress are the sums of "
+            "theirs; or give one of them a node of its own",
         )
 
 

@@ -30,13 +30,13 @@ def warn_of_lengths(structure: Structure) -> list[str]:
     """Return a warning where half of the members are longer than LONG."""
     length = structure.member_length()
     middle = float(compute_median(length))
-    if middle < SUSPICIOUS_LENGTH:
+    if middle < SUSPICIOUS_LENGTH or structure.is_large:
         return []
     longest = int(np.argmax(length))
     return [
         f"half of the members are longer than {middle:.4g} m (the longest, {structure.member_name[longest]}: "
         f"{length[longest]:.4g} m): lengths in mm? A scene is in metres: divide positions and rest lengths "
-        "by 1,000, or import with --scale 0.001"
+        "by 1,000, or import with --scale 0.001; large = true in the scene says that they are meant"
     ]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from tensegrity_codegen.scene.checks.limits import check_regular
 from tensegrity_codegen.scene.names import check_scene_name, is_name, is_scene_name
-from tensegrity_codegen.system.errors import SceneError, SceneSyntaxError
+from tensegrity_codegen.system.errors import SceneError, SceneSyntaxError, describe_reason
 
 _LONGEST_NAME = 63
 
@@ -89,9 +89,10 @@ def read_bytes(path: Path, largest: int, what: str) -> bytes:
         with path.open("rb") as file:
             data = file.read(largest + 1)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
         raise SceneError(
-            f"the file cannot be read: {reason}", where=where, hint="check the path and its permissions"
+            f"the file cannot be read: {describe_reason(error)}",
+            where=where,
+            hint="check the path and its permissions",
         ) from None
     if len(data) > largest:
         raise SceneSyntaxError(

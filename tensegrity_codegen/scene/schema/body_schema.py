@@ -49,7 +49,8 @@ class BarBody(Table):
     inner_radius: NotNegative | None = Field(None, description="Inner radius of a tube [m].")
     inertia: NotNegative | None = Field(
         None,
-        description="Transversal inertia about the middle [kg m2]; default mass length^2 / 12.",
+        description="Transversal inertia about the middle [kg m2]; default that of a hollow cylinder, "
+        "mass (length^2 + 3 (radius^2 + inner_radius^2)) / 12.",
     )
     anchor: PointReference | None = Field(
         None, description="Point of another body at which one end is held by a ball joint; none: a free bar."

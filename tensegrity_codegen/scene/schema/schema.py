@@ -89,6 +89,9 @@ class Scene(Summarised, SceneParts):
 
     name: SceneName = Field(description="Name of the scene: the prefix of all names in the generated C.")
     axes: Axes = Field("xyz", description='Modelled axes; two or one of them make a planar scene, as "xz".')
+    large: bool = Field(
+        False, description="Members of 50 m and more are meant: no warning asks for lengths in mm."
+    )
     gravity: Vector | None = Field(None, description="Gravity vector [m/s2], as [0, 0, -9.81]; default none.")
     model: ModelOptions = Field(
         default_factory=ModelOptions, description="Formulation, quantities and other options."

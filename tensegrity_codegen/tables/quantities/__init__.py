@@ -43,6 +43,8 @@ ADJOINTS = MappingProxyType(
         "adjoint_margin": ("margin_weight", "cable_margin"),
     }
 )
+# Parts of derivatives of motions, which nobody asks for by name.
+OF_MOTIONS = ("column_rate", "tension_column", "margin_column", "margin_jump", *ADJOINTS)
 WEIGHT_OF = MappingProxyType(
     {name: weight for name, (weight, _) in ADJOINTS.items()} | {"margin_jump": "margin_weight"}
 )
@@ -55,5 +57,6 @@ QUANTITIES = _table(*MEMBERS, *NODES, *STRUCTURES, *BODIES, *INTERFERENCE, *DIST
 
 def find_quantity(name: str) -> Quantity:
     """Return the table's row of `name`; an unknown name raises UnknownNameError with the known ones."""
-    check_choice(name, QUANTITIES, "quantity", "quantities")
+    if name not in QUANTITIES:
+        check_choice(name, [key for key in QUANTITIES if key not in OF_MOTIONS], "quantity", "quantities")
     return QUANTITIES[name]

@@ -230,6 +230,10 @@ def test_the_folder_explains_itself(bundles: dict[str, Path]) -> None:
     for name in listed:
         assert name in page or name.endswith(".cmake") or name == "README.md", name
     assert "prism_compute_member_tension" in page
+    places = [
+        page.index(words) for words in ("cmake -B build", "cmake --build build", "cmake --install build")
+    ]
+    assert places == sorted(places)
     assert LICENCE.splitlines()[2] in (bundles["prism"] / "NOTICE.md").read_text(encoding="utf-8")
     sums = (bundles["prism"] / "SHA256SUMS").read_text(encoding="utf-8")
     assert all(name in sums for name in listed)

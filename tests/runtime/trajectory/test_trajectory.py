@@ -224,3 +224,10 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(
         written[0].write(path, overwrite=True)
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
     assert path.read_bytes() == b"old"
+
+
+def test_a_missing_file_is_named_without_the_number_of_the_system_error(tmp_path: Path) -> None:
+    with pytest.raises(SceneError) as caught:
+        read_trajectory(tmp_path / "none.npz", swinging())
+    assert caught.value.given == "No such file or directory"
+    assert "Errno" not in str(caught.value)

@@ -55,7 +55,9 @@ def test_bodies_of_each_kind() -> None:
     assert kinds["plate"] is RigidBody
     bars = {body.name: body for body in system.bodies if isinstance(body, Bar)}
     assert bars["mast"].mass == pytest.approx(1800 * np.pi * (0.01**2 - 0.005**2) * 1.1)
-    assert bars["mast"].inertia == pytest.approx(bars["mast"].mass * 1.1**2 / 12)
+    assert bars["mast"].inertia == pytest.approx(
+        bars["mast"].mass * (1.1**2 + 3 * (0.01**2 + 0.005**2)) / 12, rel=1e-12
+    )
     assert bars["mast"].chart == Chart(2, "elevation", np.radians(35))
     assert (bars["leg"].held, system.node_name[bars["leg"].anchor]) == ("B", "plate_corner")
     assert bars["stick"].held == ""

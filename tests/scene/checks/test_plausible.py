@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.codegen.compilation.fingerprint import hash_structure
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.checks.plausible_forces import warn_of_imbalance
 from tensegrity_codegen.scene.checks.scene_warnings import find_body_warnings, find_warnings
+from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import DuplicateNameError
 
 # A mast on three legs with three stays, all in balance without gravity but for a little.
 MAST: dict[str, Any] = {
@@ -200,3 +203,27 @@ def test_tensions_of_rounding_are_no_forces() -> None:
     structure = build(MAST | {"classes": classes, "members": members})
     assert 0 < structure.static_tension()[1] < 1e-11
     assert not any("out of balance and jump" in text for text in find_warnings(structure))
+
+
+def test_a_scene_says_that_long_members_are_meant() -> None:
+    nodes = {
+        name: {**node, "position": [100 * x for x in node["position"]]}
+        for name, node in MAST["nodes"].items()
+    }
+    large = {**MAST, "nodes": nodes, "classes": {**MAST["classes"]}}
+    large["classes"]["tube"] = {**MAST["classes"]["tube"], "radius": 1.0, "density": 10.0}
+    asked = [text for text in find_warnings(build(large)) if "lengths in mm?" in text]
+    assert len(asked) == 1
+    assert "large = true" in asked[0]
+    structure = build({**large, "large": True})
+    assert not [text for text in find_warnings(structure) if "lengths in mm?" in text]
+    assert describe_structure(structure)["large"] is True
+    assert "large" not in describe_structure(build(large))
+    assert hash_structure(structure) == hash_structure(build(large))
+
+
+def test_two_members_on_one_pair_of_nodes_keep_their_prestress_in_the_hint() -> None:
+    twice = {**MAST, "members": {**MAST["members"], "again": {"class": "stay", "nodes": ["top", "foot"]}}}
+    with pytest.raises(DuplicateNameError, match="join the same two nodes") as caught:
+        build(twice)
+    assert "stiffness and prestress are the sums of theirs" in caught.value.hint

@@ -2,9 +2,12 @@
 
 from pathlib import Path
 
+import pytest
+
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.symbolic.build import build_model
-from tensegrity_codegen.tables.quantities import QUANTITIES
+from tensegrity_codegen.system.errors import UnknownNameError
+from tensegrity_codegen.tables.quantities import QUANTITIES, find_quantity
 from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.doc_tables import check_table
@@ -45,3 +48,20 @@ def test_the_table_of_quantities_is_written_from_the_records(update_golden: bool
     ]
     head = ("quantity", "unit", "shape", "formulations", "meaning")
     check_table("scene.md", "quantities", head, rows, update_golden)
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ("tension", "member_tension"),
+        ("length", "member_length"),
+        ("energy", "total_energy"),
+        ("force", "member_tension"),
+    ],
+)
+def test_a_short_name_leads_to_the_quantity_that_is_meant(given: str, meant: str) -> None:
+    with pytest.raises(UnknownNameError, match="unknown quantity") as caught:
+        find_quantity(given)
+    assert caught.value.hint == f"did you mean {meant!r}?"
+    assert "tension_column" not in caught.value.allowed
+    assert find_quantity("tension_column").name == "tension_column"

@@ -10,7 +10,7 @@ from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
 from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError
+from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, describe_reason
 
 REAL = "fiu"  # kinds of NumPy: floating, signed and unsigned integers
 
@@ -75,7 +75,7 @@ def _read(
         for name in names:
             data[name]
     except UNREADABLE as error:
-        given = f"no array {error}" if isinstance(error, KeyError) else str(error)
+        given = f"no array {error}" if isinstance(error, KeyError) else describe_reason(error)
         raise SceneSyntaxError(
             "the file cannot be read", where=str(path), given=given, allowed=f"an .npz file {what}"
         ) from error
