@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     from tensegrity_codegen.report.pictures.choices import PictureChoices
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.structure.structure import Structure
     from tensegrity_codegen.tables.request import ModelRequest
 
 ANIMATED = (".gif", ".mp4")
 PAGE = ".html"
 USUAL_FPS = 25.0
+MAX_UNBALANCED = 1e-2  # of the largest force: what is drawn without a word
 
 
 @dataclass(frozen=True)
@@ -151,6 +153,7 @@ def _write_scene(
 
     from tensegrity_codegen.report.pictures.canvas import PICTURE_SUFFIXES, check_suffix, save_figure
     from tensegrity_codegen.report.pictures.draw import Shot, draw_shot, find_rigid, find_shot
+    from tensegrity_codegen.structure.structure import Structure
 
     suffix = check_suffix(out, PICTURE_SUFFIXES)
     if options.settle:
@@ -161,9 +164,26 @@ def _write_scene(
         shot = replace(find_shot(found), subject=settled, note="")
     else:
         shot = Shot(subject, rigid=find_rigid(subject, request))
+        if isinstance(subject, Structure) and subject.ground is None and options.choices.forces:
+            warn_of_balance(output, subject)
     figure, tension = draw_shot(shot, options.choices, is_vector=suffix != ".png")
     save_figure(figure, out, overwrite=options.overwrite)
     return int(np.isnan(tension).sum())
+
+
+def warn_of_balance(output: Output, structure: "Structure") -> None:
+    """Warn where reactions and tensions of a picture balance other loads than those that it shows."""
+    import numpy as np
+
+    from tensegrity_codegen.scene.checks.plausible_forces import find_unbalanced
+
+    force = np.linalg.norm(find_unbalanced(structure), axis=1)
+    worst, pull = int(force.argmax()), float(np.abs(structure.static_tension()).max(initial=0.0))
+    if pull > 0.0 and force[worst] > MAX_UNBALANCED * pull:
+        output.warn(
+            f"the stated positions are not in balance: {structure.node_name[worst]} by {force[worst]:.4g} N, "
+            "which no tension or reaction shows; --settle draws the equilibrium"
+        )
 
 
 def describe_left_out(

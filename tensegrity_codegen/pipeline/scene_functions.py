@@ -66,7 +66,8 @@ def symbolic_functions(
     -------
     SymbolicFunctions
         A dict: quantity -> ``casadi.Function`` (SX) of the arguments that the quantity depends on, with the
-        names and in the order of the generated C function; vectors are columns. The attribute ``nominal`` has
+        names and in the order of the generated C function; vectors are columns. What depends on nothing, such
+        as a constant mass matrix, is a function without arguments. The attribute ``nominal`` has
         the scene's values of all arguments.
 
     Raises

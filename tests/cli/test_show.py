@@ -180,3 +180,12 @@ def test_a_result_with_a_part_missing_or_misshapen_is_refused(
     for name in ("less.npz", "cut.npz"):
         ended = run.refused("show", two_nodes, "--trajectory", name, "--out", "a.png", "--json")
         assert ended.data["where"] == name
+
+
+def test_a_picture_out_of_balance_is_stated(run: Run, folder: Path, prism: Path) -> None:
+    """The stated prestress of the prism carries no weight."""
+    ended = run.good("show", prism, "-o", folder / "a.svg", "--forces", "--json")
+    (text,) = [text for text in ended.data["warnings"] if "not in balance" in text]
+    assert "--settle" in text
+    ended = run.good("show", prism, "-o", folder / "b.svg", "--forces", "--settle", "--json")
+    assert "warnings" not in ended.data

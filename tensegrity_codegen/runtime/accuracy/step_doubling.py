@@ -143,7 +143,7 @@ class _Check:
         found, error = self.found, self.error
         if not self.is_good:
             return found
-        known = "not known" if error is None else f"{100.0 * MAX_ERROR * error:.3g} % of the structure's size"
+        known = "not known" if error is None else f"{100.0 * MAX_ERROR * error:.3g} % of a mean member length"
         checked = replace(found, n_evaluations=self.n_evaluations, error_estimate=error)
         if self.is_within:
             return replace(checked, message=f"{found.message}; the estimated error is {known}")

@@ -33,6 +33,7 @@ from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.precision import PRECISIONS
 
+MIN_T_END = 1e-150  # [s]: squares of steps are numbers
 MAX_BYTES = 8 * 2**30  # of all arrays of a trajectory
 
 
@@ -70,7 +71,8 @@ def read_sample_times(samples: int | ArrayLike, t_end: float) -> FloatArray:
 
     Raises InvalidValueError for anything else.
     """
-    check_positive(t_end, "t_end", "[s]")
+    if check_positive(t_end, "t_end", "[s]") < MIN_T_END:
+        raise InvalidValueError("too short", where="t_end", given=t_end, allowed=f"{MIN_T_END:g} s or more")
     if not isinstance(samples, Sequence | np.ndarray):
         count = check_whole(samples, "samples", 2, MAX_SAMPLES, "not a number of samples")
         return np.linspace(0.0, t_end, count)

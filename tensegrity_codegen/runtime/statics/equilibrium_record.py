@@ -357,7 +357,7 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
         if status == "converged" and stability.is_unstable:
             status, message = "unstable", "an unstable equilibrium (a saddle of the energy)"
         elif status == "converged" and stability.is_neutral:
-            message = "neutral: some motion does not change the energy to second order"
+            message = "neutral: some motion besides rigid ones does not change the energy to second order"
     pole = problem.describe_pole(point.coordinate)
     if pole:
         status, message = "at_pole", pole

@@ -164,7 +164,7 @@ def warn_of_jump(structure: Structure) -> list[str]:
     """
     size = float(np.ptp(structure.node_position, axis=0).max())
     with np.errstate(all="ignore"):
-        force, stiffness = _find_unbalanced(structure), _find_stiffness(structure)
+        force, stiffness = find_unbalanced(structure), _find_stiffness(structure)
         if not (np.isfinite(force).all() and np.isfinite(stiffness).all()):
             return []
         value, vector = np.linalg.eigh(stiffness)
@@ -190,7 +190,7 @@ def _directions(structure: Structure) -> tuple[FloatArray, FloatArray]:
     return vector / length[:, None], length
 
 
-def _find_unbalanced(structure: Structure) -> FloatArray:
+def find_unbalanced(structure: Structure) -> FloatArray:
     """Return the force that nothing balances at each node (n_nodes, 3) [N], zero where it is held."""
     unit, _ = _directions(structure)
     strands = structure.strands

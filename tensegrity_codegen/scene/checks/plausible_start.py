@@ -26,7 +26,8 @@ def warn_of_slack(structure: Structure) -> list[str]:
     """Return a warning where none of several cables is in tension."""
     cables, tension = ~structure.is_bar, structure.static_tension()
     count = int(cables.sum())
-    if count < FEWEST_CABLES or (tension[cables] > 0).any():
+    hangs = cables.all() and (structure.gravity.any() or structure.node_load.any())  # its loads pull it taut
+    if count < FEWEST_CABLES or (tension[cables] > 0).any() or hangs:
         return []
     shorter = structure.rest_length - structure.member_length() > SAME_LENGTH * structure.rest_length
     slack = int((cables & shorter).sum())

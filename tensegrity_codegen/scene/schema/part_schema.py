@@ -1,8 +1,9 @@
 """Nodes, members, loads, inputs and pairs of bars of a scene file."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
+    BeforeValidator,
     Discriminator,
     Field,
     Strict,
@@ -26,6 +27,14 @@ from tensegrity_codegen.scene.schema.schema_types import (
     Vector,
     tag_by_type,
 )
+
+
+def list_number(value: Any) -> Any:
+    """Return a number alone as a list of it."""
+    return [value] if isinstance(value, int | float) else value
+
+
+Gains = Annotated[Annotated[tuple[Number, ...], Strict(False)], BeforeValidator(list_number)]
 
 
 class MemberClass(MemberValues):
@@ -83,7 +92,7 @@ class RestLengthInput(Table):
     kind: Literal["rest_length"] = Field(description="Kind of input.")
     name: Name = Field(description="Name of the input.")
     members: References = Field(description="Names of members, groups or classes.")
-    gain: Annotated[tuple[Number, ...], Strict(False)] | None = Field(
+    gain: Gains | None = Field(
         None,
         description="Change of rest lengths for one unit of u, one number for each of `members`; default 1.",
     )

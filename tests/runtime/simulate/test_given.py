@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.runtime.simulate.given import MAX_BYTES, check_sample_memory
+from tensegrity_codegen.runtime.simulate.given import MAX_BYTES, check_sample_memory, read_sample_times
 from tensegrity_codegen.system.errors import InvalidValueError
 
 
@@ -29,3 +29,9 @@ def test_a_large_tower_may_have_hundreds_of_samples_and_not_ten_thousand() -> No
 def test_a_prism_may_have_a_million() -> None:
     check_sample_memory(manifest_of(6, 12), 1_000_000)
     assert MAX_BYTES > 2**30
+
+
+def test_a_time_whose_square_is_no_number_is_too_short() -> None:
+    with pytest.raises(InvalidValueError, match="too short"):
+        read_sample_times(2, 5e-324)
+    assert read_sample_times(2, 1e-100).tolist() == [0.0, 1e-100]

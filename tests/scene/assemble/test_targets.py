@@ -200,6 +200,12 @@ def test_gains_of_one_are_none():
     assert build(changed("inputs", 0, "gain", to=[1]))[0].inputs == build(ARCH)[0].inputs
 
 
+def test_a_gain_of_one_name_may_stand_alone():
+    alone, listed = (build(changed("inputs", 0, "gain", to=gain))[0].inputs for gain in (2.5, [2.5]))
+    assert alone == listed
+    assert alone != build(ARCH)[0].inputs
+
+
 @pytest.mark.parametrize(
     ("document", "key", "problem"),
     [

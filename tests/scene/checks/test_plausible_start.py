@@ -81,3 +81,13 @@ def test_bars_that_buckle_and_strain_at_the_start() -> None:
     # A search for the equilibrium does not start from these tensions.
     squeezed = structure.with_changes(rest_length=rest)
     assert not any("strain" in text for text in find_scene_warnings(squeezed, settles=True))
+
+
+def test_a_hung_chain_needs_no_prestress() -> None:
+    """Its loads pull it taut; without any, nothing does."""
+    chain = make_structure(
+        [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]], [cable(k, k + 1, 1.0) for k in range(3)]
+    )
+    chain = chain.with_changes(rest_length=chain.member_length())
+    assert len(warn_of_slack(chain.with_changes(gravity=np.zeros(3)))) == 1
+    assert warn_of_slack(chain.with_changes(gravity=np.array([0.0, 0.0, -9.81]))) == []
