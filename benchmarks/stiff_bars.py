@@ -20,7 +20,9 @@ the critical one, 2 sqrt(k m) with the mean mass of the nodes.
 """
 
 import argparse
+import math
 import multiprocessing
+import resource
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -265,15 +267,20 @@ def run_within(contender: Contender, setting: float, patience: float) -> tuple[f
         return _fastest(contender, setting)
     context = multiprocessing.get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
-    child = context.Process(target=_answer, args=(contender, setting, sender))
+    child = context.Process(target=_answer, args=(contender, setting, patience, sender))
     child.start()
-    found: tuple[float, Run | None] = receiver.recv() if receiver.poll(patience) else (patience, None)
-    child.kill()
+    sender.close()
+    try:
+        found: tuple[float, Run | None] = receiver.recv()
+    except EOFError:  # its time was up
+        found = (patience, None)
     child.join()
     return found
 
 
-def _answer(contender: Contender, setting: float, sender: Any) -> None:
+def _answer(contender: Contender, setting: float, patience: float, sender: Any) -> None:
+    seconds = math.ceil(patience)
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
     sender.send(_fastest(contender, setting))
 
 

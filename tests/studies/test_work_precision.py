@@ -232,6 +232,19 @@ def test_cvode_itself_moves_as_our_model_does() -> None:
     assert len(found) == 2
 
 
+@pytest.mark.peers
+def test_a_run_of_cvode_that_does_not_come_to_its_end_is_stated(capfd: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("sksundae", reason="scikit-sundae is not installed")
+    stiff = sprung().with_changes(spring_constant=np.array([1e36, 1.0, 1.0, 1.0]))
+    make = dict(cvode.contenders(set_problem(stiff, 0.2, 2)))["CVODE (C; Adams, fixed point)"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cvode, "MOST_STEPS", 1000)
+        run = make().run(1e-9)()
+    assert run.status == "failed"
+    assert "CVODE returned -" in run.message
+    assert "".join(capfd.readouterr()) == ""
+
+
 def test_a_missing_sundials_is_stated(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cvode.importlib.util, "find_spec", lambda name: None)
     cvode._load_cvode.cache_clear()

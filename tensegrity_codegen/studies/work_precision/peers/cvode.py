@@ -98,6 +98,7 @@ def _make(
     memory.value = cvode.CVodeCreate(method, context)
     cvode.CVodeInit(memory, load_c("cvode_rates", RATES).rates, ctypes.c_double(0.0), vector)
     cvode.CVodeSStolerances(memory, ctypes.c_double(1e-3), ctypes.c_double(1e-3))
+    cvode.CVodeSetMaxHnilWarns(memory, -1)  # of steps that are lost in the time: it would print them
     cvode.CVodeSetMaxNumSteps(memory, ctypes.c_long(MOST_STEPS))
     if uses_newton:
         matrix = ctypes.c_void_p(cvode.SUNDenseMatrix(size, size, context))
