@@ -27,6 +27,7 @@ ACCURACY = 2e-11  # of the largest tension: how near to the capstan's limit ring
 PROBE = 1e-6  # of the longest member: slip by which derivatives are found
 MOST_ITERATIONS = 40
 LEAST_PART = 1 / 64  # of a step of Newton's method
+MOST_WAITED = 4  # iterations in a row without an excess that is less by a tenth
 NO_RESISTANCE = 1e-3  # of what is beyond the limit: change of that by a slip as long as the longest member
 LARGEST_SLIP = 0.2  # of the longest member, in one step
 
@@ -89,9 +90,16 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
 
     state = measure(np.zeros(len(row)), first)
     size = float(np.max(problem.compute("member_length", state.outcome.point.coordinate)))
-    slope = PROBE * size / max(state.outcome.point.largest_force, 1e-300)
+    slope = first_slope = PROBE * size / max(state.outcome.point.largest_force, 1e-300)
+    best, least, waited = state, np.inf, 0
     for _ in range(MOST_ITERATIONS):
         point = state.outcome.point
+        largest = float(np.abs(state.find_gap(first_slope)[0]).max())
+        waited = 0 if largest < 0.9 * least else waited + 1
+        if largest < least:
+            best, least = state, largest
+        if waited > MOST_WAITED:
+            break
         gap, side = state.find_gap(slope)
         rounding = problem.rounding_floor(problem.stiffness(point.coordinate), point)
         if np.abs(gap).max() <= slope * max(ACCURACY * point.largest_force, rounding):
@@ -118,9 +126,18 @@ def slip_until_held(problem: StaticProblem, start: Point, search: Callable[[Poin
         if found is None:
             break
         state = found
-    put(state.slid)
+    put(best.slid)
     message = "material slips through rings, and no state was found in which friction holds it"
-    return replace(state.outcome, status="stalled", iterations=spent, message=message)
+    point = _drop_slipping_tensions(problem, best.outcome.point)
+    return replace(best.outcome, point=point, status="stalled", iterations=spent, message=message)
+
+
+def _drop_slipping_tensions(problem: StaticProblem, point: Point) -> Point:
+    """Return a point without the tensions of strands at rings: those that balance cannot be held there."""
+    tension = point.tension.copy()
+    before = [problem.model.manifest.member_name.index(name) for name in problem.model.manifest.ring_name]
+    tension[[row + side for row in before for side in (0, 1)]] = np.nan
+    return replace(point, tension=tension)
 
 
 def _find_step(

@@ -214,3 +214,37 @@ def test_the_ground_and_load_paths_are_refused() -> None:
     nodes = {**scene["nodes"], "b": {"position": [2.0, 0.0], "anchored": True}}
     with pytest.raises(FormulationError, match="friction at rings"):
         find_equilibrium(compile_scene({**scene, "nodes": nodes, "ground": ground}, for_="equilibrium"))
+
+
+def test_a_failed_search_states_no_tensions_that_do_not_balance() -> None:
+    # A mast in two stays and a ring on a rope that would slip until the mast has fallen over.
+    held = {"a": [0, 0, 0], "b": [0.5, 0.4, 0.6], "e1": [-1, 0.5, 0], "e2": [-1, -0.5, 0], "e3": [1, 0, 0]}
+    stay = {"kind": "cable", "spring_constant": 2000.0, "prestress": 10.0}
+    rope = {"kind": "cable", "nodes": ["d", "r", "b"], "axial_stiffness": 1000.0, "damping": 5.0}
+    document: dict[str, Any] = {
+        "name": "ringed",
+        "gravity": [0, 0, -9.81],
+        "nodes": {
+            **{name: {"position": place, "anchored": True} for name, place in held.items()},
+            "d": {"position": [0, 0, 1.2], "mass": 0.5},
+            "r": {"position": [0.3, 0, 0.5], "mass": 0.3},
+        },
+        "members": {
+            "mast": {"kind": "bar", "nodes": ["a", "d"], "spring_constant": 1e5, "mass": 0.2},
+            **{f"g{k}": {**stay, "nodes": ["r" if k == 3 else "d", f"e{k}"]} for k in (1, 2, 3)},
+            "rope": {**rope, "friction": [0.2], "rest_length": 1.0},
+        },
+    }
+    found = find_equilibrium(compile_scene(document, for_="equilibrium"), raise_on_failure=False)
+    assert (found.status, found.iterations < 1000) == ("stalled", True)
+    tension = dict(zip(found.member_name, found.member_tension, strict=True))
+    assert [name for name, value in tension.items() if np.isnan(value)] == ["rope_1", "rope_2"]
+    # The spans at rest with what has slipped, their tensions by their law: these balance, and are not held.
+    place = dict(zip(found.node_name, found.node_position, strict=True))
+    spans = [place[end] - place["r"] for end in ("d", "b", "e3")]
+    first, second = np.linalg.norm([0.3, 0, -0.7]), np.linalg.norm([0.2, 0.4, 0.1])
+    rest = np.array([first, second]) / (first + second) + np.array([-1, 1]) * found.slid["rope_1"]
+    length = np.array([np.linalg.norm(span) for span in spans])
+    pull = [*1000.0 * (length[:2] / rest - 1), tension["g3"]]
+    force = sum(t * span / size for t, span, size in zip(pull, spans, length, strict=True))
+    assert force == pytest.approx([0, 0, 0.3 * 9.81], abs=1e-9)
