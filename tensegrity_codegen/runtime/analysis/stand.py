@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.contacts.contacts import compute_external_force
 from tensegrity_codegen.runtime.contacts.judge_stand import Stand, find_support_margin, judge_stand
-from tensegrity_codegen.runtime.model.arguments import check_arguments
+from tensegrity_codegen.runtime.model.arguments import apply_ground, check_arguments
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
@@ -96,6 +96,7 @@ def stand(
     structure = require_ground(getattr(model, "structure", None), model.manifest.name)
     given = merge_inputs(model.manifest, arguments)
     check_arguments(model.manifest, given)
+    structure = structure.with_changes(ground=apply_ground(model, given))
     nominal = model.nominal("coordinate").ravel()
     friction = 0.0 if check_switch(frictionless, "frictionless") else None
     external = compute_external_force(structure, model, given)

@@ -39,6 +39,20 @@ def test_loads_count(model: CompiledModel) -> None:
     assert stand(other).verdict == "tips"
 
 
+@pytest.mark.parametrize(("friction", "verdict"), [(0.05, "slides"), (0.23, "slides"), (0.24, "stands")])
+def test_the_friction_among_the_arguments_counts(friction: float, verdict: str) -> None:
+    # The feet are pushed by 0.2335 of the weight; the scene itself has the friction that it is built with.
+    ico = make_icosahedron()
+    force = np.zeros((12, 3))
+    weight = float((ico.node_mass.sum() + ico.member_mass.sum()) * -ico.gravity[2])
+    force[[0, 4, 8], 0] = 0.2335 * weight / 3
+    rough = ico.with_changes(node_load=force, ground=make_ground(12, friction=0.4))
+    pushed = load(rough, "contact_force", formulation="rigid_bar", parameters={"ground": (2,)})
+    found = stand(pushed, arguments={"ground": [friction]})
+    assert (found.friction, found.verdict) == (friction, verdict)
+    assert found.friction_needed == pytest.approx(0.2335, rel=1e-6)
+
+
 def test_a_cable_of_the_facet_tips_it_at_a_known_length(model: CompiledModel) -> None:
     """Known from a prototype to 12 digits; then the third foot carries nothing."""
     structure = make_icosahedron()
