@@ -93,9 +93,9 @@ def _tighten(motion: Motion, options: RunOptions) -> RawTrajectory:
     return report_vibration(tighten_until_converged(run, tolerance, checks), options)
 
 
-def find_min_counted(motion: Motion) -> float:
+def find_min_counted(motion: Motion, method: str = STIFF_INTEGRATOR) -> float:
     """Return the part of the difference of two runs that counts at least: where cables are not watched."""
-    spec = find_integrator(motion.model.manifest, STIFF_INTEGRATOR)
+    spec = find_integrator(motion.model.manifest, method)
     watched = choose_watch(spec, motion.model.manifest, motion.watch).kinds
     unwatched = (set(JUMP_KINDS) & set(spec.events)) - set(watched)
     return MIN_COUNTED_WITH_KINKS if spec.unwatched or (spec.cables and unwatched) else 0.0

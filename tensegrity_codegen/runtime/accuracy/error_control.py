@@ -227,7 +227,8 @@ class _Rounds:
             self.where = "by vibrations that the steps do not resolve" if lost > 1.0 else self.where
             self.error += lost
         estimate = self.error + share
-        is_loose = finer.log.count > 0 and self.rtol * self.factor / shrink > LOOSE_RTOL
+        may_pass_over = finer.log.count > 0 or checks.min_counted > 0.0
+        is_loose = may_pass_over and self.rtol * self.factor / shrink > LOOSE_RTOL
         if estimate <= 1.0 and not is_loose:
             self.error = estimate
             return self._accept(finer, found)

@@ -12,6 +12,7 @@ from functools import cache, partial
 
 import numpy as np
 
+from tensegrity_codegen.runtime.accuracy.damped_vibration import find_min_counted
 from tensegrity_codegen.runtime.accuracy.error_control import (
     LEAST_ERROR_WITH_SWITCHES,
     MAX_SHRINK_WITH_SWITCHES,
@@ -39,6 +40,11 @@ WHY_SCIPY = (
 )
 MAX_EXPLICIT_STEPS = 20_000  # of an explicit method, from which on SciPy's implicit one has its turn first
 NEGLIGIBLE_LOSS = 0.01  # change of the whole vibration, from which on two runs may agree on it
+# Steps of SciPy that pass over jumps of forces: the longest of a first run, as a part of its time, and of
+# each next one, as a part of the mean step before.
+FIRST_STEP_OVER_JUMPS, STEP_AFTER_STEP = 0.05, 0.4
+# Two such runs err alike at a jump by chance: what counts of their difference, and the least estimate stated.
+MIN_COUNTED_OVER_JUMPS, LEAST_ERROR_OVER_JUMPS = 4.0, 0.1
 LOSS_SAFETY = 3.0  # times that change: steps are not all of the same length
 # The short run: radians of the fastest vibration between its samples, their number, and its tolerance.
 SHORT_RUN_SPACING, SHORT_RUN_SAMPLES, SHORT_RUN_TOLERANCE = 2.0, 26, 1e-2
@@ -51,14 +57,18 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
     tighten_until_converged. Steps of SciPy's methods pass over the kinks where cables go slack and taut.
     Raises as integrate_adaptive and integrate_scipy.
     """
-    manifest, structure = motion.model.manifest, motion.model.structure
+    manifest = motion.model.manifest
     find_frequency = cache(partial(find_fastest, begin_motion(motion)))
     tolerance = tolerance_of_options(manifest, options)
     rounding = Rounding(find_frequency, manifest.is_centre)
     noise = find_noise(motion, find_frequency())
+    counted = _find_min_counted(motion, options.method)
+    is_rough = counted == MIN_COUNTED_OVER_JUMPS
+    switches = manifest.needs_state_jacobian  # contacts, or members and rings with memory
+    least_error = LEAST_ERROR_WITH_SWITCHES if switches else 0.0
+    least_error = LEAST_ERROR_OVER_JUMPS if is_rough else least_error
     if not find_method(options.method).scipy:
         lost = _LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
-        switches = manifest.needs_state_jacobian  # contacts, or members and rings with memory
         share = find_row(options.method, switches).noise_share
 
         def find_least_atol(run: RawTrajectory) -> float:
@@ -69,8 +79,8 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
         checks = Checks(
             least_atol=share * noise,
             find_least_atol=find_least_atol if manifest.has_contacts else None,
-            min_counted=MIN_COUNTED_WITH_SWITCHES if switches else 0.0,
-            least_error=LEAST_ERROR_WITH_SWITCHES if switches else 0.0,
+            min_counted=max(counted, MIN_COUNTED_WITH_SWITCHES if switches else 0.0),
+            least_error=least_error,
             max_shrink=MAX_SHRINK_WITH_SWITCHES if switches else 0.1,
             rounding=rounding,
             lost=partial(lost.estimate, tolerance=tolerance),
@@ -78,21 +88,40 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
         return tighten_until_converged(
             lambda rtol, atol: integrate_adaptive(motion, options.within(rtol, atol)), tolerance, checks
         )
-    has_kinks = structure is None or bool(np.any(structure.tension_only | structure.has_switch))
     like = "rk853" if options.method == SCIPY_EXPLICIT.name else "rk54"
     lost = _LostVibration(motion, options, find_frequency, integrate_scipy, like)
     checks = Checks(
         least_atol=noise,
         least_rtol=MIN_SCIPY_RTOL,
-        min_counted=MIN_COUNTED_WITH_KINKS if has_kinks else 0.0,
+        min_counted=counted,
+        least_error=least_error,
         rounding=rounding,
         lost=partial(lost.estimate, tolerance=tolerance),
     )
 
+    longest = FIRST_STEP_OVER_JUMPS * motion.t_end if is_rough else np.inf
+
     def run(rtol: float, atol: float) -> RawTrajectory:
-        return integrate_scipy(motion, options.within(max(rtol, MIN_SCIPY_RTOL), atol))
+        nonlocal longest
+        found = integrate_scipy(motion, options.within(max(rtol, MIN_SCIPY_RTOL), atol), longest)
+        # Steps that are alike pass over the same jumps with the same error.
+        longest = STEP_AFTER_STEP * motion.t_end / max(found.n_steps, 1) if is_rough else np.inf
+        return found
 
     return tighten_until_converged(run, tolerance, checks)
+
+
+def _find_min_counted(motion: Motion, method: str) -> float:
+    """Return the part of the difference of two runs that counts at least: where steps pass over kinks."""
+    manifest, structure = motion.model.manifest, motion.model.structure
+    is_blind = structure is None or bool(np.any(structure.tension_only | structure.has_switch))
+    if not find_method(method).scipy:
+        is_blind = find_min_counted(motion, method) > 0.0
+    if not is_blind:
+        return 0.0
+    jumps = structure is None or bool(np.any(structure.tension_only & (structure.damping > 0.0)))
+    jumps = jumps or any(item.name == "damping" for item in manifest.arguments)
+    return MIN_COUNTED_OVER_JUMPS if jumps else MIN_COUNTED_WITH_KINKS
 
 
 def integrate_scheduled(motion: Motion, options: RunOptions) -> RawTrajectory:

@@ -89,11 +89,11 @@ def find_distances(
     return np.asarray(motion.model.compute("bar_distance", **given))
 
 
-def integrate_scipy(motion: Motion, options: RunOptions) -> RawTrajectory:
+def integrate_scipy(motion: Motion, options: RunOptions, longest: float = np.inf) -> RawTrajectory:
     """Integrate a motion by a method of SciPy, begun anew at every kink of a profile.
 
-    A contact of bars that is watched ends it; steps are at most a hundredth of the time then. Status
-    "unstable" where SciPy does not come to the end, "not_converged" after max_steps steps.
+    longest: step [s]. A contact of bars that is watched ends it; steps are at most a hundredth of the time
+    then. Status "unstable" where SciPy does not come to the end, "not_converged" after max_steps steps.
     """
     manifest = motion.model.manifest
     if manifest.contact_name:
@@ -124,7 +124,7 @@ def integrate_scipy(motion: Motion, options: RunOptions) -> RawTrajectory:
         is_last = end == motion.t_end
         inside = times[(times >= start) & ((times < end) | is_last)]
         try:
-            found = _run(motion, options, (start, end), state, inside, (steps, contact))
+            found = _run(motion, options, longest, (start, end), state, inside, (steps, contact))
         except NonFiniteError as error:
             return finish("unstable", error.problem)
         except ConvergenceError as error:
@@ -152,6 +152,7 @@ def integrate_scipy(motion: Motion, options: RunOptions) -> RawTrajectory:
 def _run(
     motion: Motion,
     options: RunOptions,
+    longest: float,
     span: tuple[float, float],
     state: FloatArray,
     inside: FloatArray,
@@ -175,6 +176,6 @@ def _run(
             t_eval=times,
             rtol=options.rtol,
             atol=options.absolute,
-            max_step=MAX_STEP * motion.t_end if is_function or watched[1] else np.inf,
+            max_step=min(longest, MAX_STEP * motion.t_end if is_function or watched[1] else np.inf),
             events=[event for event in watched if event is not None],
         )
