@@ -129,7 +129,7 @@ def warn_of_imbalance(structure: Structure) -> list[str]:
     """
     if not structure.n_members or structure.ground is not None:
         return []
-    force = np.linalg.norm(_find_unbalanced(structure), axis=1)
+    force = np.linalg.norm(find_unbalanced(structure), axis=1)
     whole = float(structure.lumped_mass.sum() * np.linalg.norm(structure.gravity))
     whole += float(np.linalg.norm(structure.node_load, axis=1).sum())
     tension, found = structure.static_tension(), []
