@@ -26,53 +26,12 @@ _ASSIGN = re.compile(r"([A-Za-z_]\w{0,31})\s*(?:\(\s*([^()]+?)\s*\))?\s*=\s*(.+)
 _ABAQUS = re.compile(r"^\s*\*(heading|node|element|part|assembly)\b", re.IGNORECASE | re.MULTILINE)
 _ELEMENT = re.compile(r"([A-Za-z_]\w{0,31})\s*(?:\(\s*([^()]+?)\s*\))?")
 # Commands that say nothing about the structure.
-PASSED = frozenset(
-    [
-        "finish",
-        "et",
-        "mp",
-        "*dim",
-        "*do",
-        "*enddo",
-        "inistate",
-        "*get",
-        "allsel",
-        "solve",
-        "antype",
-        "nlgeo",
-        "nlgeom",
-        "sstif",
-        "nsubst",
-        "autots",
-        "outres",
-        "pldisp",
-        "etable",
-        "plls",
-        "lesize",
-        "lmesh",
-        "esel",
-        "nsel",
-        "plnsol",
-        "prnsol",
-        "set",
-        "/clear",
-        "/filename",
-        "/title",
-        "/prep7",
-        "/solu",
-        "/post1",
-        "/post26",
-        "/units",
-        "/eshape",
-        "/replot",
-        "time",
-        "kbc",
-        "type",
-        "mat",
-        "real",
-        "secnum",
-    ]
-)
+_PASSED = """
+finish et mp *dim *do *enddo inistate *get allsel solve antype nlgeo nlgeom sstif nsubst autots
+outres pldisp etable plls lesize lmesh esel nsel plnsol prnsol set /clear /filename /title /prep7
+/solu /post1 /post26 /units /eshape /replot time kbc type mat real secnum
+"""
+PASSED = frozenset(_PASSED.split())
 AXES = {"ux": "x", "uy": "y", "uz": "z", "fx": "x", "fy": "y", "fz": "z", "x": "x", "y": "y", "z": "z"}
 
 

@@ -64,13 +64,12 @@ def import_mjcf(
 
 def _read_gravity(root: Element, defaults: Defaults, file: str) -> list[float]:
     """Return the gravity that the options of a model state [m/s2]."""
-    down, is_on = GRAVITY, True
-    for option in root.iterfind("option"):
-        down = defaults.complete(option, "option").get("gravity", down)
-        for flag in option.iterfind("flag"):
-            is_on = defaults.complete(flag, "flag").get("gravity", "enable" if is_on else "") == "enable"
-    found = read_numbers(down, f"{file}: option.gravity", (3,))
-    return found if is_on else [0.0] * 3
+    options, flags = (
+        {key: value for item in root.iterfind(path) for key, value in defaults.complete(item, tag).items()}
+        for path, tag in (("option", "option"), ("option/flag", "flag"))
+    )
+    found = read_numbers(options.get("gravity", GRAVITY), f"{file}: option.gravity", (3,))
+    return found if flags.get("gravity", "enable") == "enable" else [0.0] * 3
 
 
 def _read_speeds(root: Element, network: Network, file: str) -> list[float] | None:

@@ -32,20 +32,9 @@ from tensegrity_codegen.system.errors import (
 
 NODE_COLUMNS = ("node", "x", "y", "z", "vx", "vy", "vz", "mass", "anchored", "fx", "fy", "fz")
 MEMBER_COLUMNS = (
-    "member",
-    "kind",
-    "node_i",
-    "node_j",
-    "rest_length",
-    "spring_constant",
-    "axial_stiffness",
-    "damping",
-    "mass",
-    "prestress",
-    "density",
-    "radius",
-    "tension_only",
-    *("class", "section", "youngs_modulus", "mass_per_length", "inner_radius", *MEMBER_LIMITS),
+    *("member", "kind", "node_i", "node_j", "rest_length", "spring_constant", "axial_stiffness", "damping"),
+    *("mass", "prestress", "density", "radius", "tension_only", "class", "section", "youngs_modulus"),
+    *("mass_per_length", "inner_radius", *MEMBER_LIMITS),
 )
 OTHER_NODE_NAMES = {"id": "node", "name": "node", "fixed": "anchored"}
 OTHER_MEMBER_NAMES = {"id": "member", "name": "member", "type": "kind", "from": "node_i", "to": "node_j"}

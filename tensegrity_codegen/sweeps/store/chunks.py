@@ -30,7 +30,8 @@ def check_array(array: Mapping[str, Any]) -> None:
 
 def is_whole(file: Path, array: Mapping[str, Any]) -> bool:
     """Return whether a chunk has the checksum (CRC-32C), the size and the kind of what was written."""
-    is_text, count = array["data_type"] == "string", math.prod(_chunk_shape(array))
+    is_text = array["data_type"] == "string"
+    count: int = math.prod(array["chunk_grid"]["configuration"]["chunk_shape"])
     most = OTHER_BYTES + count * (MAX_TEXT_BYTES if is_text else np.dtype(array["data_type"]).itemsize)
     try:
         if file.stat().st_size > most:
@@ -53,10 +54,6 @@ def is_whole(file: Path, array: Mapping[str, Any]) -> bool:
         return int.from_bytes(text[:4], "little") == count == len(numcodecs.VLenUTF8().decode(text))
     except (IndexError, RuntimeError, ValueError):
         return False
-
-
-def _chunk_shape(array: Mapping[str, Any]) -> tuple[int, ...]:
-    return tuple(array["chunk_grid"]["configuration"]["chunk_shape"])
 
 
 def read_frame_size(data: bytes) -> int:

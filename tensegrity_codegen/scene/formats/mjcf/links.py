@@ -132,50 +132,41 @@ def _add_body(
         link.speed = np.array(numbers[:3]) if kinds == ["free"] else np.zeros(3)
         link.spin = turned @ np.array(numbers[-3:])
     else:
-        raise InvalidValueError(
-            "these joints are not read",
-            where=where,
-            given=", ".join(kinds),
-            allowed="slide joints, one free joint, or one ball joint at the world",
-            hint=INSTEAD,
-        )
+        allowed = "slide joints, one free joint, or one ball joint at the world"
+        raise _refuse("these joints are not read", where, allowed, ", ".join(kinds))
     walk.links.append(link)
     _fill(walk, body, link, place, turned, around)
 
 
 def _slide(walk: _Walk, joints: list[dict[str, str]], above: Link, link: Link) -> Link:
     """Complete a link that only slides, along axes of the world; raises InvalidValueError for others."""
+    place = f"{walk.file}: body {link.name}"
     if above.kind not in ("static", "sliding"):
-        raise InvalidValueError(
-            "a body that slides on a turning one is not read",
-            where=f"{walk.file}: body {link.name}",
-            allowed="bodies that slide in the world, or on others that slide",
-            hint="put both sites on one body, which is a rigid bar; an elastic one is a bar of the scene",
-        )
+        allowed = "bodies that slide in the world, or on others that slide"
+        hint = "put both sites on one body, which is a rigid bar; an elastic one is a bar of the scene"
+        raise _refuse("a body that slides on a turning one is not read", place, allowed, hint=hint)
     link.speed = above.speed.copy()
     for values, speed in zip(joints, walk.take(len(joints)), strict=True):
-        where = f"{walk.file}: joint {values.get('name', f'of body {link.name}')[:60]}"
+        where = f"{place}: joint {values.get('name', '')[:60]}".rstrip()
         axis = link.rotation @ _vector(values, "axis", where, "0 0 1")
         axis = axis / (np.linalg.norm(axis) or 1.0)
         main = int(np.abs(axis).argmax())
         if abs(abs(axis[main]) - 1.0) > ALIGNMENT_TOLERANCE or link.free[main]:
-            raise InvalidValueError(
-                "a slide joint that is not along an axis of the world, or along one twice",
-                where=where,
-                given=" ".join(f"{value:.6g}" for value in axis),
-                allowed="1 0 0, 0 1 0 and 0 0 1, each once",
-                hint=INSTEAD,
-            )
+            problem = "a slide joint that is not along an axis of the world, or along one twice"
+            given = " ".join(f"{value:.6g}" for value in axis)
+            raise _refuse(problem, where, "1 0 0, 0 1 0 and 0 0 1, each once", given)
         link.free[main] = True
         link.speed[main] += math.copysign(speed, axis[main] * speed)
     if (above.free & ~link.free).any():
-        raise InvalidValueError(
-            "a body without a joint along an axis along which the body that carries it slides",
-            where=f"{walk.file}: body {link.name}",
-            allowed="slide joints along the same axes at least",
-            hint=INSTEAD,
-        )
+        problem = "a body without a joint along an axis along which the body that carries it slides"
+        raise _refuse(problem, place, "slide joints along the same axes at least")
     return link
+
+
+def _refuse(
+    problem: str, where: str, allowed: str, given: str | None = None, hint: str = INSTEAD
+) -> InvalidValueError:
+    return InvalidValueError(problem, where=where, given=given, allowed=allowed, hint=hint)
 
 
 def _add_inertia(
