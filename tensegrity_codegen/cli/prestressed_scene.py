@@ -51,19 +51,10 @@ def write_prestressed(
 ) -> Prestressed | None:
     """Write the scene whose member tensions are the self-stress found; None where there is none.
 
-    Parameters
-    ----------
-    coordinate : ndarray, shape (n_coordinates,), optional
-        The equilibrium that was analysed; by default the positions are those of the scene.
-    text : str
-        The value of --prestress.
-
-    Raises
-    ------
-    UnknownNameError, NonFiniteError, InvalidValueError
-        The text is no size of this prestress, or a member has no rest length for its tension.
-    ConvergenceError
-        The scene as read back is not in balance.
+    coordinate (n_coordinates,): the equilibrium that was analysed; by default the positions are those of the
+    scene; text: the value of --prestress.
+    Raises UnknownNameError, NonFiniteError, InvalidValueError: the text is no size of this prestress, or a
+    member has no rest length for its tension; ConvergenceError: the scene as read back is not in balance.
     """
     from tensegrity_codegen.pipeline.compile_scene import load_scene
     from tensegrity_codegen.scene.describe_bodies import describe_subject

@@ -56,12 +56,7 @@ class ProgressBar:
     A thread shows it, so that it appears also while nothing reports. On a terminal it is a bar of Rich, from
     DELAY seconds on, that disappears at the end; elsewhere it is a line every INTERVAL seconds.
 
-    Parameters
-    ----------
-    console : callable
-        Returns the console of stderr; called when a bar is drawn.
-    clock : callable
-        Time [s].
+    console: returns the console of stderr; called when a bar is drawn; clock: time [s].
     """
 
     DELAY = 1.0  # [s]

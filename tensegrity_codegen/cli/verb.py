@@ -156,17 +156,11 @@ GROUPS = {
 class Verb:
     """One verb of the command line; a module of `cli/verbs/` defines one as its `VERB`.
 
-    Attributes
-    ----------
-    run : Callable
-        Does the work. Typer makes the arguments and options from its signature, the help from its docstring;
+    run: does the work. Typer makes the arguments and options from its signature, the help from its docstring;
         a parameter whose type is a dataclass stands for one option for each of its fields.
-    order : int
-        Place in the list of `--help`; decides the group, see GROUPS.
-    name : str
-        The word on the command line; empty: the name of `run` with `-` for `_`.
-    command : type
-        Class of the command, for a verb whose help is computed.
+    order: place in the list of `--help`; decides the group, see GROUPS.
+    name: the word on the command line; empty: the name of `run` with `-` for `_`.
+    command: class of the command, for a verb whose help is computed.
     """
 
     run: Callable[..., Any]

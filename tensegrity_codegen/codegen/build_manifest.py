@@ -139,21 +139,11 @@ def list_parts(
 ) -> tuple[SourcePart, ...]:
     """Return the optional parts of a C source, with the reason for each that is there or not.
 
-    Parameters
-    ----------
-    request : ModelRequest
-        What is wanted of the structure.
-    integrators : sequence of IntegratorSpec
-        The integrators of the library, with the events that each can watch.
-    driven : sequence of str
-        The arguments that can change with time.
-    n_slack : int
-        Number of members that can go slack.
-
-    Returns
-    -------
-    tuple of SourcePart
-        One entry for each optional part, in the order in which they stand in the file.
+    request: what is wanted of the structure.
+    integrators: the integrators of the library, with the events that each can watch.
+    driven: the arguments that can change with time.
+    n_slack: number of members that can go slack.
+    Returns one entry for each optional part, in the order in which they stand in the file.
     """
     return (
         _machine_check(request),

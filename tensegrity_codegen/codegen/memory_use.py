@@ -26,16 +26,8 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 def find_mentions(sources: Iterable[str]) -> dict[str, frozenset[str]]:
     """Return what each function, macro and initialised variable of C sources mentions.
 
-    Parameters
-    ----------
-    sources : iterable of str
-        Texts of C files.
-
-    Returns
-    -------
-    dict of str to frozenset of str
-        Name of a definition -> all words in its body. A call is such a word; so is a function whose address
-        is taken, or a macro.
+    sources: texts of C files. Returns name of a definition -> all words in its body. A call is such a word;
+    so is a function whose address is taken, or a macro.
     """
     found: dict[str, set[str]] = {}
     for source in sources:
@@ -82,17 +74,10 @@ def _name(head: str) -> str:
 def deepest_stack(frames: Mapping[str, int], sources: Iterable[str]) -> dict[str, int]:
     """Return the bytes of stack that each function takes at most, with all that it calls.
 
-    Parameters
-    ----------
-    frames : mapping of str to int
-        Function -> bytes of its own frame; functions that the compiler has inlined are missing, or 0.
-    sources : iterable of str
-        Texts of the C files in which they are defined. Functions of other libraries count nothing.
-
-    Returns
-    -------
-    dict of str to int
-        Function -> bytes along the longest chain of calls. In a circle of calls each function counts once.
+    frames: function -> bytes of its own frame; functions that the compiler has inlined are missing, or 0;
+    sources: texts of the C files in which they are defined. Functions of other libraries count nothing.
+    Returns function -> bytes along the longest chain of calls. In a circle of calls each function counts
+    once.
     """
     own: dict[str, int] = {}
     for name, size in frames.items():

@@ -33,16 +33,10 @@ from tensegrity_codegen.tables.request import ModelRequest
 class ExportSource:
     """What is exported.
 
-    Attributes
-    ----------
-    path : Path
-        The scene file; its name without ending names what is written.
-    structure : Structure or BodySystem
-        The structure that it describes.
-    request : ModelRequest
-        What it requests.
-    out : Path or None
-        What `write_export` writes; for formats of several files, which name each other.
+    path: the scene file; its name without ending names what is written.
+    structure: the structure that it describes.
+    request: what it requests.
+    out: what `write_export` writes; for formats of several files, which name each other.
     """
 
     path: Path
@@ -55,14 +49,9 @@ class ExportSource:
 class Exported:
     """What was written.
 
-    Attributes
-    ----------
-    facts : Mapping
-        For programs and tables: {"n_nodes": 6, ...}, in JSON's types.
-    notes : tuple of str
-        What the format cannot say, or says otherwise than the scene, a sentence each.
-    files : Mapping of str to bytes
-        Contents by file name: those of the folder that a format of a folder writes, else those of a folder
+    facts: for programs and tables: {"n_nodes": 6, ...}, in JSON's types.
+    notes: what the format cannot say, or says otherwise than the scene, a sentence each.
+    files: contents by file name: those of the folder that a format of a folder writes, else those of a folder
         beside the file, of its name without ending.
     """
 
@@ -75,25 +64,17 @@ class Exported:
 class Exporter:
     """One format.
 
-    Attributes
-    ----------
-    name : str
-        The word on the command line: "fmu".
-    title : str
-        What the file is, for people: "functional mock-up unit (FMI 2.0 or 3.0)".
-    endings : tuple of str
-        Endings that the name of the file may have, in lower case, the usual one first.
-    write : Callable
-        Writes the file: write(source, path, **options); raises TensegrityError where the format cannot
+    name: the word on the command line: "fmu".
+    title: what the file is, for people: "functional mock-up unit (FMI 2.0 or 3.0)".
+    endings: endings that the name of the file may have, in lower case, the usual one first.
+    write: writes the file: write(source, path, **options); raises TensegrityError where the format cannot
         express the scene. `path` has the ending of the file that the user named, and takes its place when
         `write` returns.
-    options : tuple of str
-        Names of further keyword arguments of `write`, in Python as on the command line (with `-` for `_`).
-        A `design` is made of the options of the verb `control` there.
-    order : int
-        Place in lists of formats.
-    is_folder : bool
-        Whether the output is a folder, of files with these endings; `write` then writes nothing itself.
+    options: names of further keyword arguments of `write`, in Python as on the command line (with `-` for
+        `_`). A `design` is made of the options of the verb `control` there.
+    order: place in lists of formats.
+    is_folder: whether the output is a folder, of files with these endings; `write` then writes nothing
+        itself.
     """
 
     name: str
@@ -163,28 +144,11 @@ def write_export(
 ) -> Exported:
     """Write a scene in a format: the whole file or none.
 
-    Parameters
-    ----------
-    format_name : str
-        Name of the format, one of `find_exporters`.
-    source : ExportSource
-        The scene.
-    out : Path
-        File to write, or folder where the format writes several files.
-    overwrite : bool
-        Whether to replace files that exist.
-    options : further arguments of the format; None: not given.
-
-    Raises
-    ------
-    UnknownNameError
-        There is no format of this name.
-    InvalidValueError
-        The format does not have an option, or not this value of it.
-    OutputError
-        The file cannot be written, exists, or has the ending of another format.
-    FormulationError
-        The format cannot express the scene.
+    format_name: name of the format, one of `find_exporters`; source: the scene; out: file to write, or folder
+    where the format writes several files; overwrite: whether to replace files that exist.
+    Raises UnknownNameError: there is no format of this name; InvalidValueError: the format does not have an
+    option, or not this value of it; OutputError: the file cannot be written, exists, or has the ending of
+    another format; FormulationError: the format cannot express the scene.
     """
     chosen = check_export(format_name, out, overwrite=overwrite, inputs=(source.path,), **options)
     given = {key: value for key, value in options.items() if value is not None}

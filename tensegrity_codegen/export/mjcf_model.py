@@ -28,14 +28,8 @@ from tensegrity_codegen.system.errors import FormulationError
 class NodeTree:
     """A forest of nodes.
 
-    Attributes
-    ----------
-    parent : tuple of int
-        Parent of each node, -1 of a root.
-    order : tuple of int
-        The nodes, parents before their children.
-    fixed : ndarray of bool, shape (n_nodes, 3)
-        Axes along which each node does not move.
+    parent: parent of each node, -1 of a root; order: the nodes, parents before their children; fixed
+    (n_nodes, 3): axes along which each node does not move.
     """
 
     parent: tuple[int, ...]

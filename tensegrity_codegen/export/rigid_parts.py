@@ -45,28 +45,16 @@ THIN_INERTIA_RATIO = 1e-6
 class RigidPart:
     """One rigid part.
 
-    Attributes
-    ----------
-    name : str
-        Name of the body or bar, with an ending where it is that of a point mass.
-    joint : str
-        ``"floating"`` (free) or ``"ball"`` (turns about its origin).
-    parent : str
-        Part that carries it; WORLD for none.
-    origin : ndarray, shape (3,) [m]
-        Origin of its frame in the world.
-    rotation : ndarray, shape (3, 3)
-        Axes of its frame; that of a bar has z along the bar.
-    mass : float [kg]
-        Mass.
-    centre : ndarray, shape (3,) [m]
-        Centre of mass in its frame.
-    inertia : ndarray, shape (3, 3) [kg m2]
-        About the centre, in its frame.
-    points : dict of str to ndarray, shape (3,) [m]
-        Nodes in its frame.
-    bar : tuple of float
-        Of a bar: from where to where on its z axis, and its radius [m]; empty for others.
+    name: name of the body or bar, with an ending where it is that of a point mass.
+    joint: ``"floating"`` (free) or ``"ball"`` (turns about its origin).
+    parent: part that carries it; WORLD for none.
+    origin (3,) [m]: origin of its frame in the world.
+    rotation (3, 3): axes of its frame; that of a bar has z along the bar.
+    mass [kg]: mass.
+    centre (3,) [m]: centre of mass in its frame.
+    inertia (3, 3) [kg m2]: about the centre, in its frame.
+    points (3,) [m]: nodes in its frame.
+    bar: of a bar: from where to where on its z axis, and its radius [m]; empty for others.
     """
 
     name: str

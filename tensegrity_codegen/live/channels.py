@@ -17,18 +17,12 @@ UNKNOWN = -32768
 class Channel:
     """An array as a page holds it.
 
-    Attributes
-    ----------
-    kind : str
-        Type of the numbers: ``"float64"``, ``"float32"``, ``"int32"``, ``"int16"`` or ``"uint8"``.
-    shape : tuple of int
-        Shape; the first axis runs over rows.
-    data : str
-        The numbers, little-endian, compressed by gzip, in base64.
-    scale, offset : tuple of float
-        Of 16-bit numbers: value = number * scale + offset; one entry, or one for each place of the last axis.
-    rounding : float
-        Largest difference from the given array.
+    kind: type of the numbers: ``"float64"``, ``"float32"``, ``"int32"``, ``"int16"`` or ``"uint8"``.
+    shape: shape; the first axis runs over rows.
+    data: the numbers, little-endian, compressed by gzip, in base64.
+    scale, offset: of 16-bit numbers: value = number * scale + offset; one entry, or one for each place of the
+        last axis.
+    rounding: largest difference from the given array.
     """
 
     kind: str
@@ -52,18 +46,8 @@ def pack(values: ArrayLike, kind: str) -> Channel:
 def pack_rounded(values: NDArray[np.float64], *, by_place: bool = False) -> Channel:
     """Return an array in single precision, a large one as 16-bit numbers of equal steps.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n_rows, ...)
-        Numbers; NaN stands for what is not known.
-    by_place : bool
-        Whether each place of the last axis has steps of its own, centred on its range; else zero is exact,
-        and what is not zero keeps its sign.
-
-    Returns
-    -------
-    Channel
-        The array, with the largest difference in `rounding`.
+    values (n_rows, ...): numbers; NaN stands for what is not known; by_place: whether each place of the last
+    axis has steps of its own, centred on its range; else zero is exact, and what is not zero keeps its sign.
     """
     array = np.asarray(values, dtype=np.float64)
     if array.size <= MOST_FLOATS:

@@ -171,27 +171,14 @@ def add_engine(
 ) -> LiveScene:
     """Return a live scene with a compiled model inside.
 
-    Parameters
-    ----------
-    scene : LiveScene
-        What the page shows at the start.
-    subject : Structure or BodySystem
-        The structure.
-    manifest : Manifest
-        That of the library, with its integrators with error control.
-    module : bytes
-        The library for the target wasm32.
-    rtol : float
-        Relative tolerance of each step.
-    method : str
-        Integrator with which the page starts; "auto" is that of `choose_method`.
-    profile : Profile, optional
-        Inputs over time, linear between knots, which have no sliders then; they stay at their last values.
-
-    Returns
-    -------
-    LiveScene
-        The scene with the module and its description.
+    scene: what the page shows at the start.
+    subject: the structure.
+    manifest: that of the library, with its integrators with error control.
+    module: the library for the target wasm32.
+    rtol: relative tolerance of each step.
+    method: integrator with which the page starts; "auto" is that of `choose_method`.
+    profile: inputs over time, linear between knots, which have no sliders then; they stay at their last
+        values.
     """
     structure = outline_bodies(subject)
     methods = {item.name: item for item in manifest.integrators}
@@ -270,20 +257,8 @@ def add_engine(
 def choose_method(structure: Structure, methods: Collection[str]) -> str:
     """Return the integrator with which a page starts: implicit where stiff bars keep rk54 from real time.
 
-    Parameters
-    ----------
-    structure : Structure
-        The structure, or the outline of bodies.
-    methods : collection of str
-        The integrators of the library.
+    structure: the structure, or the outline of bodies; methods: the integrators of the library.
 
-    Returns
-    -------
-    str
-        "rk54", or STIFF_INTEGRATOR for stiff bars.
-
-    Notes
-    -----
     The largest frequency is at most the root of the largest sum of 2 k / m over the members of a node
     (Gershgorin), with spring constants k and the mass m of the node; rk54 takes 0.5 to 3 steps a radian of it
     at a tolerance of 1e-6.

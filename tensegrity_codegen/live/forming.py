@@ -25,24 +25,10 @@ FACT = (
 def add_forming(scene: LiveScene, found: Form, density: Mapping[str, float]) -> LiveScene:
     """Return a live scene of a shape whose force densities, loads and heights of supports have sliders.
 
-    Parameters
-    ----------
-    scene : LiveScene
-        The page of the shape.
-    found : Form
-        The shape at the stated force densities.
-    density : mapping of str to float
-        The force densities [N/m], as in `form`; each has a slider over its members.
-
-    Returns
-    -------
-    LiveScene
-        The scene with what the page needs to find other shapes.
-
-    Raises
-    ------
-    InvalidValueError
-        A member without a stated force density, whose shapes follow from other equations.
+    scene: the page of the shape; found: the shape at the stated force densities; density: the force densities
+    [N/m], as in `form`; each has a slider over its members.
+    Raises InvalidValueError: a member without a stated force density, whose shapes follow from other
+    equations.
     """
     structure = found.structure
     group, rank = np.full(structure.n_members, -1), np.full(structure.n_members, 9)

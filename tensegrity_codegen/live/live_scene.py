@@ -38,21 +38,10 @@ def compute_uses(
 ) -> FloatArray | None:
     """Return the largest part of a limit that each member uses; above 1 the limit is exceeded.
 
-    Parameters
-    ----------
-    subject : Structure or BodySystem
-        What has the limits.
-    structure : Structure
-        Its outline, whose first members are those of the subject.
-    position : ndarray, shape (n_t, n_nodes, 3) [m]
-        Positions.
-    tension : ndarray, shape (n_t, n_members) [N]
-        Tensions; NaN where unknown.
-
-    Returns
-    -------
-    ndarray, shape (n_t, n_members), or None
-        Uses, NaN for members without a limit or with an unknown tension; None where no member has a limit.
+    subject: what has the limits; structure: its outline, whose first members are those of the subject;
+    position (n_t, n_nodes, 3) [m]: positions; tension (n_t, n_members) [N]: tensions; NaN where unknown.
+    Returns (n_t, n_members): uses, NaN for members without a limit or with an unknown tension; None where no
+    member has a limit.
     """
     limits = subject.limits.for_members(subject.n_members)
     if not any(np.any(getattr(limits, name) != none) for name, none in MEMBER_LIMITS.items()):
@@ -118,14 +107,8 @@ MOST_NAMES = 160  # of nodes or of members that a page writes at once
 class LiveStart:
     """What a page shows at first; readers can change all of it.
 
-    Attributes
-    ----------
-    view : Direction or None
-        From where the structure is seen.
-    labels : tuple of str
-        Names of ``"nodes"``, ``"members"`` or both.
-    follow : bool
-        Whether the camera moves with the structure.
+    view: from where the structure is seen; labels: names of ``"nodes"``, ``"members"`` or both; follow:
+    whether the camera moves with the structure.
     """
 
     view: Direction | None = None
@@ -142,18 +125,11 @@ class LiveStart:
 class LiveScene:
     """All that a live page shows.
 
-    Attributes
-    ----------
-    title, headline : str
-        Name of the structure, and a line of facts.
-    facts : tuple of str
-        Sentences on roundings and on what is left out.
-    data : mapping
-        Names, axes and other short things in JSON's types.
-    channels : mapping of str to Channel
-        Arrays by name.
-    warnings : tuple of str
-        What looks like a slip in the scene.
+    title, headline: name of the structure, and a line of facts.
+    facts: sentences on roundings and on what is left out.
+    data: names, axes and other short things in JSON's types.
+    channels: arrays by name.
+    warnings: what looks like a slip in the scene.
     """
 
     title: str
@@ -180,29 +156,15 @@ def build_live_scene(
 ) -> LiveScene:
     """Return what a page of a structure shows.
 
-    Parameters
-    ----------
-    subject : Structure or BodySystem
-        The structure.
-    motion : Trajectory, optional
-        A motion of it; by default it stands at its stated positions.
-    analysis : Analysis, optional
-        An analysis at the stated positions, for natural modes and mechanisms.
-    modes_note : str
-        Why there are no modes.
-    start : LiveStart
-        What the page shows at first.
-    tension : ndarray, shape (n_members,) [N], optional
-        Tensions without a motion, where they are known; by default those that follow from the positions.
-    rigid : ndarray of bool, shape (n_members,), optional
-        Members that the formulation keeps rigid, by default those without a stiffness.
-    load : ndarray, shape (n_nodes, 3) [N], optional
-        Loads without a motion, by default those of the structure.
-
-    Returns
-    -------
-    LiveScene
-        Data of the page.
+    subject: the structure.
+    motion: a motion of it; by default it stands at its stated positions.
+    analysis: an analysis at the stated positions, for natural modes and mechanisms.
+    modes_note: why there are no modes.
+    start: what the page shows at first.
+    tension (n_members,) [N]: tensions without a motion, where they are known; by default those that follow
+        from the positions.
+    rigid (n_members,): members that the formulation keeps rigid, by default those without a stiffness.
+    load (n_nodes, 3) [N]: loads without a motion, by default those of the structure.
     """
     structure = outline_bodies(subject)
     if motion is None:

@@ -58,24 +58,11 @@ Taken from the module of the package NiceGUI {version} that joins it with Tween.
 def find_three(file: str | Path | None = None) -> tuple[str, str]:
     """Return the module of three.js and its licences.
 
-    Parameters
-    ----------
-    file : path, optional
-        The wheel of NiceGUI of the pinned version; by default the file that the environment variable
-        TENSEGRITY_CODEGEN_THREE names, the module in this package, the copy in the cache, or what pip
-        downloads.
-
-    Returns
-    -------
-    module : str
-        Text of a JavaScript module that exports THREE and OrbitControls.
-    licence : str
-        The licences under which it is used.
-
-    Raises
-    ------
-    MissingSourceError
-        The file cannot be read, is another one, or pip cannot download it.
+    file: the wheel of NiceGUI of the pinned version; by default the file that the environment variable
+    TENSEGRITY_CODEGEN_THREE names, the module in this package, the copy in the cache, or what pip downloads.
+    Returns module: text of a JavaScript module that exports THREE and OrbitControls; licence: the licences
+    under which it is used. Raises MissingSourceError: the file cannot be read, is another one, or pip cannot
+    download it.
     """
     named = file or os.environ.get(THREE_VARIABLE) or None
     bundled = None if named else read_bundled()
@@ -102,22 +89,9 @@ def read_bundled() -> tuple[str, str] | None:
 def write_three(folder: Path | None = None, file: str | Path | None = None) -> Path:
     """Write module and licences into this package, so that its wheel contains them; return the folder.
 
-    Parameters
-    ----------
-    folder : path, optional
-        Where to; by default the place in this package in which `find_three` looks.
-    file : path, optional
-        As in `find_three`.
-
-    Returns
-    -------
-    Path
-        The folder.
-
-    Raises
-    ------
-    MissingSourceError
-        As in `find_three`.
+    folder: where to; by default the place in this package in which `find_three` looks; file: as in
+    `find_three`.
+    Returns the folder. Raises MissingSourceError: as in `find_three`.
     """
     target = folder or bundle_folder()
     texts = _unpack(THREE.find(file or os.environ.get(THREE_VARIABLE) or None))

@@ -70,17 +70,7 @@ class Needs:
 def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return the quantities that find_equilibrium needs.
 
-    Parameters
-    ----------
-    structure : Structure or BodySystem
-        The structure.
-    request : ModelRequest
-        Its formulation decides.
-
-    Returns
-    -------
-    tuple of str
-        Names of quantities.
+    request: its formulation decides.
     """
     from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities as of_formulation
 
@@ -235,30 +225,12 @@ def find_needs(
 ) -> Needs:
     """Return what an analysis needs of a library.
 
-    Parameters
-    ----------
-    analysis : str
-        One of ANALYSES.
-    structure : Structure or BodySystem
-        The structure.
-    request : ModelRequest
-        Its formulation decides which quantities are needed.
-    method : str
-        Method of the simulations, as for `simulate`; by default that of the analysis.
-    rtol : float
-        Relative tolerance of the simulations.
-
-    Returns
-    -------
-    Needs
-        Quantities, integrators and other parts of the library.
-
-    Raises
-    ------
-    UnknownNameError
-        An unknown analysis or method.
-    FormulationError
-        The analysis does not know the ground of the structure.
+    analysis: one of ANALYSES.
+    request: its formulation decides which quantities are needed.
+    method: method of the simulations, as for `simulate`; by default that of the analysis.
+    rtol: relative tolerance of the simulations.
+    Raises UnknownNameError: an unknown analysis or method; FormulationError: the analysis does not know the
+    ground of the structure.
     """
     check_choice(analysis, ANALYSES, "analysis", "for_")
     check_analysis(structure, analysis)

@@ -15,18 +15,10 @@ from tensegrity_codegen.system.arrays import FloatArray
 def compute_loads(subject: Structure | BodySystem, motion: Trajectory | None = None) -> FloatArray:
     """Return the loads on nodes at every sample.
 
-    Parameters
-    ----------
-    subject : Structure or BodySystem
-        What has the loads.
-    motion : Trajectory, optional
-        A motion of it, with the values of its inputs; by default one sample with the loads of the scene.
-
-    Returns
-    -------
-    ndarray, shape (n_t, n_nodes, 3) [N]
-        Loads with constant directions, those of inputs among them. Torques and forces that turn with a body
-        are not part of it, see `describe_other_loads`.
+    subject: what has the loads; motion: a motion of it, with the values of its inputs; by default one sample
+    with the loads of the scene.
+    Returns (n_t, n_nodes, 3): loads with constant directions, those of inputs among them. Torques and forces
+    that turn with a body are not part of it, see `describe_other_loads`.
     """
     own = np.asarray(subject.node_load, dtype=float)
     if motion is None:
@@ -87,25 +79,14 @@ def compute_reactions(
 ) -> FloatArray:
     """Return the forces [N] of supports on nodes, along the anchored axes.
 
-    Parameters
-    ----------
-    structure : Structure
-        Anchors, loads, masses.
-    position : ndarray, shape (n_t, n_nodes, 3) [m]
-        Positions.
-    tension : ndarray, shape (n_t, n_members) [N]
-        Tensions; NaN where unknown.
-    held : ndarray of int, shape (n_held,)
-        Anchored nodes.
-    load : ndarray, shape (n_t, n_nodes, 3) [N], optional
-        Loads on nodes, by default those of the structure.
-    joints : ndarray of int, optional
-        Nodes on which forces act that no member shows, such as those of bars of body scenes.
-
-    Returns
-    -------
-    ndarray, shape (n_t, n_held, 3) [N]
-        Reactions, NaN at joints and at nodes with a member of unknown tension; without the inertia of bars.
+    structure: anchors, loads, masses.
+    position (n_t, n_nodes, 3) [m]: positions.
+    tension (n_t, n_members) [N]: tensions; NaN where unknown.
+    held (n_held,): anchored nodes.
+    load (n_t, n_nodes, 3) [N]: loads on nodes, by default those of the structure.
+    joints: nodes on which forces act that no member shows, such as those of bars of body scenes.
+    Returns (n_t, n_held, 3): reactions, NaN at joints and at nodes with a member of unknown tension; without
+    the inertia of bars.
     """
     mass = np.array(structure.node_mass, dtype=float)
     np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))

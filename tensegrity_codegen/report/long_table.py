@@ -23,27 +23,16 @@ SIDES = {"f": "left", "l": "left", "r": "right"}
 class LongTable:
     """A table whose rows are made when they are printed: all, or those that matter most.
 
-    Attributes
-    ----------
-    title : str
-        Stands above it; may be empty.
-    heads : tuple of str
-        Headings of the columns.
-    sides : str
-        A letter for each column: "f" text that may fold into several lines, "l" text and "r" numbers that
+    title: stands above it; may be empty.
+    heads: headings of the columns.
+    sides: a letter for each column: "f" text that may fold into several lines, "l" text and "r" numbers that
         stay on one line.
-    count : int
-        Number of rows.
-    row : callable
-        Returns the texts of the row of a number, from 0 on.
-    things : str
-        What the rows are, such as "members".
-    ranking : tuple of (str, sequence of int)
-        Why rows matter, and their numbers, the most important first.
-    caption : str
-        Stands below it; may be empty.
-    short : LongTable or None
-        What is printed in its place where it is cut.
+    count: number of rows.
+    row: returns the texts of the row of a number, from 0 on.
+    things: what the rows are, such as "members".
+    ranking: why rows matter, and their numbers, the most important first.
+    caption: stands below it; may be empty.
+    short: what is printed in its place where it is cut.
     """
 
     title: str

@@ -139,11 +139,8 @@ def _columns(prefix: str, names: Sequence[str], rows: FloatArray) -> dict[str, F
 def list_columns(found: Sensitivity) -> dict[str, dict[str, Any]]:
     """Return what each column does most, by its name.
 
-    Returns
-    -------
-    dict
-        Name -> `node` and its `motion` [m/m], the node that moves most; `raised` and `lowered`, the members
-        whose tensions rise and fall most, each with `derivative` [N/m], or None where none does.
+    Returns name -> `node` and its `motion` [m/m], the node that moves most; `raised` and `lowered`, the
+    members whose tensions rise and fall most, each with `derivative` [N/m], or None where none does.
     """
     size = np.linalg.norm(found.node, axis=1)  # (n_nodes, n_columns)
     result: dict[str, dict[str, Any]] = {}

@@ -298,19 +298,8 @@ def rank_members(
 ) -> Ranking:
     """Return which members matter most: nearest to their limits, least tension, largest compression.
 
-    Parameters
-    ----------
-    structure : Structure or BodySystem
-        With its bars.
-    member_tension : ndarray, shape (n_members,) [N]
-        Tensions.
-    checks : MemberChecks, optional
-        Members against their limits; where there are any, these count in place of the compression of bars.
-
-    Returns
-    -------
-    tuple of (str, sequence of int)
-        Reasons and numbers of members, the most important first.
+    structure: with its bars; member_tension (n_members,) [N]: tensions; checks: members against their limits;
+    where there are any, these count in place of the compression of bars.
     """
     unknown = np.full(len(member_tension), np.nan)
     use = np.fmax.reduce([unknown, *(checks.use.values() if checks is not None else ())])

@@ -17,30 +17,12 @@ Subject = Structure | BodySystem
 def actuate_members(structure: Subject, names: Sequence[str]) -> tuple[Subject, tuple[str, ...]]:
     """Return a structure with an actuator for each of some members, and the names of these actuators.
 
-    Parameters
-    ----------
-    structure : Structure or BodySystem
-        The structure.
-    names : sequence of str
-        Names of actuators, members, groups or classes; ``"cables"`` stands for all cables, ``"all"`` for all
-        members that are not rigid.
-
-    Returns
-    -------
-    structure : Structure or BodySystem
-        The structure with an actuator of the name of the member for each member that is named, without limits
-        of rate and range. Members that have an actuator of their own keep it.
-    chosen : tuple of str
-        Names of the actuators that were named.
-
-    Raises
-    ------
-    UnknownNameError
-        An unknown name.
-    InvalidValueError
-        A member is named twice, or is rigid.
-    StructureError
-        An input has the name of the member.
+    names: names of actuators, members, groups or classes; ``"cables"`` stands for all cables, ``"all"`` for
+    all members that are not rigid.
+    Returns structure: the structure with an actuator of the name of the member for each member that is named,
+    without limits of rate and range. Members that have an actuator of their own keep it; chosen: names of the
+    actuators that were named. Raises UnknownNameError: an unknown name; InvalidValueError: a member is named
+    twice, or is rigid; StructureError: an input has the name of the member.
     """
     chosen: list[str] = []
     members: list[int] = []

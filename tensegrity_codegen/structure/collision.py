@@ -21,19 +21,9 @@ WITHOUT_COLLISION = (
 class Collision:
     """Force N = k d^p max(0, 1 + a d') between two bars that overlap by d > 0, along their distance.
 
-    Attributes
-    ----------
-    stiffness : float [N/m]
-        k, above 0; [N/m^1.5] with exponent 1.5.
-    exponent : float
-        Power p of the overlap, 1.0 or 1.5.
-    dissipation : float [s/m]
-        Factor a of the rate of overlap, 0 or more (Hunt and Crossley 1975).
-
-    Raises
-    ------
-    InvalidValueError
-        For numbers outside of these ranges, or not finite.
+    stiffness [N/m]: k, above 0; [N/m^1.5] with exponent 1.5; exponent: power p of the overlap, 1.0 or 1.5;
+    dissipation [s/m]: factor a of the rate of overlap, 0 or more (Hunt and Crossley 1975).
+    Raises InvalidValueError for numbers outside of these ranges, or not finite.
     """
 
     stiffness: float

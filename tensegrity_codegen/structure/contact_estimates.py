@@ -24,23 +24,16 @@ SERIES = [(-1.0) ** (n + 1) / n for n in range(2, 20)]  # error below 1e-17 in t
 class ContactEstimates:
     """What the numbers of a ground mean for a structure that rests on it.
 
-    Attributes
-    ----------
-    mass : ndarray, shape (n_contacts,) [kg]
-        Mass at each contact: of a node with half of each of its members, of a point of a body the mass of the
-        body over the number of its contacts.
-    weight : float [N]
-        Weight of what can move, along the normal into the ground; 0 where gravity does not act into it.
-    penetration : float [m]
-        Of each contact, where all carry equal parts of the weight.
-    largest_penetration : float [m]
-        Where one contact carries the whole weight.
-    stiffness : float [N/m]
-        Slope of the normal force at `penetration`.
-    frequency : float [Hz]
-        Of the lightest contact alone on the ground, sqrt(stiffness / mass) / (2 pi).
-    stick_offset : float [m]
-        Largest tangential offset of a contact that sticks under its part of the weight, mu N / kt.
+    mass (n_contacts,) [kg]: mass at each contact: of a node with half of each of its members, of a point of a
+        body the mass of the body over the number of its contacts.
+    weight [N]: weight of what can move, along the normal into the ground; 0 where gravity does not act into
+        it.
+    penetration [m]: of each contact, where all carry equal parts of the weight.
+    largest_penetration [m]: where one contact carries the whole weight.
+    stiffness [N/m]: slope of the normal force at `penetration`.
+    frequency [Hz]: of the lightest contact alone on the ground, sqrt(stiffness / mass) / (2 pi).
+    stick_offset [m]: largest tangential offset of a contact that sticks under its part of the weight, mu N /
+        kt.
     """
 
     mass: FloatArray
@@ -176,20 +169,9 @@ def compute_weight(subject: Subject, normal: FloatArray) -> float:
 def find_dissipation(value: float, speed: float) -> float:
     """Return the dissipation a of Hunt and Crossley that gives a restitution at one speed.
 
-    Parameters
-    ----------
-    value : float
-        Speed after the impact over speed before it, between 0 and 1.
-    speed : float [m/s]
-        Speed before the impact, v.
+    value: speed after the impact over speed before it, between 0 and 1; speed [m/s]: speed before the impact,
+    v.
 
-    Returns
-    -------
-    float [s/m]
-        Dissipation a.
-
-    Notes
-    -----
     A mass on which only the contact force k d^p (1 + a d') acts leaves with the speed w for which, with
     any k, p and mass, w/a + ln(1 - a w)/a^2 = -(v/a - ln(1 + a v)/a^2), w < 1/a. With x = a v and e = w/v
     this is e^2 h(-e x) = h(x), h(u) = (ln(1 + u) - u)/u^2, with one root x > 0. For small e, a w is near 1.

@@ -18,47 +18,25 @@ CHANGEABLE = ("stiffness", "dissipation", "friction", "stick_stiffness", "stick_
 class Ground:
     """A plane that nodes (balls of a radius around them) touch, with friction.
 
-    Attributes
-    ----------
-    normal : ndarray, shape (3,)
-        Unit vector out of the ground.
-    offset : float [m]
-        ``normal . x`` of the points x of the plane.
-    velocity : ndarray, shape (3,) [m/s]
-        Velocity of a belt, along the plane.
-    node : ndarray of int, shape (n_contacts,)
-        Indices of the nodes that can touch the ground, ascending.
-    radius : ndarray, shape (n_contacts,) [m]
-        Radius of the ball about each of these.
-    stiffness : float [N/m]
-        Contact stiffness k; [N/m^1.5] with exponent 1.5.
-    exponent : float
-        Power p of the penetration, 1.0 or 1.5.
-    dissipation : float [s/m]
-        Factor a of the rate of penetration (Hunt and Crossley 1975).
-    friction : float
-        Coefficient of friction mu; 0 for no tangential force and no internal state.
-    static_friction : float or None
-        Coefficient up to which a contact sticks, at least `friction`; None: equal to `friction`.
-    stick_stiffness : float [N/m]
-        Tangential stiffness kt of a contact that sticks.
-    stick_damping : float [N s/m]
-        Tangential damping ct of a contact that sticks.
-    balances_energy : bool
-        Whether motions integrate the work of friction, impacts, damping and a belt, as internal states of
-        their own: their sum is the change of the total energy.
-    stick_point : ndarray, shape (n_contacts, n_tangents) [m], or None
-        Where along the tangents each contact sticks: bristles reach from there to their nodes, and are no
-        internal states. None: they are.
+    normal (3,): unit vector out of the ground.
+    offset [m]: ``normal . x`` of the points x of the plane.
+    velocity (3,) [m/s]: velocity of a belt, along the plane.
+    node (n_contacts,): indices of the nodes that can touch the ground, ascending.
+    radius (n_contacts,) [m]: radius of the ball about each of these.
+    stiffness [N/m]: contact stiffness k; [N/m^1.5] with exponent 1.5.
+    exponent: power p of the penetration, 1.0 or 1.5.
+    dissipation [s/m]: factor a of the rate of penetration (Hunt and Crossley 1975).
+    friction: coefficient of friction mu; 0 for no tangential force and no internal state.
+    static_friction: coefficient up to which a contact sticks, at least `friction`; None: equal to `friction`.
+    stick_stiffness [N/m]: tangential stiffness kt of a contact that sticks.
+    stick_damping [N s/m]: tangential damping ct of a contact that sticks.
+    balances_energy: whether motions integrate the work of friction, impacts, damping and a belt, as internal
+        states of their own: their sum is the change of the total energy.
+    stick_point (n_contacts, n_tangents) [m]: where along the tangents each contact sticks: bristles reach
+        from there to their nodes, and are no internal states. None: they are.
+    Raises InvalidValueError for numbers outside of these ranges or not finite, a normal that is no unit
+    vector, a belt that does not move along the plane, and nodes that are not ascending.
 
-    Raises
-    ------
-    InvalidValueError
-        For numbers outside of these ranges or not finite, a normal that is no unit vector, a belt that does
-        not move along the plane, and nodes that are not ascending.
-
-    Notes
-    -----
     A ball at x with penetration ``d = offset + radius - normal . x`` feels, with its velocity v relative to
     the belt in the plane and its internal state s, the deflection of a bristle::
 
@@ -148,22 +126,10 @@ class Ground:
     def tangents(self, axes: tuple[int, ...]) -> FloatArray:
         """Return an orthonormal basis of the plane within the modelled axes.
 
-        Parameters
-        ----------
-        axes : tuple of int
-            Modelled axes, a subset of (0, 1, 2); the normal lies in them.
-
-        Returns
-        -------
-        ndarray, shape (len(axes) - 1, 3)
-            Unit vectors along the plane. They are the modelled axes without the one closest to the normal,
-            turned with the normal from that axis (Householder 1958), so that they depend on the normal
-            continuously.
-
-        Raises
-        ------
-        InvalidValueError
-            For a normal that has a component outside of the modelled axes.
+        axes: modelled axes, a subset of (0, 1, 2); the normal lies in them. Returns (len(axes) - 1, 3): unit
+        vectors along the plane. They are the modelled axes without the one closest to the normal, turned with
+        the normal from that axis (Householder 1958), so that they depend on the normal continuously. Raises
+        InvalidValueError for a normal that has a component outside of the modelled axes.
         """
         outside = [axis for axis in range(3) if axis not in axes]
         if np.abs(self.normal[outside]).max(initial=0.0) > 1e-12:

@@ -8,22 +8,10 @@ from tensegrity_codegen.system.arrays import IntArray
 def find_pieces(count: int, first: IntArray, second: IntArray) -> tuple[int, IntArray]:
     """Return the number of pieces of a graph, and the piece of each node.
 
-    Parameters
-    ----------
-    count : int
-        Number of nodes.
-    first, second : array of int, shape (n_edges,)
-        The nodes of each edge.
+    count: number of nodes; first, second (n_edges,): the nodes of each edge. Returns n_pieces: number of
+    connected pieces; a node without edges is one; piece (count,): number of each node's piece; pieces are
+    numbered in the order of their first nodes.
 
-    Returns
-    -------
-    n_pieces : int
-        Number of connected pieces; a node without edges is one.
-    piece : array of int, shape (count,)
-        Number of each node's piece; pieces are numbered in the order of their first nodes.
-
-    Notes
-    -----
     Every piece gets the least of its nodes: edges hook the greater of two representatives to the smaller one,
     then all nodes follow their pointers to the end.
     """

@@ -17,18 +17,11 @@ MOST_RINGS = 12  # of one cable with friction: the code for them grows with thei
 class SlidingCable:
     """A cable that slides through rings with friction.
 
-    Attributes
-    ----------
-    name : str
-        Name of the cable, and of the group of its strands.
-    strand_name : tuple of str
-        Names of its strands.
-    members : tuple of int
-        Indices of its strands, from its first node to its last.
-    friction : tuple of float [1]
-        Coefficient of friction mu at each ring between two of them.
-    wrap_deg : tuple of float [deg]
-        Angle that the cable turns at each ring; 0: as the nodes say.
+    name: name of the cable, and of the group of its strands.
+    strand_name: names of its strands.
+    members: indices of its strands, from its first node to its last.
+    friction [1]: coefficient of friction mu at each ring between two of them.
+    wrap_deg [deg]: angle that the cable turns at each ring; 0: as the nodes say.
     """
 
     name: str

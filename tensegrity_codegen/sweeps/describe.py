@@ -87,14 +87,8 @@ def _find_version(package: str) -> str:
 def describe_key(key: str, document: Mapping[str, Any], subject: Subject) -> dict[str, str]:
     """Return the attributes of a key's values: `long_name`, and `units` where they are known.
 
-    Parameters
-    ----------
-    key : str
-        Path of a number of the scene, of an array of the structure, or of an input.
-    document : mapping
-        The scene as a plain dictionary.
-    subject : Structure or BodySystem
-        The structure that it describes.
+    key: path of a number of the scene, of an array of the structure, or of an input; document: the scene as a
+    plain dictionary; subject: the structure that it describes.
     """
     sentence, unit = _of_scene(key, document) or _of_structure(key, subject)
     words = {"long_name": f"{key} of the scene" + (f": {sentence}" if sentence else "")}

@@ -49,27 +49,12 @@ class KeyPath:
     def find(cls, text: str, document: Mapping[str, Any], where: str = "scene") -> "KeyPath":
         """Return the number that a path leads to.
 
-        Parameters
-        ----------
-        text : str
-            Keys joined by points, numbers of lists in brackets from 0; items of lists that have a name also
+        text: keys joined by points, numbers of lists in brackets from 0; items of lists that have a name also
             by their name, as ``actuators.motor.delay``. The scene need not state a key that the schema has.
-        document : mapping
-            The scene as a plain dictionary.
-        where : str
-            Source of the scene, for errors.
-
-        Returns
-        -------
-        KeyPath
-            The number.
-
-        Raises
-        ------
-        UnknownKeyError
-            There is no such key; the message lists near ones.
-        InvalidValueError
-            The key is no number, or the path cannot be read.
+        document: the scene as a plain dictionary.
+        where: source of the scene, for errors.
+        Raises UnknownKeyError: there is no such key; the message lists near ones; InvalidValueError: the key
+        is no number, or the path cannot be read.
         """
         steps, place = parse_path(text), root_place(document)
         found: list[str | int] = []

@@ -14,14 +14,8 @@ from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 class Task:
     """Consecutive cases that one worker computes: one chunk of every array of results.
 
-    Attributes
-    ----------
-    number : int
-        Place among the tasks, from 0.
-    first, last : int
-        Cases first to last - 1.
-    groups : tuple of int
-        Numbers of the groups that these cases belong to: one unless keys vary that change the library.
+    number: place among the tasks, from 0; first, last: cases first to last - 1; groups: numbers of the groups
+    that these cases belong to: one unless keys vary that change the library.
     """
 
     number: int
@@ -39,20 +33,11 @@ class Task:
 class SweepPlan:
     """Cases, groups of cases that share a library, and tasks.
 
-    Attributes
-    ----------
-    cases : Cases
-        The cases.
-    groups : tuple of CaseGroup
-        Cases by library.
-    tasks : tuple of Task
-        Consecutive cases, boxes of a grid of cases (`CaseLayout`).
-    task_size : int
-        Largest number of cases of a task.
-    seconds : float or None
-        Estimated time on one core [s]; None if it was not measured.
-    bytes : int or None
-        Estimated size of the results before compression; None if unknown.
+    groups: cases by library.
+    tasks: consecutive cases, boxes of a grid of cases (`CaseLayout`).
+    task_size: largest number of cases of a task.
+    seconds: estimated time on one core [s]; None if it was not measured.
+    bytes: estimated size of the results before compression; None if unknown.
     """
 
     cases: Cases

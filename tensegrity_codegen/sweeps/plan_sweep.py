@@ -37,20 +37,12 @@ SLOW = 1.0  # [s] of a first call, from which it counts
 class PlannedSweep:
     """A sweep before it starts.
 
-    Attributes
-    ----------
-    work : SweepWork
-        Plan, operation and outputs: what `run_sweep` takes.
-    libraries : Libraries
-        Libraries of the groups; the first one is loaded.
-    case_seconds : float
-        Measured time of a case on one core [s].
-    build_seconds : float
-        Time that the first library took, 0 if it was in the cache [s].
-    workers : int
-        Number of processes for which the time is estimated.
-    notes : tuple of str
-        What a user should know of the cases.
+    work: plan, operation and outputs: what `run_sweep` takes.
+    libraries: libraries of the groups; the first one is loaded.
+    case_seconds: measured time of a case on one core [s].
+    build_seconds: time that the first library took, 0 if it was in the cache [s].
+    workers: number of processes for which the time is estimated.
+    notes: what a user should know of the cases.
     """
 
     work: SweepWork
@@ -129,37 +121,17 @@ def plan_sweep(
 ) -> PlannedSweep:
     """Plan a sweep: find its libraries, build the first one, measure some cases, divide the others.
 
-    Parameters
-    ----------
-    scene : str, Path, mapping or Scene
-        As for `read_scene`.
-    cases : Cases
-        The cases, as from `build_cases`.
-    operation : Operation
-        What is computed for each case.
-    task_size : int, optional
-        Most cases of a task; by default so many that a task takes about half a second. A sweep that goes on
-        needs that of its folder.
-    workers : int
-        Number of processes.
-    yes : bool
-        Whether more than 50 libraries are meant.
-    option : str
-        How messages name `yes`.
-
-    Returns
-    -------
-    PlannedSweep
-        Work and libraries for `run_sweep`, time, size and notes.
-
-    Raises
-    ------
-    SceneError
-        The scene, a key, or all cases have an error.
-    FormulationError
-        The formulation or emitter does not serve what varies or what is done.
-    CompilerMissingError, CompileError
-        No C compiler was found, or it failed.
+    scene: as for `read_scene`.
+    cases: the cases, as from `build_cases`.
+    operation: what is computed for each case.
+    task_size: most cases of a task; by default so many that a task takes about half a second. A sweep that
+        goes on needs that of its folder.
+    workers: number of processes.
+    yes: whether more than 50 libraries are meant.
+    option: how messages name `yes`.
+    Returns work and libraries for `run_sweep`, time, size and notes. Raises SceneError: the scene, a key, or
+    all cases have an error; FormulationError: the formulation or emitter does not serve what varies or what
+    is done; CompilerMissingError, CompileError: no C compiler was found, or it failed.
     """
     source = cases.points.source if isinstance(cases.points, Table) else ""
     assembler = replace(build_assembler(scene, cases.keys, source=source), analyses=operation.analyses)

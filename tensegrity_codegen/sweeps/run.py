@@ -25,18 +25,11 @@ from tensegrity_codegen.system.extras import SWEEP, import_extra
 class SweepProgress:
     """How far a sweep has come.
 
-    Attributes
-    ----------
-    cases : int
-        Number of cases.
-    finished : int
-        How many are finished, those of earlier runs too.
-    computed : int
-        How many this run has computed.
-    failed : int
-        How many of all that are finished are not good.
-    seconds : float
-        Time since this run began to compute [s].
+    cases: number of cases.
+    finished: how many are finished, those of earlier runs too.
+    computed: how many this run has computed.
+    failed: how many of all that are finished are not good.
+    seconds: time since this run began to compute [s].
     """
 
     cases: int
@@ -63,28 +56,16 @@ ShowProgress = Callable[[SweepProgress], None]
 class SweepOutcome:
     """How a run of a sweep ended.
 
-    Attributes
-    ----------
-    path : Path
-        The folder with the results.
-    cases : int
-        Number of cases.
-    counts : mapping of str to int
-        How many finished cases have each status.
-    first_message : mapping of str to str
-        The first message of each status that this run met and that is not good.
-    computed : int
-        How many cases this run has computed.
-    seconds : float
-        Time that this run took [s].
-    damaged : int
-        How many of these were in the folder before, but damaged or incomplete.
-    stopped : bool
-        Whether it ended before all cases were finished, since as many failed as `stop_after` says.
-    beyond : int
-        Number of cases whose members buckle or exceed a limit: `limit_use` above 1, where it is kept.
-    empty : tuple of str
-        Results that were asked for by `keep` and are NaN in every finished case.
+    path: the folder with the results.
+    cases: number of cases.
+    counts: how many finished cases have each status.
+    first_message: the first message of each status that this run met and that is not good.
+    computed: how many cases this run has computed.
+    seconds: time that this run took [s].
+    damaged: how many of these were in the folder before, but damaged or incomplete.
+    stopped: whether it ended before all cases were finished, since as many failed as `stop_after` says.
+    beyond: number of cases whose members buckle or exceed a limit: `limit_use` above 1, where it is kept.
+    empty: results that were asked for by `keep` and are NaN in every finished case.
     """
 
     path: Path
@@ -131,35 +112,15 @@ def run_sweep(
 ) -> SweepOutcome:
     """Compute the tasks of a plan that are not finished in a folder, and store them there.
 
-    Parameters
-    ----------
-    work : SweepWork
-        Plan, operation and outputs.
-    out : str or Path
-        Folder of the results; made if it does not exist.
-    engine : Engine
-        Where the tasks run.
-    identity : mapping
-        What the results follow from; a folder of another identity is refused.
-    facts : mapping
-        Attributes of the data set.
-    stop_after : int, optional
-        Stop once so many cases have failed, those of earlier runs included.
-    on_progress : callable, optional
-        Called after every task.
-
-    Returns
-    -------
-    SweepOutcome
-        Numbers of cases by status.
-
-    Raises
-    ------
-    OutputError
-        The folder holds something else, another sweep is writing to it, or the disk is full. What is
-        finished stays, also after Ctrl-C.
-    MissingExtraError
-        Zarr is not installed.
+    work: plan, operation and outputs.
+    out: folder of the results; made if it does not exist.
+    engine: where the tasks run.
+    identity: what the results follow from; a folder of another identity is refused.
+    facts: attributes of the data set.
+    stop_after: stop once so many cases have failed, those of earlier runs included.
+    on_progress: called after every task.
+    Raises OutputError: the folder holds something else, another sweep is writing to it, or the disk is full.
+    What is finished stays, also after Ctrl-C; MissingExtraError: zarr is not installed.
     """
     check_stop_after(stop_after)
     check_zarr()

@@ -31,14 +31,8 @@ from tensegrity_codegen.system.forked import count_workers
 class PreparedSweep:
     """A sweep that is planned and whose folder is known to be new, or to hold the same sweep.
 
-    Attributes
-    ----------
-    planned : PlannedSweep
-        Cases, libraries, tasks, estimated time and size.
-    identity, facts : dict
-        What the results follow from, and what else is kept with them.
-    workers : int or Cluster
-        Number of processes on this machine, or a cluster.
+    planned: cases, libraries, tasks, estimated time and size; identity, facts: what the results follow from,
+    and what else is kept with them; workers: number of processes on this machine, or a cluster.
     """
 
     planned: PlannedSweep
@@ -55,26 +49,10 @@ class PreparedSweep:
     ) -> SweepOutcome:
         """Compute what is not finished in a folder.
 
-        Parameters
-        ----------
-        out : str or Path
-            Folder of the results (.zarr).
-        stop_after : int, optional
-            Stop once so many cases have failed.
-        on_progress : callable, optional
-            Called with a `SweepProgress` after every task.
-
-        Returns
-        -------
-        SweepOutcome
-            Numbers of cases by status.
-
-        Raises
-        ------
-        OutputError
-            The folder holds something else, is in use, or the disk is full.
-        ClusterError
-            No scheduler, no workers, or workers with other versions.
+        out: folder of the results (.zarr); stop_after: stop once so many cases have failed; on_progress:
+        called with a `SweepProgress` after every task.
+        Raises OutputError: the folder holds something else, is in use, or the disk is full; ClusterError: no
+        scheduler, no workers, or workers with other versions.
         """
         engine: Engine = (
             DaskEngine(self.workers.address, self.workers.wait)
@@ -105,36 +83,17 @@ def prepare_sweep(
 ) -> PreparedSweep:
     """Plan a sweep, the tasks as in its folder where that holds a part of it.
 
-    Parameters
-    ----------
-    scene : str, Path, mapping or Scene
-        As for `read_scene`.
-    cases : Cases
-        As from `build_cases`.
-    operation : Operation
-        As from `build_operation`.
-    out : str or Path, optional
-        Folder of the results.
-    workers : int or Cluster, optional
-        Number of processes, by default one a core; or a cluster.
-    task_size : int, optional
-        Most cases of a task; by default so many that a task takes about half a second.
-    yes : bool
-        Whether more than 50 libraries are meant.
-    option : str
-        How messages name `yes`.
-
-    Returns
-    -------
-    PreparedSweep
-        The plan, ready to run.
-
-    Raises
-    ------
-    OutputError
-        The folder cannot be made, or holds something else or another sweep; the message names what differs.
-    SceneError, FormulationError, CompilerMissingError, CompileError
-        As for `plan_sweep`.
+    scene: as for `read_scene`.
+    cases: as from `build_cases`.
+    operation: as from `build_operation`.
+    out: folder of the results.
+    workers: number of processes, by default one a core; or a cluster.
+    task_size: most cases of a task; by default so many that a task takes about half a second.
+    yes: whether more than 50 libraries are meant.
+    option: how messages name `yes`.
+    Returns the plan, ready to run. Raises OutputError: the folder cannot be made, or holds something else or
+    another sweep; the message names what differs; SceneError, FormulationError, CompilerMissingError,
+    CompileError: as for `plan_sweep`.
     """
     place = check_workers(workers)
     count = count_workers() if isinstance(place, Cluster) else place

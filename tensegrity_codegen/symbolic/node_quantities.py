@@ -29,21 +29,12 @@ def build_node_quantities(
 ) -> dict[str, Callable[[], ca.SX]]:
     """Return the builders of all quantities of nodes that a formulation can offer.
 
-    Parameters
-    ----------
-    values : mapping
-        What is known of nodes, by the names of `BARS_IN` -> function that returns it of all nodes.
-    n_nodes : int
-        Number of nodes.
-    parts : mapping, optional
-        "n_coordinates", "n_anchored_coordinates" -> function that takes these components of a vector a node.
-    has_states : bool
-        Whether to offer positions and velocities, where they are no coordinates.
-
-    Returns
-    -------
-    dict
-        Quantity name -> builder of its expression: (n_axes, n_nodes), or a column.
+    values: what is known of nodes, by the names of `BARS_IN` -> function that returns it of all nodes.
+    n_nodes: number of nodes.
+    parts: "n_coordinates", "n_anchored_coordinates" -> function that takes these components of a vector a
+        node.
+    has_states: whether to offer positions and velocities, where they are no coordinates.
+    Returns quantity name -> builder of its expression: (n_axes, n_nodes), or a column.
     """
     places: dict[str, Stack] = {"n_nodes": stack_nodes, **(parts or {})}
     nodes = [Node(values, k) for k in range(n_nodes)]

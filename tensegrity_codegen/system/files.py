@@ -49,16 +49,7 @@ def check_output(path: str | Path, *, inputs: Iterable[Path] = (), overwrite: bo
     For long work: that its result has a place is known before it starts. Folders, devices and pipes are
     refused.
 
-    Parameters
-    ----------
-    path : file to write a result to.
-    inputs : files that are read; none of them is ever replaced.
-    overwrite : whether a file that exists may be replaced.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written, or exists and may not be replaced.
+    Raises OutputError if the file cannot be written, or exists and may not be replaced.
     """
     check_path(path, "path")
     target = Path(os.path.realpath(path))

@@ -19,18 +19,12 @@ from tensegrity_codegen.system.files import write_text
 class Resumption:
     """What long work takes from an earlier run.
 
-    Attributes
-    ----------
-    subject : str
-        Scene or chapter.
-    what : str
-        What is counted, in the plural.
-    taken, total : int
-        How many are taken, and how many there are in all.
-    written : float or None
-        When the last of them was finished, as time.time() has it [s]; None where the journal does not say.
-    is_stale : bool
-        Whether an earlier run has results that are not used, since something differs.
+    subject: scene or chapter.
+    what: what is counted, in the plural.
+    taken, total: how many are taken, and how many there are in all.
+    written: when the last of them was finished, as time.time() has it [s]; None where the journal does not
+        say.
+    is_stale: whether an earlier run has results that are not used, since something differs.
     """
 
     subject: str
@@ -86,21 +80,11 @@ class Journal:
     used. A line that is cut off, as the last one after `kill -9`, or whose checksum is wrong is not used
     either: what it held is computed again.
 
-    Parameters
-    ----------
-    path : Path or None
-        The file, made when the first result is kept; None keeps results in memory only.
-    key : str
-        What the results belong to.
-    fresh : bool
-        Whether to remove the results that belong to the key.
-    notice : callable, optional
-        Called with what is taken from an earlier run.
-
-    Raises
-    ------
-    OutputError
-        If `path` is a folder, a device or a pipe.
+    path: the file, made when the first result is kept; None keeps results in memory only.
+    key: what the results belong to.
+    fresh: whether to remove the results that belong to the key.
+    notice: called with what is taken from an earlier run.
+    Raises OutputError if `path` is a folder, a device or a pipe.
     """
 
     def __init__(
@@ -148,14 +132,8 @@ class Journal:
     def announce(self, subject: str, what: str, taken: int, total: int) -> None:
         """Say how many results of an earlier run are taken, or that those of another key are not.
 
-        Parameters
-        ----------
-        subject : str
-            Scene or chapter.
-        what : str
-            What is counted, in the plural.
-        taken, total : int
-            How many are taken, and how many there are in all.
+        subject: scene or chapter; what: what is counted, in the plural; taken, total: how many are taken, and
+        how many there are in all.
         """
         is_stale = not taken and False in self._times and True not in self._times
         if self._notice is not None and (taken or is_stale):

@@ -31,18 +31,7 @@ def check_folder(
 ) -> Path:
     """Return the folder, which need not exist, if files of these names may be written into it.
 
-    Parameters
-    ----------
-    folder : where the files are to be written.
-    names : their names.
-    inputs : files that are read; none of them is ever replaced.
-    overwrite : whether files that exist may be replaced.
-    listed : whether files may be replaced without `overwrite` that are as the list in the folder says.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be made or written, or holds files that may not be replaced.
+    Raises OutputError if the folder cannot be made or written, or holds files that may not be replaced.
     """
     check_path(folder, "folder")
     check_switch(overwrite, "overwrite")
@@ -90,16 +79,7 @@ def write_folder(
     They are written beside their places first, so that a full disk leaves the folder as it was. Other files
     in the folder stay.
 
-    Parameters
-    ----------
-    folder, inputs, overwrite : as for check_folder.
-    listed : whether to write a list of the files and their sha256 too, by which they are known later. Other
-        files keep their places in it.
-
-    Raises
-    ------
-    OutputError
-        As check_folder, and if the disk is full.
+    listed: files keep their places in it. Raises OutputError: as check_folder, and if the disk is full.
     """
     names = [*files, LIST_FILE] if listed else list(files)
     target = check_folder(folder, names, inputs=inputs, overwrite=overwrite, listed=listed)

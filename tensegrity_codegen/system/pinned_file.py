@@ -30,22 +30,13 @@ TIMEOUT = 300.0  # s
 class PinnedFile:
     """A file that a package index offers, of one version and one SHA-256.
 
-    Attributes
-    ----------
-    package, version : str
-        What pip is asked for.
-    file : str
-        Name of the file.
-    sha256 : str
-        Its hash; every other file is refused.
-    title : str
-        What it is called in messages.
-    is_source : bool
-        Whether it is a source archive; else a wheel.
-    hand : str
-        How a user names the file, such as "daqp_sdist=PATH".
-    largest : int
-        Bytes that a file of a user may have.
+    package, version: what pip is asked for.
+    file: name of the file.
+    sha256: its hash; every other file is refused.
+    title: what it is called in messages.
+    is_source: whether it is a source archive; else a wheel.
+    hand: how a user names the file, such as "daqp_sdist=PATH".
+    largest: bytes that a file of a user may have.
     """
 
     package: str
@@ -74,21 +65,9 @@ class PinnedFile:
     def find(self, file: str | Path | None = None) -> bytes:
         """Return the content of the file.
 
-        Parameters
-        ----------
-        file : path, optional
-            The file; by default the copy in the cache of this package, else pip downloads it from the index
-            that pip is configured for, and it is kept in the cache.
-
-        Returns
-        -------
-        bytes
-            The content.
-
-        Raises
-        ------
-        MissingSourceError
-            The file cannot be read, is another one, or pip cannot download it.
+        file: the file; by default the copy in the cache of this package, else pip downloads it from the index
+        that pip is configured for, and it is kept in the cache.
+        Raises MissingSourceError: the file cannot be read, is another one, or pip cannot download it.
         """
         if file is not None:
             return self._read_file(Path(file))

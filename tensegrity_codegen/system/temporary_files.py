@@ -92,15 +92,7 @@ STALE_AFTER = 24 * 3600.0  # s; where the system does not say whether a process 
 def work_folder(parent: Path | None = None, *, sweep: bool = False) -> Iterator[Path]:
     """Give a new folder for this user alone, removed at the end.
 
-    Parameters
-    ----------
-    parent : folder to make it in; the system's folder of temporary files if not given.
-    sweep : remove what killed processes left in `parent` before.
-
-    Raises
-    ------
-    OSError
-        If no folder can be made.
+    Raises OSError if no folder can be made.
     """
     place = Path(tempfile.gettempdir()).resolve() if parent is None else parent
     if sweep:

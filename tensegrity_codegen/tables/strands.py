@@ -13,14 +13,8 @@ from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 class Strands:
     """The strands of all members, member by member.
 
-    Attributes
-    ----------
-    ends : ndarray of int, shape (n_strands, 2)
-        The two nodes of each strand, in the order in which the member passes them.
-    member : ndarray of int, shape (n_strands,)
-        The member that each is a part of.
-    n_members : int
-        Number of members.
+    ends (n_strands, 2): the two nodes of each strand, in the order in which the member passes them; member
+    (n_strands,): the member that each is a part of; n_members: number of members.
     """
 
     ends: IntArray
@@ -73,17 +67,8 @@ class Strands:
 def list_strands(ends: IntArray, ring_nodes: Sequence[Sequence[int]]) -> Strands:
     """Return the strands of members.
 
-    Parameters
-    ----------
-    ends : ndarray of int, shape (n_members, 2)
-        First and last node of each member.
-    ring_nodes : sequence of sequences of int
-        The nodes that each member passes between its ends, in order; empty if none passes any.
-
-    Returns
-    -------
-    Strands
-        Member by member, from the first node to the last.
+    ends (n_members, 2): first and last node of each member; ring_nodes: the nodes that each member passes
+    between its ends, in order; empty if none passes any.
     """
     count = len(ends)
     if not ring_nodes:

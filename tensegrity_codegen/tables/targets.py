@@ -17,24 +17,14 @@ WASM_STACK = 2**20  # bytes; batch functions use up to 200 kB
 class Target:
     """A machine to compile for, and what it takes to make a library there.
 
-    Attributes
-    ----------
-    name : str
-        Its name on the command line and in manifests; empty for the machine that compiles.
-    kind : str
-        What is made: ``"shared library"``, ``"WebAssembly module"`` or ``"static library"``.
-    shared, position : tuple of str
-        Options to link a library, and to compile code that can be loaded anywhere.
-    prefix, suffix : str
-        Beginning and ending of the file name of a library.
-    libraries : tuple of str
-        Libraries to link.
-    options : tuple of str
-        Options of zig that choose the machine.
-    binary : str
-        What `describe_binary` says of its libraries.
-    wheel_tag : str
-        Platform tag of wheels; empty where Python packages cannot hold such a library.
+    name: its name on the command line and in manifests; empty for the machine that compiles.
+    kind: what is made: ``"shared library"``, ``"WebAssembly module"`` or ``"static library"``.
+    shared, position: options to link a library, and to compile code that can be loaded anywhere.
+    prefix, suffix: beginning and ending of the file name of a library.
+    libraries: libraries to link.
+    options: options of zig that choose the machine.
+    binary: what `describe_binary` says of its libraries.
+    wheel_tag: platform tag of wheels; empty where Python packages cannot hold such a library.
     """
 
     name: str

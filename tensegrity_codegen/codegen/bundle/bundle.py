@@ -45,14 +45,8 @@ def name_package(scene: str) -> str:
 def emit_bundle(manifest: Manifest, sources: Iterable[str], library: str) -> dict[str, str]:
     """Return the files for other programs, name -> text.
 
-    Parameters
-    ----------
-    manifest : Manifest
-        Description of the library.
-    sources : iterable of str
-        Names of its C files, without the example.
-    library : str
-        Name of the compiled library.
+    manifest: description of the library; sources: names of its C files, without the example; library: name of
+    the compiled library.
     """
     package, name = name_package(manifest.name), manifest.name
     context = {

@@ -19,16 +19,7 @@ TIMEOUT = 60.0  # s
 def check_library(library: Path, manifest: Manifest, compiler: Compiler, log: str = "") -> None:
     """Load a library in a process of its own, and compare it with its manifest.
 
-    Parameters
-    ----------
-    library : the shared library.
-    manifest : what it should hold.
-    compiler : what made it, for the message; log: all that it wrote.
-
-    Raises
-    ------
-    CompileError
-        If the library does not load, crashes, or is not what the manifest says.
+    Raises CompileError if the library does not load, crashes, or is not what the manifest says.
     """
     symbols = [spec.symbol for spec in manifest.functions]
     words = [manifest.name, str(manifest.abi_version), manifest.scene_hash, *symbols]
@@ -48,17 +39,8 @@ def check_foreign_library(
 ) -> None:
     """Compare a library for another machine, which cannot be loaded here, with its manifest.
 
-    Parameters
-    ----------
-    library : the library.
-    manifest : what it should hold.
-    target : the machine that it should be for.
-    compiler : what made it, for the message; log: all that it wrote.
-
-    Raises
-    ------
-    CompileError
-        If it is for another machine than `target`, or lacks the scene's hash or the name of a function.
+    Raises CompileError if it is for another machine than `target`, or lacks the scene's hash or the name of a
+    function.
     """
     data = library.read_bytes()
     found = describe_binary(data)

@@ -22,23 +22,10 @@ OPERATIONS = {ast.Add: int.__add__, ast.Sub: int.__sub__, ast.Mult: int.__mul__}
 def count_bytes(struct: str, file: str, sizes: Mapping[str, int]) -> int:
     """Return what `sizeof` says of a struct, for the sizes that its fields name.
 
-    Parameters
-    ----------
-    struct, file : str
-        Name of the struct, and the file in `templates/c/` that defines it.
-    sizes : mapping of str to int
-        Value of every constant in the lengths of its arrays, and bytes of every struct among its fields. A
+    struct, file: name of the struct, and the file in `templates/c/` that defines it.
+    sizes: value of every constant in the lengths of its arrays, and bytes of every struct among its fields. A
         field inside `#if NAME` counts where that name is in `sizes` and not 0.
-
-    Returns
-    -------
-    int
-        Bytes, with `real` a double; a whole number of doubles.
-
-    Raises
-    ------
-    KeyError
-        For a constant or a type without a size.
+    Raises KeyError for a constant or a type without a size.
     """
     known = {**SIZES, **sizes}
     total = 0

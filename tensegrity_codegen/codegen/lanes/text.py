@@ -9,18 +9,9 @@ from tensegrity_codegen.codegen.print.render import render
 def emit_kernels(kernels: Sequence[DensityKernel], *, in_loops: bool) -> list[str]:
     """Return the lines that stand before functions that use kernels of four members.
 
-    Parameters
-    ----------
-    kernels : sequence of DensityKernel
-        The kernels, each with a name of its own.
-    in_loops : bool
-        Whether they stand in loops, which add to arrays in memory and have a form without vectors; else in
-        straight-line code, whose vectors are single numbers where a machine has no vectors.
-
-    Returns
-    -------
-    list of str
-        Lines of C.
+    kernels: the kernels, each with a name of its own.
+    in_loops: whether they stand in loops, which add to arrays in memory and have a form without vectors; else
+        in straight-line code, whose vectors are single numbers where a machine has no vectors.
     """
     context = {
         "kernels": list(kernels),

@@ -11,19 +11,8 @@ UNSAFE = re.compile(r"[^\w .,:()\-]", re.ASCII)
 def name_local(prefix: str, name: str, number: int) -> str:
     """Return the name of a local variable of what has a name and a number in the scene.
 
-    Parameters
-    ----------
-    prefix : str
-        What the variable holds, such as "length".
-    name : str
-        Name of the member or node.
-    number : int
-        Its number, which stands in for a name that is too long, or no identifier.
-
-    Returns
-    -------
-    str
-        A C identifier.
+    prefix: what the variable holds, such as "length"; name: name of the member or node; number: its number,
+    which stands in for a name that is too long, or no identifier.
     """
     fits = len(name) <= LONGEST_NAME and IDENTIFIER.fullmatch(name)
     return f"{prefix}_{name}" if fits else f"{prefix}_{number}"

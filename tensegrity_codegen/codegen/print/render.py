@@ -67,22 +67,12 @@ def paste_text(
 ) -> str:
     """Return a file of plain C as it stands in a generated source.
 
-    Parameters
-    ----------
-    text : str
-        The file.
-    names : mapping of str to str
-        First words of identifiers and what replaces them: {"scene": "prism"} turns `scene_run` into
+    text: the file.
+    names: first words of identifiers and what replaces them: {"scene": "prism"} turns `scene_run` into
         `prism_run` and `SCENE_OK` into `PRISM_OK`.
-    settings : mapping of str to bool
-        What decides between the branches of `#if WITH_...` and `#if METHOD_...`.
-    real, suffix : str
-        C type of numbers, and what ends the literals of that type.
-
-    Raises
-    ------
-    KeyError
-        For a condition that is not among the settings.
+    settings: what decides between the branches of `#if WITH_...` and `#if METHOD_...`.
+    real, suffix: c type of numbers, and what ends the literals of that type.
+    Raises KeyError for a condition that is not among the settings.
     """
     guarded = GUARD.search(text)
     text = text if guarded is None else text[: guarded.start()] + guarded[2]

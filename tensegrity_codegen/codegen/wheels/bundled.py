@@ -36,12 +36,7 @@ Arguments = Mapping[str, ArrayLike | None]
 class StatusError(RuntimeError):
     """A function of the library returned a status that is not 0.
 
-    Attributes
-    ----------
-    function : str
-        Name of the C function.
-    status : int
-        What it returned.
+    function: name of the C function; status: what it returned.
     """
 
     def __init__(self, function: str, status: int, meaning: str) -> None:
@@ -112,16 +107,10 @@ class _Short:
 class SparseMatrix(_Short):
     """A matrix in compressed columns.
 
-    Attributes
-    ----------
-    shape : tuple of int
-        Rows and columns.
-    row : ndarray, (n_nonzeros,)
-        Row of each non-zero.
-    column_start : ndarray, (n_columns + 1,)
-        Where each column starts among them, with the end of the last one.
-    values : ndarray, (n_nonzeros,)
-        The non-zeros; ``scipy.sparse.csc_array((values, row, column_start), shape)`` is the same matrix.
+    shape: rows and columns.
+    row: row of each non-zero.
+    column_start: where each column starts among them, with the end of the last one.
+    values: the non-zeros; ``scipy.sparse.csc_array((values, row, column_start), shape)`` is the same matrix.
     """
 
     shape: tuple[int, int]
@@ -209,17 +198,8 @@ class _Report(ctypes.Structure):
 class Library:
     """A compiled library with its manifest.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of library and manifest.json.
-    file_name : str
-        File name of the library.
-
-    Raises
-    ------
-    ImportError
-        The library does not load on this machine, or is not the one of the manifest.
+    folder: folder of library and manifest.json; file_name: file name of the library. Raises ImportError: the
+    library does not load on this machine, or is not the one of the manifest.
     """
 
     def __init__(self, folder: Path, file_name: str) -> None:

@@ -22,19 +22,9 @@ NAMES = ("node_name", "member_name", "coordinate_name", "input_name")
 def format_module(manifest: Manifest, file_name: str, version: str) -> str:
     """Return the text of `__init__.py` of the package of a library.
 
-    Parameters
-    ----------
-    manifest : Manifest
-        What the library holds.
-    file_name : str
-        File name of the library, beside the module.
-    version : str
-        Version of the package.
-
-    Raises
-    ------
-    InvalidNameError
-        An argument whose name Python cannot have.
+    manifest: what the library holds; file_name: file name of the library, beside the module; version: version
+    of the package.
+    Raises InvalidNameError: an argument whose name Python cannot have.
     """
     functions = [_format_function(manifest, spec) for spec in manifest.functions]
     functions += [_format_integrator(manifest, spec) for spec in manifest.integrators]

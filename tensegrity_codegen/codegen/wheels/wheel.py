@@ -70,17 +70,8 @@ def check_wheel(target: Target, scene: str, where: str = "target") -> None:
 def build_wheel(manifest: Manifest, library: Path) -> tuple[str, bytes]:
     """Return file name and content of the wheel of a compiled library.
 
-    Parameters
-    ----------
-    manifest : Manifest
-        What the library holds.
-    library : Path
-        The library.
-
-    Raises
-    ------
-    FormulationError, InvalidNameError
-        Python cannot load a library of this kind, or there is no package of this name.
+    manifest: what the library holds. Raises FormulationError, InvalidNameError: Python cannot load a library
+    of this kind, or there is no package of this name.
     """
     if manifest.contact_name:
         raise refuse_ground(manifest.name, "a package of the library alone")

@@ -27,15 +27,8 @@ FACTOR = re.compile(r"([A-Za-z]+)(\d*)")
 def find_exponents(unit: str) -> dict[str, int] | None:
     """Return the exponents of SI base units in a unit, {} for "1".
 
-    Parameters
-    ----------
-    unit : str
-        Factors apart by spaces, a power behind each, those behind a slash in the denominator: "N s/m2".
-
-    Returns
-    -------
-    dict of str to int, or None
-        Base unit -> exponent, without zeros; None where the text is no unit of this form.
+    unit: factors apart by spaces, a power behind each, those behind a slash in the denominator: "N s/m2".
+    Returns base unit -> exponent, without zeros; None where the text is no unit of this form.
     """
     if unit == "1":
         return {}

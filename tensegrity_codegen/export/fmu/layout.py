@@ -72,14 +72,7 @@ class Block:
 class Layout:
     """All that a unit has, from a library's manifest.
 
-    Attributes
-    ----------
-    manifest : Manifest
-        The library.
-    structure : Structure or BodySystem
-        What it was made from.
-    outputs : tuple of str
-        Quantities that are outputs.
+    manifest: the library; structure: what it was made from; outputs: quantities that are outputs.
     """
 
     manifest: Manifest

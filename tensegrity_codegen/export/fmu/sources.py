@@ -35,18 +35,11 @@ WATCHED = {
 class Experiment:
     """How a unit is used.
 
-    Attributes
-    ----------
-    fmi : str
-        Version of the standard: "2.0" or "3.0".
-    kinds : tuple of str
-        Interfaces: "me" (model exchange), "cs" (co-simulation).
-    method : str
-        Integrator of the co-simulation.
-    t_end, rtol : float
-        Stop time [s] and relative tolerance of the default experiment.
-    length : float
-        Size of the structure [m], which absolute tolerances follow.
+    fmi: version of the standard: "2.0" or "3.0".
+    kinds: interfaces: "me" (model exchange), "cs" (co-simulation).
+    method: integrator of the co-simulation.
+    t_end, rtol: stop time [s] and relative tolerance of the default experiment.
+    length: size of the structure [m], which absolute tolerances follow.
     """
 
     fmi: str
@@ -71,16 +64,8 @@ def write_unit_sources(
 ) -> UnitSources:
     """Return the sources of a unit.
 
-    Parameters
-    ----------
-    library : mapping of str to str
-        Files of the generated library: name -> text.
-    layout : Layout
-        What the unit has.
-    tangent : Tangent or None
-        Directional derivatives.
-    experiment : Experiment
-        Version, interfaces, method and tolerances.
+    library: files of the generated library: name -> text; layout: what the unit has; tangent: directional
+    derivatives; experiment: version, interfaces, method and tolerances.
     """
     name, version = layout.manifest.name, experiment.fmi[0]
     own = {

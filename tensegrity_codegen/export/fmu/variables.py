@@ -56,28 +56,16 @@ KINDS = (
 class Variable:
     """One scalar variable.
 
-    Attributes
-    ----------
-    name : str
-        Structured name.
-    causality, variability, initial : str
-        Words of the standard; initial "" where the standard has none.
-    sentence : str
-        Description.
-    unit : str
-        Unit, "1" where it has none.
-    start : float or None
-        Value at the start, where it can be set.
-    type : str
-        "real", "boolean" or "integer".
-    state : int or None
-        Of a derivative: the value reference of its state.
-    is_indicator : bool
-        Whether it is an event indicator.
-    dependencies : tuple of int, or None
-        Value references of the inputs and states that it depends on; None: not known.
-    least : float or None
-        Its least value, where it has one.
+    name: structured name.
+    causality, variability, initial: words of the standard; initial "" where the standard has none.
+    sentence: description.
+    unit: unit, "1" where it has none.
+    start: value at the start, where it can be set.
+    type: "real", "boolean" or "integer".
+    state: of a derivative: the value reference of its state.
+    is_indicator: whether it is an event indicator.
+    dependencies: value references of the inputs and states that it depends on; None: not known.
+    least: its least value, where it has one.
     """
 
     name: str

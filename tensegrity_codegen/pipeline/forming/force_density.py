@@ -50,25 +50,11 @@ def sum_forces(structure: Structure, position: FloatArray, q: FloatArray) -> Flo
 def find_density_shape(structure: Structure, density: FloatArray, force: FloatArray) -> DensityShape:
     """Return the shape with these force densities and, where a force is stated, forces.
 
-    Parameters
-    ----------
-    structure : Structure
-        Nodes, anchors, loads; positions where forces begin.
-    density : ndarray, shape (n_members,) [N/m]
-        Force densities; of members with a force, not used.
-    force : ndarray, shape (n_members,) [N]
-        Forces; nan where the density is stated.
-
-    Returns
-    -------
-    DensityShape
-        Positions and force densities.
-
-    Raises
-    ------
-    ConvergenceError
-        Nothing holds some nodes, densities of both signs cancel, a member shrinks to a point, or the forces
-        have no shape.
+    structure: nodes, anchors, loads; positions where forces begin.
+    density (n_members,) [N/m]: force densities; of members with a force, not used.
+    force (n_members,) [N]: forces; nan where the density is stated.
+    Raises ConvergenceError: nothing holds some nodes, densities of both signs cancel, a member shrinks to a
+    point, or the forces have no shape.
     """
     position = structure.node_position.copy()
     size = float(np.ptp(position, axis=0).max(initial=0.0)) or 1.0

@@ -81,21 +81,11 @@ def read_targets(
 def find_nearest_shape(structure: Structure, density: FloatArray, targets: Targets) -> DensityShape:
     """Return the shape whose lengths and forces are nearest to targets, within ranges of lengths.
 
-    Parameters
-    ----------
-    structure : Structure
-        Nodes, anchors, loads.
-    density : ndarray, shape (n_members,) [N/m]
-        Force densities where the search begins; each keeps its sign.
-    targets : Targets
-        What is minimised: sum of weight (l - target)^2, of weight (t - target)^2, and the load path.
-
-    Raises
-    ------
-    InvalidValueError
-        More than MOST_MEMBERS members.
-    ConvergenceError
-        No start reached ranges and a stationary point; densities of both signs cancel.
+    structure: nodes, anchors, loads.
+    density (n_members,) [N/m]: force densities where the search begins; each keeps its sign.
+    targets: what is minimised: sum of weight (l - target)^2, of weight (t - target)^2, and the load path.
+    Raises InvalidValueError: more than MOST_MEMBERS members; ConvergenceError: no start reached ranges and a
+    stationary point; densities of both signs cancel.
     """
     if structure.n_members > MOST_MEMBERS:
         raise InvalidValueError(

@@ -190,16 +190,9 @@ def make_table(
 ) -> Table:
     """Return a table of values.
 
-    Parameters
-    ----------
-    caption : str
-        The caption.
-    columns : mapping of str to str
-        Heading with its unit ("error [m]") -> format of the column's numbers, "" for a column of words.
-    rows : iterable of sequences
-        A value for each column: a number or None, words, or a Cell, which is taken as it is.
-    **options
-        The other fields of Table: note, head, head_note, folded.
+    columns: heading with its unit ("error [m]") -> format of the column's numbers, "" for a column of words.
+    rows: a value for each column: a number or None, words, or a Cell, which is taken as it is.
+    **options: the other fields of Table: note, head, head_note, folded.
     """
     made = []
     for heading, spec in columns.items():

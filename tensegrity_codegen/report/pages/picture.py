@@ -79,8 +79,6 @@ def use_variables(svg: str) -> str:
 def find_dark_color(color: str) -> str:
     """Return a colour #rrggbb of a scale as it is shown on dark: of the same hue, dark made light.
 
-    Notes
-    -----
     The same as `filter: invert(0.92) hue-rotate(180deg)` of CSS, by which the page shows rasters on dark.
     """
     channels = [int(color[k : k + 2], 16) / 255 for k in (1, 3, 5)]

@@ -29,20 +29,12 @@ SLIM = 0.38  # half the width of a head over its length
 class Arrows:
     """Arrows of one kind over samples.
 
-    Attributes
-    ----------
-    name, color : str
-        ``"load"``, ``"reaction"`` or ``"ground"``, and the colour.
-    tail, tip : ndarray, shape (n_t, n_arrows, 3) [m]
-        Where they start and end; NaN where there is none.
-    largest : float [N]
-        The largest force.
-    n_unknown : int
-        Number of nodes at which the force is unknown in some sample.
-    scale : float [N/m]
-        Force over length of an arrow.
-    size : float [m]
-        Size of the structure.
+    name, color: ``"load"``, ``"reaction"`` or ``"ground"``, and the colour.
+    tail, tip (n_t, n_arrows, 3) [m]: where they start and end; NaN where there is none.
+    largest [N]: the largest force.
+    n_unknown: number of nodes at which the force is unknown in some sample.
+    scale [N/m]: force over length of an arrow.
+    size [m]: size of the structure.
     """
 
     name: str
@@ -65,26 +57,13 @@ def lay_out_arrows(
 ) -> list[Arrows]:
     """Return the arrows of loads, reactions and forces of the ground; kinds without a force have no arrows.
 
-    Parameters
-    ----------
-    structure : Structure
-        The structure.
-    position : ndarray, shape (n_t, n_nodes, 3) [m]
-        Positions.
-    tension : ndarray, shape (n_t, n_members) [N], or None
-        Tensions, NaN where unknown; without them there are no reactions.
-    load : ndarray, shape (n_t, n_nodes, 3) [N]
-        Loads.
-    joints : ndarray of int, optional
-        Nodes whose reactions are unknown, see compute_reactions.
-    contact : ndarray, shape (n_t, n_contacts, 3) [N], optional
-        Forces of the ground.
-
-    Returns
-    -------
-    list of Arrows
-        All of one scale: 1, 2 or 5 times a power of ten. An arrow ends at its node where it
-        points towards the members there, and else starts there.
+    position (n_t, n_nodes, 3) [m]: positions.
+    tension (n_t, n_members) [N]: tensions, NaN where unknown; without them there are no reactions.
+    load (n_t, n_nodes, 3) [N]: loads.
+    joints: nodes whose reactions are unknown, see compute_reactions.
+    contact (n_t, n_contacts, 3) [N]: forces of the ground.
+    Returns all of one scale: 1, 2 or 5 times a power of ten. An arrow ends at its node where it points
+    towards the members there, and else starts there.
     """
     axes = list(structure.axes)
     held = np.flatnonzero(structure.node_anchored[:, axes].any(axis=1) & (tension is not None))

@@ -27,12 +27,8 @@ Labels: TypeAlias = bool | str | Iterable[str]
 class Direction:
     """From where a structure is seen.
 
-    Attributes
-    ----------
-    name : str
-        ``"iso"``, ``"front"``, ``"side"``, ``"top"``, or the text that was given.
-    azimuth, elevation : float [deg]
-        Of the eye: about +z from +x, and above the ground.
+    name: ``"iso"``, ``"front"``, ``"side"``, ``"top"``, or the text that was given; azimuth, elevation [deg]:
+    of the eye: about +z from +x, and above the ground.
     """
 
     name: str
@@ -59,20 +55,12 @@ _NAMED = {
 class PictureChoices:
     """Choices for one picture or film; the defaults are those of pictures without options.
 
-    Attributes
-    ----------
-    view : Direction or None
-        None: the direction from which the fewest members hide nodes.
-    size : tuple of int or None
-        Width and height in pixels; None: what suits the structure.
-    labels : tuple of str
-        What has its names written: ``"nodes"``, ``"members"``.
-    color : str
-        One of COLORS.
-    follow : bool
-        Whether the axes move with the centroid of the nodes.
-    forces : bool
-        Whether loads and reactions are drawn.
+    view: none: the direction from which the fewest members hide nodes.
+    size: width and height in pixels; None: what suits the structure.
+    labels: what has its names written: ``"nodes"``, ``"members"``.
+    color: one of COLORS.
+    follow: whether the axes move with the centroid of the nodes.
+    forces: whether loads and reactions are drawn.
     """
 
     view: Direction | None = None
@@ -89,21 +77,9 @@ class PictureChoices:
 def read_view(text: str | tuple[float, float] | None) -> Direction | None:
     """Return the direction of a view.
 
-    Parameters
-    ----------
-    text : str, pair of float or None
-        ``"iso"``, ``"front"`` (along y), ``"side"`` (along x), ``"top"`` (along z), ``"AZIMUTH,ELEVATION"``
-        or these two numbers [deg].
-
-    Returns
-    -------
-    Direction or None
-        None for None.
-
-    Raises
-    ------
-    InvalidValueError
-        No such view.
+    text: ``"iso"``, ``"front"`` (along y), ``"side"`` (along x), ``"top"`` (along z), ``"AZIMUTH,ELEVATION"``
+    or these two numbers [deg].
+    Raises InvalidValueError: no such view.
     """
     if text is None:
         return None
@@ -150,20 +126,8 @@ def read_size(text: str | tuple[int, int] | None) -> Size | None:
 def read_labels(given: Labels) -> tuple[str, ...]:
     """Return which names are written, of LABELS.
 
-    Parameters
-    ----------
-    given : bool, str or sequence of str
-        True: both; False or ``"none"``: no names; ``"nodes"``, ``"members"``, several separated by commas.
-
-    Returns
-    -------
-    tuple of str
-        ``"nodes"``, ``"members"`` or both.
-
-    Raises
-    ------
-    InvalidValueError
-        Another word, or ``"none"`` with others.
+    given: true: both; False or ``"none"``: no names; ``"nodes"``, ``"members"``, several separated by commas.
+    Raises InvalidValueError: another word, or ``"none"`` with others.
     """
     if isinstance(given, bool):
         return LABELS if given else ()

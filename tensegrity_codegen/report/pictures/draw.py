@@ -127,22 +127,8 @@ def pad_tension(tension: FloatArray, structure: Structure) -> FloatArray:
 def find_shot(subject: Any, time: float | None = None, sample: int | None = None) -> Shot:
     """Return what a picture of `subject` shows.
 
-    Parameters
-    ----------
-    subject : Drawable
-        What is drawn.
-    time, sample : float or int, optional
-        Which sample of a motion or plan.
-
-    Returns
-    -------
-    Shot
-        Structure, positions, tensions and loads.
-
-    Raises
-    ------
-    InvalidValueError
-        Something else, a sample that does not exist, or a result without structure.
+    subject: what is drawn; time, sample: which sample of a motion or plan. Raises InvalidValueError:
+    something else, a sample that does not exist, or a result without structure.
     """
     if isinstance(subject, Trajectory | PlanResult):
         return _find_sample(subject, time, sample)

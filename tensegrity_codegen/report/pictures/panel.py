@@ -49,22 +49,13 @@ LEAST_WIDTH, LEAST_HEIGHT = 3.4, 2.8  # of a figure [in], for its texts
 class Setting:
     """What all samples of a picture share.
 
-    Attributes
-    ----------
-    shown : Shown
-        What is shown.
-    choices : PictureChoices
-        How.
-    box, view : Box, View
-        Axes and view of the first sample, or of all where the axes stand still.
-    step : ndarray, shape (n_t, 3) [m]
-        How far box and view move at each sample.
-    arrows : list of Arrows
-        Loads and reactions.
-    color : ndarray, shape (n_t, n_members), or None
-        What colours show.
-    limit : float or None
-        End of the scale of colours.
+    shown: what is shown.
+    choices: how.
+    box, view: axes and view of the first sample, or of all where the axes stand still.
+    step (n_t, 3) [m]: how far box and view move at each sample.
+    arrows: loads and reactions.
+    color (n_t, n_members): what colours show.
+    limit: end of the scale of colours.
     """
 
     shown: Shown

@@ -88,20 +88,12 @@ COLOR_NAMES = {
 class Shown:
     """What a picture or film shows.
 
-    Attributes
-    ----------
-    structure : Structure
-        The structure, of bodies their outline.
-    position : ndarray, shape (n_t, n_nodes, 3) [m]
-        Positions.
-    tension : ndarray, shape (n_t, n_members) [N], or None
-        Tensions, NaN where unknown; None: members are coloured by kind.
-    load : ndarray, shape (n_t, n_nodes, 3) [N]
-        Loads.
-    parts : BodyParts
-        What belongs to rigid bodies.
-    contact : ndarray, shape (n_t, n_contacts, 3) [N], or None
-        Forces of the ground; None where they are not known.
+    structure: the structure, of bodies their outline.
+    position (n_t, n_nodes, 3) [m]: positions.
+    tension (n_t, n_members) [N]: tensions, NaN where unknown; None: members are coloured by kind.
+    load (n_t, n_nodes, 3) [N]: loads.
+    parts: what belongs to rigid bodies.
+    contact (n_t, n_contacts, 3) [N]: forces of the ground; None where they are not known.
     """
 
     structure: Structure

@@ -71,15 +71,8 @@ def _find_kind(motion: Motion, options: RunOptions) -> Kind:
 def join_runs(progress: Progress | None) -> Progress | None:
     """Return the progress of one run, that of all runs together being `progress`.
 
-    Parameters
-    ----------
-    progress : callable or None
-        Called with the fraction done of all runs, 0 to 1; it does not decrease, and stays below 1.
-
-    Returns
-    -------
-    callable or None
-        To be called with the fraction done of each run, 0 to 1; where it falls, a new run has begun.
+    progress: called with the fraction done of all runs, 0 to 1; it does not decrease, and stays below 1.
+    Returns to be called with the fraction done of each run, 0 to 1; where it falls, a new run has begun.
     """
     if progress is None:
         return None

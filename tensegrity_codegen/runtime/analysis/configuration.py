@@ -35,14 +35,8 @@ DIFFERENCE_STEP = 1e-3  # of the extent of the structure: step of differences of
 class Configuration:
     """A configuration of nodes.
 
-    Parameters
-    ----------
-    problem : StaticProblem
-        The model with its arguments.
-    point : Point
-        The configuration with its forces.
-    structure : Structure or BodySystem
-        What the model was made from.
+    problem: the model with its arguments; point: the configuration with its forces; structure: what the model
+    was made from.
     """
 
     def __init__(self, problem: StaticProblem, point: Point, structure: Subject) -> None:
@@ -239,26 +233,12 @@ def read_configuration(
 ) -> Configuration:
     """Return a configuration of a model.
 
-    Parameters
-    ----------
-    model : Model
-        With the quantities of an equilibrium, and `equilibrium_matrix`.
-    coordinate : array_like, shape (n_coordinates,), or None
-        Coordinates; None: those of the scene.
-    arguments : mapping or None
-        Inputs and parameters by name, where they differ from the scene.
-
-    Returns
-    -------
-    Configuration
-        The configuration; that of rigid bars has the nearest coordinates at which they keep their lengths.
-
-    Raises
-    ------
-    InvalidValueError, NonFiniteError
-        A wrong shape, numbers that are not finite, or a member without length.
-    FormulationError
-        The model lacks a quantity.
+    model: with the quantities of an equilibrium, and `equilibrium_matrix`.
+    coordinate (n_coordinates,): coordinates; None: those of the scene.
+    arguments: inputs and parameters by name, where they differ from the scene.
+    Returns the configuration; that of rigid bars has the nearest coordinates at which they keep their
+    lengths. Raises InvalidValueError, NonFiniteError: a wrong shape, numbers that are not finite, or a member
+    without length; FormulationError: the model lacks a quantity.
     """
     problem = build_problem(model, arguments)
     require_quantities(model, ("equilibrium_matrix",), "an analysis of tensions needs")

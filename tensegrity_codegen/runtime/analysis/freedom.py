@@ -25,18 +25,8 @@ class Freedom:
 def count_freedom(structure: Structure) -> Freedom | None:
     """Count self-stresses and motions at the stated positions by the rank of the equilibrium matrix.
 
-    Parameters
-    ----------
-    structure : Structure
-        The structure.
+    Returns the numbers; None for more than 1,500 coordinates and members.
 
-    Returns
-    -------
-    Freedom or None
-        The numbers; None for more than 1,500 coordinates and members.
-
-    Notes
-    -----
     The rank is that of A A^T or A^T A, whichever is smaller: squares lose the digits by which `analyse`
     tells a singular value of 1e-9 from rounding, so both count as zero here.
     """

@@ -17,12 +17,9 @@ ZERO_MOTION_TOLERANCE = 1e-6  # part of a unit motion that counts as none
 class FreeMotions:
     """Motions at which no member changes its length, to first order.
 
-    Attributes
-    ----------
-    rigid : ndarray, shape (n_coordinates, n_rigid)
-        Orthonormal rigid motions, those of each part by itself.
-    mechanism : ndarray, shape (n_coordinates, n_mechanisms)
-        Orthonormal motions that change the shape of a part, orthogonal to the rigid ones.
+    rigid (n_coordinates, n_rigid): orthonormal rigid motions, those of each part by itself.
+    mechanism (n_coordinates, n_mechanisms): orthonormal motions that change the shape of a part, orthogonal
+        to the rigid ones.
     """
 
     rigid: FloatArray

@@ -17,18 +17,11 @@ ZERO_FREQUENCY_TOLERANCE = 1e-13  # part of the largest square of a frequency th
 class Modes:
     """Small undamped vibrations about a configuration.
 
-    Attributes
-    ----------
-    frequency : ndarray, shape (n_modes,) [Hz]
-        Natural frequencies, ascending; 0 where a motion has no stiffness.
-    growth_rate : ndarray, shape (n_modes,) [1/s]
-        Rates at which unstable modes grow; 0 for the others.
-    shape : ndarray, shape (n_nodes, 3, n_modes)
-        Displacements of the nodes, the largest of each mode 1.
-    n_rigid : int
-        Number of rigid motions without stiffness, which are not among the modes.
-    n_total : int
-        Number of modes there are; only the first are computed.
+    frequency (n_modes,) [Hz]: natural frequencies, ascending; 0 where a motion has no stiffness.
+    growth_rate (n_modes,) [1/s]: rates at which unstable modes grow; 0 for the others.
+    shape (n_nodes, 3, n_modes): displacements of the nodes, the largest of each mode 1.
+    n_rigid: number of rigid motions without stiffness, which are not among the modes.
+    n_total: number of modes there are; only the first are computed.
     """
 
     frequency: FloatArray
@@ -41,22 +34,10 @@ class Modes:
 def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None:
     """Find the first natural frequencies and modes.
 
-    Parameters
-    ----------
-    at : Configuration
-        The configuration; its model must have `mass_matrix`.
-    rigid : ndarray, shape (n_directions, k)
-        Orthonormal rigid motions without stiffness, over the directions of the static problem.
-    count : int
-        Number of modes.
+    at: the configuration; its model must have `mass_matrix`; rigid (n_directions, k): orthonormal rigid
+    motions without stiffness, over the directions of the static problem; count: number of modes.
+    Returns frequencies and shapes; None where a free coordinate has no mass.
 
-    Returns
-    -------
-    Modes or None
-        Frequencies and shapes; None where a free coordinate has no mass.
-
-    Notes
-    -----
     K v = (2 pi f)^2 H v with the tangent stiffness K and the mass matrix H, over motions that keep the
     lengths of rigid bars, orthogonal to the rigid motions.
     """

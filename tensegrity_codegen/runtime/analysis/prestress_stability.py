@@ -19,17 +19,11 @@ MOST_CUTS = 60
 class PrestressStability:
     """Stiffness that tensions give to the free motions.
 
-    Attributes
-    ----------
-    is_stable : bool
-        Whether the tensions stiffen every free motion, apart from rigid motions that cost no energy.
-    smallest_eigenvalue : float
-        Smallest eigenvalue of the geometric stiffness along these motions, over the largest force density;
-        inf where there are none.
-    eigenvalue : ndarray, shape (k,)
-        All of them, ascending.
-    direction : ndarray, shape (n_directions,)
-        The unit motion of the smallest one; empty where there are none.
+    is_stable: whether the tensions stiffen every free motion, apart from rigid motions that cost no energy.
+    smallest_eigenvalue: smallest eigenvalue of the geometric stiffness along these motions, over the largest
+        force density; inf where there are none.
+    eigenvalue (k,): all of them, ascending.
+    direction (n_directions,): the unit motion of the smallest one; empty where there are none.
     """
 
     is_stable: bool
@@ -43,25 +37,13 @@ def find_prestress_stability(
 ) -> PrestressStability:
     """Find the least stiffness that tensions give to the free motions.
 
-    Parameters
-    ----------
-    at : Configuration
-        The configuration.
-    motions : FreeMotions
-        Its rigid motions and mechanisms.
-    tension : ndarray, shape (n_members,)
-        Member tensions, in equilibrium.
-    loaded : bool
-        Whether the loads belong to the tensions: these turn with bodies, and may hold rigid motions.
+    at: the configuration.
+    motions: its rigid motions and mechanisms.
+    tension (n_members,): member tensions, in equilibrium.
+    loaded: whether the loads belong to the tensions: these turn with bodies, and may hold rigid motions.
+    Returns eigenvalues of sum t_e d2l_e/dx2 along the mechanisms; under loads along rigid motions too, as far
+    as these cost energy.
 
-    Returns
-    -------
-    PrestressStability
-        Eigenvalues of sum t_e d2l_e/dx2 along the mechanisms; under loads along rigid motions too, as far as
-        these cost energy.
-
-    Notes
-    -----
     Along a mechanism the second variation of the energy at large axial stiffness is that of the tensions
     (R. Connelly and W. Whiteley, "Second-order rigidity and prestress stability for tensegrity frameworks",
     SIAM Journal on Discrete Mathematics 9, 1996).
@@ -91,24 +73,10 @@ def find_stabilising_prestress(
 ) -> FloatArray | None:
     """Find self-stresses that stiffen all mechanisms, with every cable in tension.
 
-    Parameters
-    ----------
-    at : Configuration
-        The configuration.
-    motions : FreeMotions
-        Its mechanisms.
-    selfstress : ndarray, shape (n_selfstress, n_members)
-        Basis of the self-stresses.
-    prestress : Prestress
-        Tensions with all cables in tension that do not stiffen them.
+    at: the configuration; motions: its mechanisms; selfstress (n_selfstress, n_members): basis of the
+    self-stresses; prestress: tensions with all cables in tension that do not stiffen them.
+    Returns (n_members,): tensions, the largest force 1, or None where none were found.
 
-    Returns
-    -------
-    ndarray, shape (n_members,), or None
-        Tensions, the largest force 1, or None where none were found.
-
-    Notes
-    -----
     The largest smallest eigenvalue of a matrix that is linear in the tensions, by cutting planes: each linear
     program has the constraints v . K(t) v >= s for the eigenvectors v found so far.
     """

@@ -127,23 +127,14 @@ def require_ground(structure: Any, name: str) -> Structure:
 class Tip:
     """How far a cable must be shortened until the structure tips.
 
-    Attributes
-    ----------
-    cable : str
-        Its name.
-    status : str
-        ``"tips"``; ``"snaps"``, where nodes jump; ``"slides"`` or another status where no equilibrium is
+    cable: its name.
+    status: ``"tips"``; ``"snaps"``, where nodes jump; ``"slides"`` or another status where no equilibrium is
         found; ``"stands"`` down to the least rest length that was tried, 1 % of that in the scene.
-    rest_length, shortening : float [m]
-        Rest length at which that happens, and its change from the scene's.
-    edge : tuple of str
-        The feet of the edge about which it tips.
-    foot : tuple of str
-        Nodes that press, just before.
-    force : ndarray, shape (n_feet, 3) [N]
-        Forces of the ground on them then.
-    message : str
-        What the search for an equilibrium says beyond.
+    rest_length, shortening [m]: rest length at which that happens, and its change from the scene's.
+    edge: the feet of the edge about which it tips.
+    foot: nodes that press, just before.
+    force (n_feet, 3) [N]: forces of the ground on them then.
+    message: what the search for an equilibrium says beyond.
     """
 
     cable: str
@@ -172,33 +163,15 @@ def find_tips(
 ) -> tuple[Tip, ...]:
     """Find how far each cable must be shortened, alone, until the structure tips.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        Compiled for ``"equilibrium"``, with the rest lengths of the cables as run-time parameters.
-    cables : sequence of str
-        Cables; by default all whose rest length is a parameter.
-    arguments : mapping, optional
-        Inputs and other parameters by name, where they differ from the scene.
-    frictionless : bool
-        Without friction.
-    progress : callable, optional
-        Called with the number of the cable, and its shortening [m].
+    model: compiled for ``"equilibrium"``, with the rest lengths of the cables as run-time parameters.
+    cables: cables; by default all whose rest length is a parameter.
+    arguments: inputs and other parameters by name, where they differ from the scene.
+    frictionless: without friction.
+    progress: called with the number of the cable, and its shortening [m].
+    Returns the cables that need least shortening first; those that do not tip it come last. Raises
+    ConvergenceError: the structure does not stand to begin with; UnknownNameError, FormulationError: a cable
+    whose rest length is no parameter of the model.
 
-    Returns
-    -------
-    tuple of Tip
-        The cables that need least shortening first; those that do not tip it come last.
-
-    Raises
-    ------
-    ConvergenceError
-        The structure does not stand to begin with.
-    UnknownNameError, FormulationError
-        A cable whose rest length is no parameter of the model.
-
-    Notes
-    -----
     The tipping margin is followed down to zero: steps of the rest length, each equilibrium from the one
     before, with bristles that go on from there; the root is approached by secants from the side that stands.
     """

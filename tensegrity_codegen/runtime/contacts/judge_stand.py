@@ -116,21 +116,10 @@ def judge_stand(
 ) -> Stand:
     """Return whether a structure stands.
 
-    Parameters
-    ----------
-    structure : Structure
-        With a ground.
-    position, external : ndarray, shape (n_nodes, 3) [m, N]
-        Shape, and weights and loads.
-    force : ndarray, shape (n_contacts, 3) [N], optional
-        Forces of the ground in an equilibrium; they say which contacts are feet.
-    friction : float, optional
-        Coefficient of friction; by default that of the ground.
-
-    Returns
-    -------
-    Stand
-        The verdict.
+    structure: with a ground.
+    position, external (n_nodes, 3) [m, N]: shape, and weights and loads.
+    force (n_contacts, 3) [N]: forces of the ground in an equilibrium; they say which contacts are feet.
+    friction: coefficient of friction; by default that of the ground.
     """
     ground = structure.ground
     assert ground is not None
@@ -280,21 +269,9 @@ def find_support_margin(
 ) -> tuple[float, tuple[str, ...]]:
     """Return the tipping margin [m] and its edge, for feet that press.
 
-    Parameters
-    ----------
-    structure : Structure
-        With a ground.
-    position, external : ndarray, shape (n_nodes, 3) [m, N]
-        Shape, and weights and loads.
-    force : ndarray, shape (n_contacts, 3) [N]
-        Forces of the ground.
-
-    Returns
-    -------
-    margin : float [m]
-        See Stand.
-    edge : tuple of str
-        Its feet.
+    structure: with a ground; position, external (n_nodes, 3) [m, N]: shape, and weights and loads; force
+    (n_contacts, 3) [N]: forces of the ground.
+    Returns margin: see Stand; edge: its feet.
     """
     ground = structure.ground
     assert ground is not None

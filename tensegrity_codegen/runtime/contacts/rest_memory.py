@@ -26,11 +26,8 @@ MOST_SHOWN = 6
 class RestMemory:
     """Internal states of members with memory, and of motors with a lag, at rest.
 
-    Attributes
-    ----------
-    start : ndarray, shape (n_internal,)
-        States that the members come from, nothing flowing: those of the argument ``internal``, until
-        `turn` has members remember.
+    start (n_internal,): states that the members come from, nothing flowing: those of the argument
+    ``internal``, until `turn` has members remember.
     """
 
     def __init__(self, model: Model, arguments: Mapping[str, Any]) -> None:

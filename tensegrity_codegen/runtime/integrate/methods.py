@@ -16,27 +16,16 @@ Kind = Literal["auto", "adaptive", "fixed", "implicit", "scipy"]
 class Method:
     """A method of `simulate`.
 
-    Attributes
-    ----------
-    name : str
-        Its name; those of methods in C are the names of the integrators of a library.
-    kind : str
-        "auto" chooses among the others; explicit methods in C with error control ("adaptive") or a fixed step
-        ("fixed"); the implicit method in C; methods of SciPy.
-    sentence : str
-        What it is, for the documentation.
-    order : int
-        Order of its steps; 0 where it has no order of its own.
-    finds_events : bool
-        Whether its steps end where cables go slack or taut, or a condition changes its sign.
-    in_batches : bool
-        Whether it integrates several motions side by side.
-    keeps_energy : bool
-        Whether its steps can end at the energy of the start.
-    takes_schedule : bool
-        Whether inputs may change with time by a function, not by a table (profile) alone.
-    scipy : str
-        SciPy's name of it.
+    name: its name; those of methods in C are the names of the integrators of a library.
+    kind: "auto" chooses among the others; explicit methods in C with error control ("adaptive") or a fixed
+        step ("fixed"); the implicit method in C; methods of SciPy.
+    sentence: what it is, for the documentation.
+    order: order of its steps; 0 where it has no order of its own.
+    finds_events: whether its steps end where cables go slack or taut, or a condition changes its sign.
+    in_batches: whether it integrates several motions side by side.
+    keeps_energy: whether its steps can end at the energy of the start.
+    takes_schedule: whether inputs may change with time by a function, not by a table (profile) alone.
+    scipy: SciPy's name of it.
     """
 
     name: str

@@ -25,22 +25,9 @@ def merge_inputs(
 ) -> dict[str, Any]:
     """Return run-time arguments where inputs given by their names are one array `input`.
 
-    Parameters
-    ----------
-    arguments : values by the names of run-time arguments and of inputs; an input's own value is a number,
-        with `is_batch` also (n_batch,).
-    base : (n_inputs,), the inputs that are not named; the scene's where it is None.
-    dtype : of the array `input`.
-
-    Returns
-    -------
-    The arguments, `input` of shape (n_inputs,) or (n_batch, n_inputs). A word that is both an argument and
-    an input stands for the argument.
-
-    Raises
-    ------
-    UnknownNameError for a word that is no argument of the library; InvalidValueError where an input is no
-    number, or inputs are given by name and as an array too; NonFiniteError for a number that is not finite.
+    arguments: with `is_batch` also (n_batch,). Returns (n_inputs,). Raises UnknownNameError for a word that
+    is no argument of the library; InvalidValueError where an input is no; number, or inputs are given by name
+    and as an array too; NonFiniteError for a number that is not finite.
     """
     given = read_arguments(arguments)
     check_argument_names(manifest, [name for name in given if name not in STATE])

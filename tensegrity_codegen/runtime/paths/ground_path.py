@@ -38,29 +38,13 @@ class _State:
 def follow_ground_path(path: ModelPath, *, most: float = 1.0, largest_step: float = 0.1) -> LoadPath:
     """Follow the equilibrium on the ground while loads grow, up to where the structure no longer stands.
 
-    Parameters
-    ----------
-    path : ModelPath
-        What `build_path` returns for a structure on the ground.
-    most : float
-        Load factor to reach.
-    largest_step : float
-        Largest step, as a part of `most`.
+    path: what `build_path` returns for a structure on the ground; most: load factor to reach; largest_step:
+    largest step, as a part of `most`.
+    Returns points and events: feet that `lift`, `touch`, `slip`, `stick`, and where it `slides`, `tips` or
+    `lifts_off`, which end the path with the status ``"stopped"``. Their load factors are located to 1e-7 of
+    `most`. ``"stalled"`` where no equilibrium is found otherwise, ``"step_limit"`` after 1,000 steps. Raises
+    ConvergenceError: the structure does not stand at load factor 0.
 
-    Returns
-    -------
-    LoadPath
-        Points and events: feet that `lift`, `touch`, `slip`, `stick`, and where it `slides`, `tips` or
-        `lifts_off`, which end the path with the status ``"stopped"``. Their load factors are located to 1e-7
-        of `most`. ``"stalled"`` where no equilibrium is found otherwise, ``"step_limit"`` after 1,000 steps.
-
-    Raises
-    ------
-    ConvergenceError
-        The structure does not stand at load factor 0.
-
-    Notes
-    -----
     Friction depends on the way: a step starts from the bristles of the one before. A step in which a foot
     changes its state is halved until that is located.
     """

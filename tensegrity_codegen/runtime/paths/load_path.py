@@ -37,26 +37,18 @@ class PathEvent(Summarised):
 class LoadPath(Summarised):
     """Equilibria along a load path, and its events.
 
-    Attributes
-    ----------
-    status : str
-        ``"completed"``: the load factor was reached; ``"stopped"``: an event ended the path; ``"returned"``:
-        the path turned back to its floor; ``"step_limit"``: too many steps; ``"stalled"``: no equilibrium
-        beyond the last point; ``"no_start"``: none at the start.
-    message : str
-        A sentence.
-    load_factor, residual, smallest_eigenvalue, load_rate : ndarray, shape (n_points,)
-        Load factor; largest entry of g; smallest eigenvalue of the stiffness without neutral motions; rate of
-        the load factor along the path, negative where the load decreases.
-    coordinate : ndarray, shape (n_points, n)
-        Coordinates.
-    internal : ndarray or None, shape (n_points, n_internal) [m]
-        Internal states of members with memory, None without any; the last ones, as the argument ``internal``
-        of another path, let that go on from here.
-    events : tuple of PathEvent
-        Events in their order.
-    n_iterations : int
-        Number of Newton iterations.
+    status: ``"completed"``: the load factor was reached; ``"stopped"``: an event ended the path;
+        ``"returned"``: the path turned back to its floor; ``"step_limit"``: too many steps; ``"stalled"``: no
+        equilibrium beyond the last point; ``"no_start"``: none at the start.
+    message: a sentence.
+    load_factor, residual, smallest_eigenvalue, load_rate (n_points,): load factor; largest entry of g;
+        smallest eigenvalue of the stiffness without neutral motions; rate of the load factor along the path,
+        negative where the load decreases.
+    coordinate (n_points, n): coordinates.
+    internal (n_points, n_internal) [m]: internal states of members with memory, None without any; the last
+        ones, as the argument ``internal`` of another path, let that go on from here.
+    events: events in their order.
+    n_iterations: number of Newton iterations.
     """
 
     status: str

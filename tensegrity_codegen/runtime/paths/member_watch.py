@@ -15,22 +15,9 @@ MEMBER_WATCH_QUANTITIES = ("member_tension", "member_length")
 def watch_members(path: ModelPath, structure: Structure | BodySystem) -> list[Watch]:
     """Return the monitored limits of members; at zero one is exceeded, or no longer.
 
-    Parameters
-    ----------
-    path : ModelPath
-        The load path; its model needs ``MEMBER_WATCH_QUANTITIES``.
-    structure : Structure or BodySystem
-        With the limits. Members with no statement of buckling are watched for Euler's load.
-
-    Returns
-    -------
-    list of Watch
-        For follow_path, one or none.
-
-    Raises
-    ------
-    FormulationError
-        The model lacks a quantity.
+    path: the load path; its model needs ``MEMBER_WATCH_QUANTITIES``; structure: with the limits. Members with
+    no statement of buckling are watched for Euler's load.
+    Raises FormulationError: the model lacks a quantity.
     """
     check_instance(path, ModelPath, "path", "what build_path(...) returns")
     check_instance(structure, (Structure, BodySystem), "structure", "a Structure or BodySystem")

@@ -16,8 +16,6 @@ ZERO_FORCE_TOLERANCE = 1e-7  # part of the forces along rigid motions that count
 class PinnedPath:
     """The equilibria of a path with the rigid motions held that its anchors permit.
 
-    Notes
-    -----
     With N an orthonormal basis of these motions at the start and P = 1 - N N^T,
 
         g_pinned(q, lambda) = P g(q, lambda),   N^T dq = 0

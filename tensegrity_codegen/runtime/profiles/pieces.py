@@ -84,8 +84,6 @@ def build_linear(time: FloatArray, value: FloatArray) -> Pieces:
 def build_cubic(time: FloatArray, value: FloatArray) -> Pieces:
     """Return the cubic spline through knots, another one after each jump; arguments as of build_linear.
 
-    Notes
-    -----
     The second derivative is continuous, and the third one at the first and last inner knot ("not-a-knot");
     three knots have a parabola, two a straight line (de Boor 1978, A Practical Guide to Splines, chapter 4).
     """

@@ -11,22 +11,8 @@ from tensegrity_codegen.system.checks import check_whole
 def choose_even_knots(total: int, count: Any) -> NDArray[np.int64] | None:
     """Return so many of `total` knots, evenly distributed, the first and the last among them.
 
-    Parameters
-    ----------
-    total : int
-        Number of knots.
-    count : int
-        Number of knots to keep.
-
-    Returns
-    -------
-    ndarray of int, or None
-        Indices of the knots; None where there are no more than `count`.
-
-    Raises
-    ------
-    InvalidValueError
-        `count` is no integer >= 2.
+    total: number of knots; count: number of knots to keep. Returns indices of the knots; None where there are
+    no more than `count`. Raises InvalidValueError: `count` is no integer >= 2.
     """
     count = check_whole(count, "count", 2, problem="not a number of knots")
     if total <= count:

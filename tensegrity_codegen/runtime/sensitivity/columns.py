@@ -16,28 +16,12 @@ Columns = Sequence[str] | Mapping[str, Sequence[str]]
 def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ...], Any]:
     """Return names of columns, and which members each of them changes.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        Its members; and its inputs of kind rest_length, where it knows its structure.
-    columns : sequence or mapping, optional
-        Members and inputs; or name of a group -> its members; by default all members.
-
-    Returns
-    -------
-    name : tuple of str
-        Name of each column.
-    matrix : sparse array, shape (n_members, n_columns)
-        Change of the rest length of the member for one unit of the column: one, or the gain of an input.
-
-    Raises
-    ------
-    UnknownNameError
-        No member or input of that name.
-    InvalidValueError
-        No columns, or a group without members.
-    DuplicateNameError
-        A column, or a member of a group, given twice.
+    model: its members; and its inputs of kind rest_length, where it knows its structure; columns: members and
+    inputs; or name of a group -> its members; by default all members.
+    Returns name: name of each column; matrix (n_members, n_columns): change of the rest length of the member
+    for one unit of the column: one, or the gain of an input. Raises UnknownNameError: no member or input of
+    that name; InvalidValueError: no columns, or a group without members; DuplicateNameError: a column, or a
+    member of a group, given twice.
     """
     member_name = model.manifest.member_name
     if columns is None:

@@ -62,22 +62,9 @@ class StaticSystem:
 def build_system(problem: StaticProblem, point: Point) -> StaticSystem:
     """Return the first-order equations at an equilibrium.
 
-    Parameters
-    ----------
-    problem : StaticProblem
-        With the quantities of REST_LENGTH_QUANTITIES.
-    point : Point
-        The equilibrium, in the coordinates of the problem.
-
-    Returns
-    -------
-    StaticSystem
-        Sparse matrices; nothing is solved.
-
-    Raises
-    ------
-    NonFiniteError
-        A derivative is not finite there.
+    problem: with the quantities of REST_LENGTH_QUANTITIES; point: the equilibrium, in the coordinates of the
+    problem.
+    Raises NonFiniteError: a derivative is not finite there.
     """
     x = point.coordinate
     scale = problem.scale if isinstance(problem, BodyProblem) else np.ones(len(x))

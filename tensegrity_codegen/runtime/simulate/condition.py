@@ -47,12 +47,7 @@ def is_comparison(text: str) -> bool:
 class Expression:
     """An expression over the quantities of a model, a single number.
 
-    Attributes
-    ----------
-    text : str
-        As it was written.
-    quantities : tuple of str
-        Names of the quantities that it needs.
+    text: as it was written; quantities: names of the quantities that it needs.
     """
 
     text: str
@@ -63,17 +58,8 @@ class Expression:
     def evaluate(self, arguments: Mapping[str, Any], time: float = 0.0) -> float:
         """Return the value, which may be not finite.
 
-        Parameters
-        ----------
-        arguments : mapping
-            All run-time arguments that differ from the scene, "coordinate" among them.
-        time : float
-            The time [s].
-
-        Returns
-        -------
-        float
-            The value.
+        arguments: all run-time arguments that differ from the scene, "coordinate" among them; time: the time
+        [s].
         """
         values = self._values(arguments, time)
         with np.errstate(all="ignore"):

@@ -281,15 +281,8 @@ class _Search:
 def follow_residual(also: Progress | None) -> Progress:
     """Return the progress function of a search, which says at which iteration it is, and how far off.
 
-    Parameters
-    ----------
-    also : callable, optional
-        Called with the iteration and the largest node residual [N].
-
-    Returns
-    -------
-    callable
-        To be called with the iteration and the largest node residual [N].
+    also: called with the iteration and the largest node residual [N]. Returns to be called with the iteration
+    and the largest node residual [N].
     """
 
     def progress(iteration: int, residual: float) -> None:

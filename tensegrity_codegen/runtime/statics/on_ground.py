@@ -42,22 +42,13 @@ Search = Callable[[Point], Outcome]
 class Feet:
     """The contacts of an equilibrium with the ground.
 
-    Attributes
-    ----------
-    node_name : tuple of str
-        Nodes that can touch the ground.
-    state : tuple of str
-        ``"open"``, ``"stick"`` or ``"slip"`` of each; without friction ``"slide"``.
-    force : ndarray, shape (n_contacts, 3) [N]
-        Force of the ground on each.
-    penetration : ndarray, shape (n_contacts,) [m]
-        Depth of each below the plane.
-    internal : ndarray, shape (n_internal,) [m]
-        Deflections of bristles, for the argument `internal` of `simulate`.
-    load_steps : int
-        Steps in which the loads grew; 0 without friction.
-    change : float [m]
-        Largest change of a node's position from half of these steps.
+    node_name: nodes that can touch the ground.
+    state: ``"open"``, ``"stick"`` or ``"slip"`` of each; without friction ``"slide"``.
+    force (n_contacts, 3) [N]: force of the ground on each.
+    penetration (n_contacts,) [m]: depth of each below the plane.
+    internal (n_internal,) [m]: deflections of bristles, for the argument `internal` of `simulate`.
+    load_steps: steps in which the loads grew; 0 without friction.
+    change [m]: largest change of a node's position from half of these steps.
     """
 
     node_name: tuple[str, ...]

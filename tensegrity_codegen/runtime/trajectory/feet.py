@@ -14,22 +14,13 @@ from tensegrity_codegen.system.arrays import FloatArray
 class Foot:
     """A node that touched the ground; forces and penetration are those of the samples.
 
-    Attributes
-    ----------
-    node : str
-        Its name.
-    first_touch : float [s]
-        When it touched first.
-    touches : int
-        How often it touched, that at the start included.
-    slide : float [m]
-        Length of its way along the ground between samples at which it touched.
-    largest_force : float [N]
-        Largest normal force.
-    largest_use : float
-        Largest friction over friction that is possible, F / (mu N); 0 without friction.
-    penetration : float [m]
-        Largest penetration.
+    node: its name.
+    first_touch [s]: when it touched first.
+    touches: how often it touched, that at the start included.
+    slide [m]: length of its way along the ground between samples at which it touched.
+    largest_force [N]: largest normal force.
+    largest_use: largest friction over friction that is possible, F / (mu N); 0 without friction.
+    penetration [m]: largest penetration.
     """
 
     node: str

@@ -90,13 +90,10 @@ class Sampled(ByName, Summarised):
     def extremes(self) -> dict[str, Any]:
         """Return what was farthest from the start: JSON-ready, over all samples that were reached.
 
-        Returns
-        -------
-        dict
-            ``"largest_displacement"`` [m] of a node from the first sample, ``"displaced_node"`` and
-            ``"displaced_time"`` [s]; ``"cable_tension"`` and ``"bar_tension"``, the least and the largest
-            [N]; ``"slack_cables"``, slack at some sample; ``"limits"`` that members exceed. Without a
-            structure the first three only.
+        Returns ``"largest_displacement"`` [m] of a node from the first sample, ``"displaced_node"`` and
+        ``"displaced_time"`` [s]; ``"cable_tension"`` and ``"bar_tension"``, the least and the largest [N];
+        ``"slack_cables"``, slack at some sample; ``"limits"`` that members exceed. Without a structure the
+        first three only.
         """
         with np.errstate(all="ignore"):  # of motions that blow up
             moved = np.linalg.norm(self.node_position - self.node_position[..., :1, :, :], axis=-1)
@@ -162,19 +159,10 @@ class Sampled(ByName, Summarised):
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the motion to a file, whole or not at all.
 
-        Parameters
-        ----------
-        path : str or Path
-            ``.npz`` or ``.mat``: all arrays with their names; ``.csv`` or ``.parquet``: a row for each
+        path: ``.npz`` or ``.mat``: all arrays with their names; ``.csv`` or ``.parquet``: a row for each
             sample, with the columns of `to_pandas`. A name without ending is an ``.npz`` file.
-        overwrite : bool
-            Whether a file that exists is replaced.
-
-        Raises
-        ------
-        OutputError
-            The file cannot be written, exists already, or has another ending.
-        MissingExtraError
-            The ending is ``.parquet`` and pyarrow is not installed.
+        overwrite: whether a file that exists is replaced.
+        Raises OutputError: the file cannot be written, exists already, or has another ending;
+        MissingExtraError: the ending is ``.parquet`` and pyarrow is not installed.
         """
         write_motion(self, path, overwrite=overwrite)

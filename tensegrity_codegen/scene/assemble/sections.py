@@ -40,22 +40,9 @@ def list_catalogue() -> list[str]:
 def find_section(section: str | SectionTable, place: str) -> RoundSection:
     """Return the radii of a section of a scene.
 
-    Parameters
-    ----------
-    section : str or SectionTable
-        A name of the catalogue, or a tube or rod.
-    place : str
-        File and key, for errors.
-
-    Returns
-    -------
-    RoundSection
-        Outer and inner radius [m].
-
-    Raises
-    ------
-    InvalidValueError
-        A name that the catalogue does not have, or a wall as thick as the radius.
+    section: a name of the catalogue, or a tube or rod; place: file and key, for errors. Returns outer and
+    inner radius [m]. Raises InvalidValueError: a name that the catalogue does not have, or a wall as thick as
+    the radius.
     """
     if isinstance(section, str):
         known, match = list_catalogue(), _NAME.fullmatch(section)

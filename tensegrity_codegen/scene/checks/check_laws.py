@@ -13,17 +13,9 @@ from tensegrity_codegen.tables.laws import LAW_PARAMETERS
 def check_laws(subject: Structure | BodySystem, where: str) -> None:
     """Check the parameters of member laws.
 
-    Parameters
-    ----------
-    subject : Structure or BodySystem
-        Whose members are checked; its other member arrays are sound.
-    where : str
-        Place of the subject, for messages.
-
-    Raises
-    ------
-    UnknownNameError, NonFiniteError, InvalidValueError
-        With the member and key named.
+    subject: whose members are checked; its other member arrays are sound; where: place of the subject, for
+    messages.
+    Raises UnknownNameError, NonFiniteError, InvalidValueError: with the member and key named.
     """
     for name, values in subject.law_parameter.items():
         _check_array(subject, name, values, where)

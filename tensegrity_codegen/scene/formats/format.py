@@ -23,24 +23,15 @@ from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 class Format:
     """One format of files that describe a structure.
 
-    Attributes
-    ----------
-    title : str
-        What the files are, for people: "node and member tables (CSV)".
-    sources : tuple of str
-        An example of each file that makes up one structure, in their order: ("nodes.csv", "members.csv").
-    endings : tuple of str
-        Endings of file names that the format is recognised by, in lower case; empty: any.
-    read : Callable
-        Reads the files: read(*paths, name=..., gravity=..., **options), raises SceneError.
-    options : tuple of str
-        Names of further arguments of `read`.
-    order : int
-        Place in lists of formats.
-    instead : Mapping
-        For options of other formats: what this one has in their place.
-    recognises : Callable or None
-        Whether the content of a file with a fitting ending is of this format; None: it is.
+    title: what the files are, for people: "node and member tables (CSV)".
+    sources: an example of each file that makes up one structure, in their order: ("nodes.csv",
+        "members.csv").
+    endings: endings of file names that the format is recognised by, in lower case; empty: any.
+    read: reads the files: read(*paths, name=..., gravity=..., **options), raises SceneError.
+    options: names of further arguments of `read`.
+    order: place in lists of formats.
+    instead: for options of other formats: what this one has in their place.
+    recognises: whether the content of a file with a fitting ending is of this format; None: it is.
     """
 
     title: str
@@ -100,21 +91,8 @@ def read_files(
 ) -> ImportResult:
     """Return the scene document that files in one of the formats describe, with notes.
 
-    Parameters
-    ----------
-    paths : files that make up one structure.
-    name : the scene's name; from the first file if not given.
-    gravity : (3,) [m/s2], in the axes of the scene, where z is up; else that of the files.
-    up : "x", "y" or "z", the axis of the files that points up; it becomes z.
-    scale : metres per unit of length of the files, whose units of mass and time are kg and s.
-    options : further arguments of the format; None: not given.
-
-    Raises
-    ------
-    InvalidValueError
-        For files of no known format, and for an option that their format does not have.
-    SceneError
-        Or a subclass of it, where a file cannot be used.
+    Raises InvalidValueError for files of no known format, and for an option that their format does not have;
+    SceneError: or a subclass of it, where a file cannot be used.
     """
     check_instance(paths, (tuple, list), "paths", "a list of files")
     for path in paths:

@@ -46,16 +46,7 @@ def import_json(
 ) -> ImportResult:
     """Return the scene document that a JSON file of nodes and members states, and notes.
 
-    Parameters
-    ----------
-    path : the file.
-    name : the scene's name; else that of the file's key `name`, else the stem of the file's name.
-    gravity : (3,) [m/s2], in place of the file's.
-
-    Raises
-    ------
-    SceneError
-        Or a subclass of it that names the file and the key.
+    Raises SceneError: or a subclass of it that names the file and the key.
     """
     path = Path(path)
     content = _Place(read_json(path, "a JSON file of nodes and members"), str(path), ()).table(SECTIONS)

@@ -251,16 +251,10 @@ NOT_RUN = "not run"
 class Limits:
     """How long a run may take, a reference, and all runs together.
 
-    Attributes
-    ----------
-    run, reference : float
-        CPU time of one run, and of one run for a reference [s].
-    total : float
-        Time by the clock for all cases of all scenes [s]. Cases that are not done by then are not run.
-    peers : bool
-        Whether peers are run too.
-    compiles : bool
-        Whether a reference may be compiled for one case alone, where two methods do not certify it.
+    run, reference: CPU time of one run, and of one run for a reference [s].
+    total: time by the clock for all cases of all scenes [s]. Cases that are not done by then are not run.
+    peers: whether peers are run too.
+    compiles: whether a reference may be compiled for one case alone, where two methods do not certify it.
     """
 
     run: float = 2.0

@@ -147,23 +147,14 @@ def run_cases(
 
     Essential cases are run before all others.
 
-    Parameters
-    ----------
-    structure : Structure
-        What the cases are made from.
-    t_end : float
-        End of each motion [s].
-    limits : Limits
-        Times that runs may take, and whether peers take part.
-    compiler, flags
-        Of the generated C, see build_library.
-    journal : Journal
-        Cases found here are not run again; each case that is done is kept here at once.
-    deadline : float
-        Time of time.monotonic() [s] at which running cases are ended. They and those that were not begun
-        have the verdict "not run", and are not kept.
-    progress : callable or None
-        Called about twice a second with the fraction of cases that are done, or of the time until the
+    structure: what the cases are made from.
+    t_end: end of each motion [s].
+    limits: times that runs may take, and whether peers take part.
+    compiler, flags: of the generated C, see build_library.
+    journal: cases found here are not run again; each case that is done is kept here at once.
+    deadline: time of time.monotonic() [s] at which running cases are ended. They and those that were not
+        begun have the verdict "not run", and are not kept.
+    progress: called about twice a second with the fraction of cases that are done, or of the time until the
         deadline that has passed, whichever is larger.
     """
     start = set_problem(structure, t_end, 2).structure
@@ -278,14 +269,8 @@ def write_stability(
     called with what is taken. All scenes share limits.total: each
     has an equal part of the time that is left when it begins.
 
-    Raises
-    ------
-    InvalidValueError
-        For a time out of range.
-    DuplicateNameError
-        For two scenes of one name.
-    OutputError
-        For a folder that cannot be written, or that holds these files, without `overwrite`.
+    Raises InvalidValueError for a time out of range; DuplicateNameError for two scenes of one name;
+    OutputError for a folder that cannot be written, or that holds these files, without `overwrite`.
     """
     limits.check()
     for structure in structures:

@@ -42,18 +42,8 @@ VECTORS = ("node_load", GUST, "node_position", "anchor_position", "node_velocity
 class ArrayKey:
     """Some entries of one array of the structure, which all take the value of the key.
 
-    Attributes
-    ----------
-    text : str
-        The key as it was given.
-    array : str
-        Field of the structure, or ``"input"``.
-    rows : tuple of int
-        Members, nodes, coordinates or inputs.
-    axis : int
-        Column of a vector; -1 of a scalar.
-    bounds : Bounds
-        Which numbers are allowed.
+    text: the key as it was given; array: field of the structure, or ``"input"``; rows: members, nodes,
+    coordinates or inputs; axis: column of a vector; -1 of a scalar; bounds: which numbers are allowed.
     """
 
     text: str

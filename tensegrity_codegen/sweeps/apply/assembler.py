@@ -64,16 +64,8 @@ class AssembledCase:
 class CaseAssembler:
     """A scene and the keys that vary in it.
 
-    Attributes
-    ----------
-    document : dict
-        The scene.
-    where : str
-        Its source, for messages.
-    keys : tuple of FileKey and ArrayKey
-        What varies.
-    analyses : tuple of str
-        What is done with the cases, which decides on the formulation, see `choose_request`.
+    document: the scene; where: its source, for messages; keys: what varies; analyses: what is done with the
+    cases, which decides on the formulation, see `choose_request`.
     """
 
     document: dict[str, Any] = field(repr=False)
@@ -84,10 +76,7 @@ class CaseAssembler:
     def assemble(self, values: Sequence[float] | FloatArray) -> AssembledCase:
         """Return the structure of the case with these values (n_keys,).
 
-        Raises
-        ------
-        TensegrityError
-            The values are no scene.
+        Raises TensegrityError: the values are no scene.
         """
         with np.errstate(all="ignore"):
             scene = parse_scene(self.write(values), self.where)
@@ -152,31 +141,14 @@ def build_assembler(
 ) -> CaseAssembler:
     """Return the scene with the keys that vary in it.
 
-    Parameters
-    ----------
-    scene : str, Path, mapping or Scene
-        As for `read_scene`.
-    keys : sequence of str
-        Paths of numbers of the scene, see `KeyPath`; of nodes and members that its shape makes, as
+    scene: as for `read_scene`.
+    keys: paths of numbers of the scene, see `KeyPath`; of nodes and members that its shape makes, as
         ``nodes.t1.position[2]``; of its inputs and actuators, as ``input.motor``; of the assembled structure:
         ``rest_length.NAME`` (a member, group or class), ``node_load.NAME[axis]``,
         ``node_velocity.NAME[axis]`` and others of ARRAYS.
-    source : str
-        Where the keys come from, for errors, if not from the command: a table with its line.
-
-    Returns
-    -------
-    CaseAssembler
-        The scene and its keys.
-
-    Raises
-    ------
-    UnknownKeyError, InvalidValueError
-        A key that is no number of the scene; the message lists near ones.
-    DuplicateNameError
-        Two keys that are one number.
-    SceneError
-        The scene cannot be read.
+    source: where the keys come from, for errors, if not from the command: a table with its line.
+    Raises UnknownKeyError, InvalidValueError: a key that is no number of the scene; the message lists near
+    ones; DuplicateNameError: two keys that are one number; SceneError: the scene cannot be read.
     """
     document, where = read_scene_document(scene)
     subject, _ = assemble_scene(parse_scene(document, where), where)

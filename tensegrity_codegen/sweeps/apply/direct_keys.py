@@ -108,16 +108,8 @@ def find_direct_keys(
 
     Keys that rest lengths follow from count only if all chosen keys are direct, since others change lengths.
 
-    Parameters
-    ----------
-    case : AssembledCase
-        A case of the group.
-    keys : sequence of FileKey and ArrayKey
-        All keys.
-    values : ndarray, shape (n_keys,)
-        Their values in the case.
-    chosen : sequence of int
-        The keys that vary.
+    case: a case of the group; keys: all keys; values (n_keys,): their values in the case; chosen: the keys
+    that vary.
     """
     reader = _KeyReader(case)
     of_file = {k: key for k in chosen if isinstance(key := keys[k], FileKey)}

@@ -42,29 +42,11 @@ def find_groups(
 ) -> tuple[CaseGroup, ...]:
     """Return the cases by the library that they share.
 
-    Parameters
-    ----------
-    assembler : CaseAssembler
-        The scene and the keys, in the order of those of the cases.
-    cases : Cases
-        The cases.
-    yes : bool
-        Whether more than MOST_LIBRARIES libraries are meant.
-    option : str
-        How messages name `yes`.
-
-    Returns
-    -------
-    tuple of CaseGroup
-        Every case is in one group; cases that are no scene are in that of their neighbours, and get a message
-        when they are applied.
-
-    Raises
-    ------
-    TensegrityError
-        No case is a scene: the error of the first one.
-    InvalidValueError
-        Keys that change the library take too many values.
+    assembler: the scene and the keys, in the order of those of the cases; yes: whether more than
+    MOST_LIBRARIES libraries are meant; option: how messages name `yes`.
+    Returns every case is in one group; cases that are no scene are in that of their neighbours, and get a
+    message when they are applied. Raises TensegrityError: no case is a scene: the error of the first one;
+    InvalidValueError: keys that change the library take too many values.
     """
     finder = _GroupFinder(assembler, cases)
     probes = finder.try_rows(range(cases.count))

@@ -25,14 +25,11 @@ from tensegrity_codegen.tables.request import ModelRequest
 class AppliedCases:
     """What a library takes for some cases, and which cases are no scene.
 
-    Attributes
-    ----------
-    arguments : dict of str to ndarray, shape (n_cases, ...)
-        Arguments that differ from case to case, by name: ``"coordinate"`` and ``"velocity"`` at the start,
-        run-time parameters, ``"input"``. Other arguments have the nominal values of the library.
-    messages : tuple of str, length n_cases
-        "" for a good case; else why the values of the case are no scene (status ``bad_input``). The rows of
-        such cases in `arguments` are NaN.
+    arguments (n_cases, ...): arguments that differ from case to case, by name: ``"coordinate"`` and
+        ``"velocity"`` at the start, run-time parameters, ``"input"``. Other arguments have the nominal values
+        of the library.
+    messages: "" for a good case; else why the values of the case are no scene (status ``bad_input``). The
+        rows of such cases in `arguments` are NaN.
     """
 
     arguments: dict[str, FloatArray]
@@ -56,21 +53,13 @@ class Mapper(Protocol):
 class CaseGroup:
     """The cases that one library serves.
 
-    Attributes
-    ----------
-    number : int
-        Place among the groups of the plan, from 0.
-    hash : str
-        Hash of the structure without what varies, and of the request: equal groups, equal libraries.
-    structure : Structure or BodySystem
-        The structure of the first good case of the group, from which the library is built.
-    request : ModelRequest
-        The request of the scene, with the run-time parameters that the keys need; without what operations
-        need, which `Operation.needs` adds.
-    rows : range or ndarray of int
-        Numbers of its cases, ascending.
-    mapper : Mapper
-        From values to arguments.
+    number: place among the groups of the plan, from 0.
+    hash: hash of the structure without what varies, and of the request: equal groups, equal libraries.
+    structure: the structure of the first good case of the group, from which the library is built.
+    request: the request of the scene, with the run-time parameters that the keys need; without what
+        operations need, which `Operation.needs` adds.
+    rows: numbers of its cases, ascending.
+    mapper: from values to arguments.
     """
 
     number: int
@@ -83,15 +72,8 @@ class CaseGroup:
     def arguments(self, values: FloatArray) -> AppliedCases:
         """Return what the library takes for cases of this group.
 
-        Parameters
-        ----------
-        values : ndarray, shape (n_cases, n_keys)
-            Values of the cases, from `Cases.values` or `Cases.select`.
-
-        Returns
-        -------
-        AppliedCases
-            Arguments by name, and messages of the cases that are no scene.
+        values (n_cases, n_keys): values of the cases, from `Cases.values` or `Cases.select`. Returns
+        arguments by name, and messages of the cases that are no scene.
         """
         return self.mapper(values)
 
@@ -112,30 +94,18 @@ OTHER_LIBRARY = "the values of this case need another library than those of its 
 class CaseMapper:
     """From values to arguments; picklable.
 
-    Attributes
-    ----------
-    assembler : CaseAssembler
-        The scene and its keys.
-    base : ndarray, shape (n_keys,)
-        Values of a case of the group that is a scene.
-    template : mapping of str to ndarray
-        All slots of that case, see `list_slots`.
-    constants : str
-        Hash of what the cases of the group have in common.
-    varying : ndarray of int, shape (n_varying,)
-        Entries, of all slots in one row, that differ between cases.
-    direct : DirectKeys
-        Entries that are computed from keys without the scene being assembled.
-    indirect_keys : tuple of int
-        Keys that vary and are not direct.
-    parameters : mapping of str to tuple of int
-        Rows of the run-time parameters of the library, in its order.
-    idle_keys : tuple of int
-        Keys of `indirect_keys` that change no entry where only one of them changes.
-    assembles_all : bool
-        Whether every case has to be assembled, since its values may be no scene although each is allowed.
-    cache : dict
-        Entries and message of each assembly, by the bytes of the indirect keys' values.
+    assembler: the scene and its keys.
+    base (n_keys,): values of a case of the group that is a scene.
+    template: all slots of that case, see `list_slots`.
+    constants: hash of what the cases of the group have in common.
+    varying (n_varying,): entries, of all slots in one row, that differ between cases.
+    direct: entries that are computed from keys without the scene being assembled.
+    indirect_keys: keys that vary and are not direct.
+    parameters: rows of the run-time parameters of the library, in its order.
+    idle_keys: keys of `indirect_keys` that change no entry where only one of them changes.
+    assembles_all: whether every case has to be assembled, since its values may be no scene although each is
+        allowed.
+    cache: entries and message of each assembly, by the bytes of the indirect keys' values.
     """
 
     assembler: CaseAssembler

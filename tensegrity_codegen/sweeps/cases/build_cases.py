@@ -35,35 +35,19 @@ def build_cases(
 ) -> Cases:
     """Return the cases that ranges, distributions and a table state.
 
-    Parameters
-    ----------
-    over : mapping or texts
-        Axes of a grid: key -> ``"0:1:11"``, ``"1:1000:4:log"``, ``"1,2,5"`` or numbers; or texts
+    over: axes of a grid: key -> ``"0:1:11"``, ``"1:1000:4:log"``, ``"1,2,5"`` or numbers; or texts
         ``"KEY=0:1:11"``.
-    sample : mapping or texts
-        Distributions: key -> ``"normal(1,0.1)"`` or ``("normal", 1, 0.1)``; or texts ``"KEY=normal(1,0.1)"``.
-    table : str, Path, mapping or DataFrame, optional
-        A CSV file with a column for each key and a row for each case, or such columns.
-    n : int, optional
-        Number of samples; of method ``"saltelli"`` the base number, which gives n (D + 2) cases of D keys.
-    seed : int
-        Seed of the sample.
-    method : str
-        ``"random"``, ``"latin_hypercube"``, ``"sobol"`` or ``"saltelli"``.
-    yes : bool
-        Whether more than MOST_CASES cases are meant.
-    options : mapping, optional
-        How messages name over, sample, table, n, seed, sampling and yes; by default by these names.
-
-    Returns
-    -------
-    Cases
-        Each point of the grid with each row of the sample or table.
-
-    Raises
-    ------
-    InvalidValueError, NonFiniteError, UnknownNameError, DuplicateNameError, SceneError
-        Nothing varies, an impossible range, distribution or table, a key stated twice, too many cases.
+    sample: distributions: key -> ``"normal(1,0.1)"`` or ``("normal", 1, 0.1)``; or texts
+        ``"KEY=normal(1,0.1)"``.
+    table: a CSV file with a column for each key and a row for each case, or such columns.
+    n: number of samples; of method ``"saltelli"`` the base number, which gives n (D + 2) cases of D keys.
+    seed: seed of the sample.
+    method: ``"random"``, ``"latin_hypercube"``, ``"sobol"`` or ``"saltelli"``.
+    yes: whether more than MOST_CASES cases are meant.
+    options: how messages name over, sample, table, n, seed, sampling and yes; by default by these names.
+    Returns each point of the grid with each row of the sample or table. Raises InvalidValueError,
+    NonFiniteError, UnknownNameError, DuplicateNameError, SceneError: nothing varies, an impossible range,
+    distribution or table, a key stated twice, too many cases.
     """
     names = ("over", "sample", "table", "n", "seed", "sampling", "yes")
     words = {name: name for name in names} | dict(options or {})

@@ -19,12 +19,8 @@ MOST_LISTED = 1000  # values of an axis that a description lists; of longer ones
 class Axis:
     """One axis of a grid.
 
-    Attributes
-    ----------
-    key : str
-        Path of the number in the scene, as ``"classes.cable.spring_constant"``.
-    values : ndarray, shape (n_values,)
-        Its values, in order; read-only.
+    key: path of the number in the scene, as ``"classes.cable.spring_constant"``; values (n_values,): its
+    values, in order; read-only.
     """
 
     key: str
@@ -95,20 +91,9 @@ class Cases:
     def values(self, first: int = 0, last: int | None = None) -> NDArray[np.float64]:
         """Return the values of some cases, in the order of the keys.
 
-        Parameters
-        ----------
-        first, last : int
-            Cases first to last - 1; by default all.
-
-        Returns
-        -------
-        ndarray, shape (last - first, n_keys)
-            The values, each bit the same however the cases are divided.
-
-        Raises
-        ------
-        InvalidValueError
-            A range that is not among the cases.
+        first, last: cases first to last - 1; by default all. Returns (last - first, n_keys): the values, each
+        bit the same however the cases are divided. Raises InvalidValueError: a range that is not among the
+        cases.
         """
         last = self.count if last is None else last
         if not 0 <= first <= last <= self.count:
@@ -132,10 +117,8 @@ class Cases:
     def describe(self) -> dict[str, Any]:
         """Return what the cases follow from, as plain values: equal for equal sweeps, and for no others.
 
-        Returns
-        -------
-        dict
-            Method, count and keys; each axis with its values (of long ones the hash); the sample or table.
+        Returns method, count and keys; each axis with its values (of long ones the hash); the sample or
+        table.
         """
         axes = [{"key": axis.key, "count": len(axis), **_describe_values(axis.values)} for axis in self.axes]
         points = {"points": self.points.describe()} if self.points else {}

@@ -26,13 +26,8 @@ DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
 class Distribution:
     """The distribution of one number.
 
-    Attributes
-    ----------
-    kind : str
-        ``"normal"``: mean and standard deviation. ``"uniform"``: between two bounds. ``"lognormal"``: the
-        natural logarithm is normal with this mean and standard deviation.
-    first, second : float
-        Its two parameters.
+    kind: ``"normal"``: mean and standard deviation. ``"uniform"``: between two bounds. ``"lognormal"``: the
+    natural logarithm is normal with this mean and standard deviation; first, second: its two parameters.
     """
 
     kind: str

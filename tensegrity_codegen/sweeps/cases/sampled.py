@@ -111,18 +111,11 @@ class SobolPoints:
 class Sample:
     """A sample of some keys.
 
-    Attributes
-    ----------
-    keys : tuple of str
-        Keys that vary.
-    distributions : tuple of Distribution
-        Distribution of each key; the keys are independent.
-    n : int
-        Number of rows; of method ``"saltelli"`` the number of base rows.
-    method : str
-        One of METHODS.
-    seed : int
-        Seed: the same seed gives the same rows.
+    keys: keys that vary.
+    distributions: distribution of each key; the keys are independent.
+    n: number of rows; of method ``"saltelli"`` the number of base rows.
+    method: one of METHODS.
+    seed: seed: the same seed gives the same rows.
     """
 
     keys: tuple[str, ...]

@@ -26,14 +26,8 @@ LARGEST_TABLE = 512 * 2**20  # bytes
 class Table:
     """Rows of values that a file states.
 
-    Attributes
-    ----------
-    keys : tuple of str
-        Columns, which are keys of the scene.
-    rows : ndarray, shape (count, n_keys)
-        The values; read-only.
-    source : str
-        The file, for messages.
+    keys: columns, which are keys of the scene; rows (count, n_keys): the values; read-only; source: the file,
+    for messages.
     """
 
     keys: tuple[str, ...]
@@ -61,27 +55,12 @@ class Table:
 def read_table(path: str | Path) -> Table:
     """Read a table of cases.
 
-    Parameters
-    ----------
-    path : str or Path
-        CSV file: a header with keys of the scene, then a row of numbers for each case; separated by commas,
-        semicolons or tabs.
-
-    Returns
-    -------
-    Table
-        Keys and values.
-
-    Raises
-    ------
-    SceneError
-        The file cannot be read.
-    SceneSyntaxError
-        It is no table: empty, too large, or a row with too few or too many cells.
-    InvalidValueError, NonFiniteError, DuplicateNameError
-        A cell that is empty, not a number or not finite; a column without a name or there twice.
-    StructureError
-        There are no rows.
+    path: CSV file: a header with keys of the scene, then a row of numbers for each case; separated by commas,
+    semicolons or tabs.
+    Raises SceneError: the file cannot be read; SceneSyntaxError: it is no table: empty, too large, or a row
+    with too few or too many cells; InvalidValueError, NonFiniteError, DuplicateNameError: a cell that is
+    empty, not a number or not finite; a column without a name or there twice; StructureError: there are no
+    rows.
     """
     file = Path(path)
     lines = read_lines(read_text(file, LARGEST_TABLE, "a table of cases"), file)

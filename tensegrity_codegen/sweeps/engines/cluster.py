@@ -48,19 +48,10 @@ class Cluster:
 def connect(address: str, wait: float) -> Iterator[Any]:
     """Give a client of the scheduler at an address, once it has a worker.
 
-    Parameters
-    ----------
-    address : str
-        Address of the scheduler, for example ``"tcp://10.0.0.1:8786"``.
-    wait : float
-        Longest time to wait for the scheduler and for a worker [s].
-
-    Raises
-    ------
-    MissingExtraError
-        Dask is not installed.
-    ClusterError
-        There is no scheduler, it has no workers, or a worker has other versions.
+    address: address of the scheduler, for example ``"tcp://10.0.0.1:8786"``; wait: longest time to wait for
+    the scheduler and for a worker [s].
+    Raises MissingExtraError: dask is not installed; ClusterError: there is no scheduler, it has no workers,
+    or a worker has other versions.
     """
     check_wait(wait)
     distributed = import_extra("distributed", CLUSTER)

@@ -44,23 +44,14 @@ LOG = "compile.log"
 class SourceParcel:
     """Generated source of one library.
 
-    Attributes
-    ----------
-    hash : str
-        Hash of the source and of how it is compiled.
-    files : tuple of (str, str)
-        Generated files: name and text.
-    flags : str
-        How they are compiled: ``"native"`` for the processor of the machine that compiles them.
-    scene : str
-        Hash of the scene.
-    library : bytes
-        The library as this machine compiled it, for machines of the same kind without a compiler; empty with
-        native flags, since it may hold instructions that another processor lacks.
-    library_name : str
-        Name of its file.
-    platform : str
-        System and architecture of `library`.
+    hash: hash of the source and of how it is compiled.
+    files: generated files: name and text.
+    flags: how they are compiled: ``"native"`` for the processor of the machine that compiles them.
+    scene: hash of the scene.
+    library: the library as this machine compiled it, for machines of the same kind without a compiler; empty
+        with native flags, since it may hold instructions that another processor lacks.
+    library_name: name of its file.
+    platform: system and architecture of `library`.
     """
 
     hash: str
@@ -97,12 +88,9 @@ def make_parcel(built: BuiltLibrary, flags: str) -> SourceParcel:
 def load_parcel(parcel: SourceParcel, structure: Subject, cache: Cache | None = None) -> CompiledModel:
     """Return the library of a parcel, compiled for this machine or found in its cache.
 
-    Raises
-    ------
-    CompilerMissingError
-        This machine has no compiler, and the library that came along is not for it.
-    CompileError, LibraryError, OutputError
-        The compiler failed, the library does not load, the cache cannot be written.
+    Raises CompilerMissingError: this machine has no compiler, and the library that came along is not for it;
+    CompileError, LibraryError, OutputError: the compiler failed, the library does not load, the cache cannot
+    be written.
     """
     cache = cache or Cache()
     texts = dict(parcel.files)
@@ -161,12 +149,8 @@ class DaskEngine(Engine):
     its own cache. Results come back to this process, which alone writes them, so that workers need no folder
     in common with it.
 
-    Attributes
-    ----------
-    address : str
-        Address of the scheduler.
-    wait : float
-        Longest time to wait for the scheduler, and for a worker whenever there is none [s].
+    address: address of the scheduler; wait: longest time to wait for the scheduler, and for a worker whenever
+    there is none [s].
     """
 
     address: str

@@ -29,16 +29,8 @@ FINAL = "KilledWorker"  # of Dask, which has tried the task several times itself
 class FinishedTask:
     """A task and its results.
 
-    Attributes
-    ----------
-    task : Task
-        The task.
-    result : TaskResult
-        Its results.
-    seconds : float
-        Time that a worker took for it [s].
-    facts : dict
-        What else goes into the record of the task: attempts, and where it was computed.
+    result: its results; seconds: time that a worker took for it [s]; facts: what else goes into the record of
+    the task: attempts, and where it was computed.
     """
 
     task: Task

@@ -35,12 +35,8 @@ class LocalEngine(Engine):
     Processes are forked where the system can do that, so that they have the libraries that are loaded;
     elsewhere they start anew and load them from the cache.
 
-    Attributes
-    ----------
-    workers : int
-        Number of processes.
-    libraries : Libraries
-        Libraries of the groups of cases, built when they are first needed.
+    workers: number of processes; libraries: libraries of the groups of cases, built when they are first
+    needed.
     """
 
     workers: int

@@ -27,16 +27,8 @@ LoadModel = Callable[[CaseGroup], CompiledModel]
 class SweepWork:
     """All that a worker needs besides the libraries; processes hand it on by pickling.
 
-    Attributes
-    ----------
-    plan : SweepPlan
-        Cases, groups and tasks.
-    operation : Operation
-        What is computed for each case.
-    outputs : tuple of Output
-        The arrays of results.
-    is_joint : bool
-        Whether libraries have other nodes or members, so that each fills its part of the arrays.
+    plan: cases, groups and tasks; operation: what is computed for each case; outputs: the arrays of results;
+    is_joint: whether libraries have other nodes or members, so that each fills its part of the arrays.
     """
 
     plan: SweepPlan
@@ -108,12 +100,7 @@ def _place(own: tuple[Output, ...], joint: tuple[Output, ...]) -> dict[str, Plac
 class Libraries:
     """Libraries by the number of their group.
 
-    Attributes
-    ----------
-    operation : Operation
-        What the libraries are for.
-    models : dict of int to CompiledModel
-        Those that are loaded; a forked process has them too.
+    operation: what the libraries are for; models: those that are loaded; a forked process has them too.
     """
 
     operation: Operation
@@ -134,21 +121,9 @@ class Libraries:
 def join_outputs(parts: Sequence[tuple[Output, ...]]) -> tuple[Output, ...]:
     """Return outputs that hold the results of several libraries.
 
-    Parameters
-    ----------
-    parts : sequence of tuple of Output
-        Outputs of each library.
-
-    Returns
-    -------
-    tuple of Output
-        One for each name, in the order of first appearance. An axis with labels, such as nodes or members,
-        has those of all libraries; cases that lack one have NAN there.
-
-    Raises
-    ------
-    InvalidValueError
-        Libraries differ in the size of an axis without labels, or in the axes of an output.
+    parts: outputs of each library. Returns one for each name, in the order of first appearance. An axis with
+    labels, such as nodes or members, has those of all libraries; cases that lack one have NAN there. Raises
+    InvalidValueError: libraries differ in the size of an axis without labels, or in the axes of an output.
     """
     labels: dict[str, dict[Any, None]] = {}
     first: dict[str, Output] = {}

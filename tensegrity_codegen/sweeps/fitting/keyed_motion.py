@@ -77,24 +77,13 @@ def _find_knot(text: str, schedule: Profile | None, where: str) -> tuple[str, in
 class KeyedMotion(KeyedScene):
     """The motion of a scene as a function of some of its numbers.
 
-    Parameters
-    ----------
-    scene, keys
-        As of `KeyedScene`; also knots of the profile of an input, as ``profile.winch[2]``.
-    settings : RunSettings
-        Method, tolerance, inputs over time.
-    backwards : bool
-        Whether gradients are taken backwards over the steps; one column along all keys is integrated beside
-        the motion then, which shortens steps that are too long for derivatives.
-    compiler : str, optional
-        C compiler.
-
-    Raises
-    ------
-    UnknownKeyError, InvalidValueError
-        As of `KeyedScene`.
-    FormulationError
-        The scene's motions have no derivatives.
+    scene, keys: as of `KeyedScene`; also knots of the profile of an input, as ``profile.winch[2]``.
+    settings: method, tolerance, inputs over time.
+    backwards: whether gradients are taken backwards over the steps; one column along all keys is integrated
+        beside the motion then, which shortens steps that are too long for derivatives.
+    compiler: c compiler.
+    Raises UnknownKeyError, InvalidValueError: as of `KeyedScene`; FormulationError: the scene's motions have
+    no derivatives.
     """
 
     def __init__(

@@ -32,23 +32,12 @@ STEP = 1e-5  # of a number: half the distance of the differences by which scenes
 class KeyedScene:
     """A scene as a function of some of its numbers, by the keys of sweeps.
 
-    Parameters
-    ----------
-    scene : str, Path, mapping or Scene
-        As for `read_scene`.
-    keys : sequence of str
-        Numbers of the scene, or of the assembled structure, as for sweeps.
-    given : sequence of str
-        Further keys, whose values each state of the scene says.
-    source : str
-        Where `given` comes from, for errors.
-
-    Raises
-    ------
-    UnknownKeyError, InvalidValueError, DuplicateNameError
-        A key that is no number of the scene, or has no value there; keys that change the code; a key twice.
-    FormulationError
-        A scene of bodies.
+    scene: as for `read_scene`.
+    keys: numbers of the scene, or of the assembled structure, as for sweeps.
+    given: further keys, whose values each state of the scene says.
+    source: where `given` comes from, for errors.
+    Raises UnknownKeyError, InvalidValueError, DuplicateNameError: a key that is no number of the scene, or
+    has no value there; keys that change the code; a key twice; FormulationError: a scene of bodies.
     """
 
     def __init__(

@@ -30,21 +30,9 @@ TOLERANCE = 1e-11  # of the largest member force
 class KeyedStatics(KeyedScene):
     """Equilibria of a scene in several states, as functions of some of its numbers.
 
-    Parameters
-    ----------
-    scene, keys
-        As of `KeyedScene`.
-    data : Measurements
-        What was measured, in states whose loads and inputs are among its conditions.
-    compiler : str, optional
-        C compiler.
-
-    Raises
-    ------
-    UnknownKeyError, InvalidValueError
-        As of `KeyedScene`.
-    FormulationError
-        A scene of bodies.
+    scene, keys: as of `KeyedScene`; data: what was measured, in states whose loads and inputs are among its
+    conditions; compiler: c compiler.
+    Raises UnknownKeyError, InvalidValueError: as of `KeyedScene`; FormulationError: a scene of bodies.
     """
 
     def __init__(

@@ -56,21 +56,14 @@ class Channel:
 class Measurements:
     """Values of channels over time, or in states at rest.
 
-    Attributes
-    ----------
-    time : ndarray, shape (n_t,) [s]
-        Increasing, from 0 or later on; the motion starts at 0 in the state of the scene. Of states at rest
-        their numbers.
-    channels : tuple of Channel
-        What was measured.
-    value : ndarray, shape (n_t, n_channels)
-        Values in the units of the channels, NaN where one is missing.
-    source : str
-        The file, for messages.
-    is_static : bool
-        Whether these are states at rest.
-    conditions : mapping of str to ndarray, shape (n_t,)
-        Keys of the scene, and their values in each state at rest; inputs of motions at the times.
+    time (n_t,) [s]: increasing, from 0 or later on; the motion starts at 0 in the state of the scene. Of
+        states at rest their numbers.
+    channels: what was measured.
+    value (n_t, n_channels): values in the units of the channels, NaN where one is missing.
+    source: the file, for messages.
+    is_static: whether these are states at rest.
+    conditions (n_t,): keys of the scene, and their values in each state at rest; inputs of motions at the
+        times.
     """
 
     time: FloatArray
@@ -111,33 +104,17 @@ def read_measurements(
 ) -> Measurements:
     """Return what was measured, from a CSV file or from arrays by name.
 
-    Parameters
-    ----------
-    measured : str, Path, mapping or Measurements
-        File with the column ``time`` and columns as ``t1.x``, ``t1.vx``, ``bar1.length``, ``bar1.tension``,
-        each with or without its unit (``t1.x [m]``, as files of motions have them); cells of what is missing
-        are empty; ``input.winch`` is an input over time. Without ``time`` each row is a state at rest, which
-        may have natural frequencies (``frequency.1``), and other columns are keys of the scene with their
-        values in each state (``loads[0].force[2]``, ``input.winch``). Or a mapping of such names to arrays
-        (n_t,), NaN where a value is missing.
-    structure : Structure
-        Whose nodes and members are named.
-
-    Returns
-    -------
-    Measurements
-        Times, channels and values.
-
-    Raises
-    ------
-    SceneError
-        The file cannot be read or is no table.
-    UnknownKeyError, UnknownNameError
-        A column of what the structure does not have; the message lists near ones.
-    InvalidValueError
-        No column but the time, no values, times that do not increase or are below zero, unequal lengths.
-    NonFiniteError
-        A time that is not finite, or a value that is infinite.
+    measured: file with the column ``time`` and columns as ``t1.x``, ``t1.vx``, ``bar1.length``,
+        ``bar1.tension``, each with or without its unit (``t1.x [m]``, as files of motions have them); cells
+        of what is missing are empty; ``input.winch`` is an input over time. Without ``time`` each row is a
+        state at rest, which may have natural frequencies (``frequency.1``), and other columns are keys of the
+        scene with their values in each state (``loads[0].force[2]``, ``input.winch``). Or a mapping of such
+        names to arrays (n_t,), NaN where a value is missing.
+    structure: whose nodes and members are named.
+    Raises SceneError: the file cannot be read or is no table; UnknownKeyError, UnknownNameError: a column of
+    what the structure does not have; the message lists near ones; InvalidValueError: no column but the time,
+    no values, times that do not increase or are below zero, unequal lengths; NonFiniteError: a time that is
+    not finite, or a value that is infinite.
     """
     if isinstance(measured, Measurements):
         return measured

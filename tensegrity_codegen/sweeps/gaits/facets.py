@@ -18,13 +18,8 @@ Step = tuple[Facet, Facet]  # from one facet to the next
 class Facets:
     """Triangles of the convex hull of a structure at rest, and the permutations of its nodes by symmetry.
 
-    Attributes
-    ----------
-    facet : tuple of Facet
-        Nodes of each triangle, in rising order.
-    symmetry : tuple of ndarray, shape (n_nodes,)
-        Node k takes the place of node symmetry[s][k]; mirror images are among them, and the first one leaves
-        all nodes where they are.
+    facet: nodes of each triangle, in rising order; symmetry (n_nodes,): node k takes the place of node
+    symmetry[s][k]; mirror images are among them, and the first one leaves all nodes where they are.
     """
 
     def __init__(self, structure: Structure, winches: list[int]) -> None:

@@ -27,26 +27,10 @@ OPERATIONS = _find_operations()
 def build_operation(do: str, keep: str | Sequence[str] = (), **options: Any) -> Operation:
     """Return an operation.
 
-    Parameters
-    ----------
-    do : str
-        One of OPERATIONS.
-    keep : str or sequence of str
-        What is kept of each case; empty for the usual results of the operation.
-    **options : object
-        Options that this operation has; None for those at their defaults.
-
-    Returns
-    -------
-    Operation
-        Frozen; can be pickled.
-
-    Raises
-    ------
-    UnknownNameError, UnknownKeyError
-        An unknown operation, or an option that it does not have.
-    InvalidValueError
-        Something else than texts is to be kept, or an option that needs a number is none.
+    do: one of OPERATIONS; keep: what is kept of each case; empty for the usual results of the operation;
+    **options: options that this operation has; None for those at their defaults.
+    Raises UnknownNameError, UnknownKeyError: an unknown operation, or an option that it does not have;
+    InvalidValueError: something else than texts is to be kept, or an option that needs a number is none.
     """
     check_choice(do, OPERATIONS, "operation", "do")
     kind = OPERATIONS[do]

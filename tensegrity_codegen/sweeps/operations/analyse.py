@@ -49,12 +49,8 @@ RESULTS: Mapping[str, Result] = {
 class Analyse(AtPoint):
     """Analyses of every case, which say for what shapes there is a prestress that stiffens them.
 
-    Attributes
-    ----------
-    keep : tuple of str
-        Names of RESULTS; by default DEFAULT_RESULTS.
-    about : str
-        Whether each case is analysed at its start or its equilibrium, see `AtPoint`.
+    keep: names of RESULTS; by default DEFAULT_RESULTS; about: whether each case is analysed at its start or
+    its equilibrium, see `AtPoint`.
     """
 
     name: ClassVar[str] = "analyse"

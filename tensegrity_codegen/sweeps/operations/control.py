@@ -83,17 +83,12 @@ DEFAULT_RESULTS = ("end_error", "peak_error", "least_tension", "end_tension", "w
 class SweptControl(Operation):
     """Closed loops under one controller: that of the unchanged scene, while cases change what it controls.
 
-    Attributes
-    ----------
-    keep : tuple of str
-        Names of RESULTS; by default DEFAULT_RESULTS.
-    to, plan, duration, sample_time, effort, least_tension, mpc, horizon, t_end, last, start_error, draws
-        As of the verb `control`, where `sample_time` is `sample`; several targets of `to` are joined by
+    keep: names of RESULTS; by default DEFAULT_RESULTS.
+    to, plan, duration, sample_time, effort, least_tension, mpc, horizon, t_end, last, start_error, draws: as
+        of the verb `control`, where `sample_time` is `sample`; several targets of `to` are joined by
         semicolons.
-    draw_seed : int
-        Seed of start errors and noise.
-    design : UnchangedLoop, optional
-        Of the unchanged scene; `prepared` makes it.
+    draw_seed: seed of start errors and noise.
+    design: of the unchanged scene; `prepared` makes it.
     """
 
     name: ClassVar[str] = "control"
@@ -128,13 +123,9 @@ class SweptControl(Operation):
     def prepared(self, scene: str | Path | Mapping[str, Any] | Scene) -> "SweptControl":
         """Return the operation with the controller of the unchanged scene.
 
-        Raises
-        ------
-        InvalidValueError, InfeasibleError
-            An option out of range, or a plan that is not found.
-        FormulationError, StructureError
-            As of `design_lqr`, `design_kalman`, `design_distribution` and `design_mpc`: a scene without
-            actuators, for example.
+        Raises InvalidValueError, InfeasibleError: an option out of range, or a plan that is not found;
+        FormulationError, StructureError: as of `design_lqr`, `design_kalman`, `design_distribution` and
+        `design_mpc`: a scene without actuators, for example.
         """
         targets = [text.strip() for text in (self.to or "").split(";") if text.strip()]
         self._check(targets)

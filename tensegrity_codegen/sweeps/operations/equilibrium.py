@@ -74,13 +74,8 @@ SEARCH_QUANTITIES = (POSITION, "member_tension", "member_length")
 class FindEquilibrium(Operation):
     """Stable equilibria, from the start of each case.
 
-    Attributes
-    ----------
-    keep : tuple of str
-        Expressions over quantities at the equilibrium, names of RESULTS, ``"coordinate"``; by default
-        DEFAULT_RESULTS.
-    tolerance, max_iterations, method
-        As of `find_equilibrium`.
+    keep: expressions over quantities at the equilibrium, names of RESULTS, ``"coordinate"``; by default
+    DEFAULT_RESULTS; tolerance, max_iterations, method: as of `find_equilibrium`.
     """
 
     name: ClassVar[str] = "equilibrium"

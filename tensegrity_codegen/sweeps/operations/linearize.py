@@ -30,12 +30,7 @@ RESULTS: Mapping[str, Result] = {
 class Linearize(AtPoint):
     """Linear models x' = A (x - x0) + B (u - u0) + r of every case.
 
-    Attributes
-    ----------
-    keep : tuple of str
-        Names of RESULTS; by default DEFAULT_RESULTS.
-    about : str
-        See `AtPoint`.
+    keep: names of RESULTS; by default DEFAULT_RESULTS; about: see `AtPoint`.
     """
 
     name: ClassVar[str] = "linearize"

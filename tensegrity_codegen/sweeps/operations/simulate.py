@@ -70,17 +70,11 @@ WORDS = {
 class Simulate(Operation):
     """Motions from time 0 on.
 
-    Attributes
-    ----------
-    keep : tuple of str
-        Expressions with a reduction over time (sweep/tasks/keep_text.py), names of RESULTS; by default
+    keep: expressions with a reduction over time (sweep/tasks/keep_text.py), names of RESULTS; by default
         DEFAULT_RESULTS.
-    t_end : float
-        End time [s].
-    samples : int
-        Number of equally spaced sample times.
-    method, step, rtol, atol, max_steps, control
-        As of `simulate_batch`.
+    t_end: end time [s].
+    samples: number of equally spaced sample times.
+    method, step, rtol, atol, max_steps, control: as of `simulate_batch`.
     """
 
     name: ClassVar[str] = "simulate"

@@ -23,22 +23,13 @@ TEXT = "string"
 class StoredArray:
     """One array of a store.
 
-    Attributes
-    ----------
-    name : str
-        Its name.
-    dims : tuple of str
-        Names of its dimensions.
-    shape, chunks : tuple of int
-        Its size, and the size of its chunks, along each.
-    dtype : str
-        ``"string"``, or a type of NumPy.
-    fill : object
-        The value where nothing was written.
-    attributes : dict
-        Units and description.
-    values : ndarray or None
-        What it holds from the beginning; None for results.
+    name: its name.
+    dims: names of its dimensions.
+    shape, chunks: its size, and the size of its chunks, along each.
+    dtype: ``"string"``, or a type of NumPy.
+    fill: the value where nothing was written.
+    attributes: units and description.
+    values: what it holds from the beginning; None for results.
     """
 
     name: str
@@ -55,18 +46,10 @@ class StoredArray:
 class StoreContents:
     """Cases and results of a sweep, as they are stored.
 
-    Attributes
-    ----------
-    cases : Cases
-        The cases.
-    layout : CaseLayout
-        How they lie in the arrays.
-    outputs : tuple of Output
-        Results of a case.
-    identity : dict
-        What the results follow from, JSON-ready: another sweep has another identity.
-    facts : dict
-        What else is known of it, JSON-ready: attributes of the data set.
+    layout: how they lie in the arrays.
+    outputs: results of a case.
+    identity: what the results follow from, JSON-ready: another sweep has another identity.
+    facts: what else is known of it, JSON-ready: attributes of the data set.
     """
 
     cases: Cases

@@ -32,18 +32,8 @@ MOST_NAMED = 4
 class StoredSweep:
     """What the folder of a sweep says of it.
 
-    Attributes
-    ----------
-    path : Path
-        The folder.
-    identity : dict
-        What its results follow from.
-    task_size : int
-        Largest number of cases of a task.
-    attributes : dict
-        All attributes of the data set.
-    arrays : dict
-        Metadata of each array.
+    path: the folder; identity: what its results follow from; task_size: largest number of cases of a task;
+    attributes: all attributes of the data set; arrays: metadata of each array.
     """
 
     path: Path
@@ -100,10 +90,7 @@ class StoredSweep:
 def check_store_folder(path: str | Path) -> StoredSweep | None:
     """Return the sweep in a folder, None where there is nothing yet.
 
-    Raises
-    ------
-    OutputError
-        The folder cannot be made or written, or holds something else.
+    Raises OutputError: the folder cannot be made or written, or holds something else.
     """
     check_store_name(path)
     target = check_folder(path)
@@ -254,23 +241,10 @@ def locked_store(path: str | Path) -> Iterator[None]:
 def open_sweep(path: str | Path) -> Any:
     """Open the results of a sweep, finished or not; arrays are verified, and read when they are used.
 
-    Parameters
-    ----------
-    path : str or Path
-        The folder that `sweep` wrote.
-
-    Returns
-    -------
-    xarray.Dataset
-        One variable a quantity, units and description in its attributes; dimensions are the axes of the grid
-        or ``case``, then ``time``, ``node``, ``member``. Cases that are not computed yet have the status -1.
-
-    Raises
-    ------
-    MissingExtraError
-        xarray or Zarr is not installed.
-    OutputError
-        The folder is not a sweep, or files in it are damaged or missing.
+    path: the folder that `sweep` wrote. Returns one variable a quantity, units and description in its
+    attributes; dimensions are the axes of the grid or ``case``, then ``time``, ``node``, ``member``. Cases
+    that are not computed yet have the status -1. Raises MissingExtraError: xarray or Zarr is not installed;
+    OutputError: the folder is not a sweep, or files in it are damaged or missing.
     """
     stored = read_stored_sweep(path)
     check_not_damaged(stored)

@@ -43,17 +43,8 @@ class SweepStore:
     own, all of them flushed to the disk, then the record. A task without a record counts as not computed;
     it is computed and written again, whatever there is of it.
 
-    Parameters
-    ----------
-    path : str or Path
-        The folder, which exists.
-
-    Raises
-    ------
-    MissingExtraError
-        Zarr is not installed.
-    OutputError
-        The folder is not a sweep.
+    path: the folder, which exists. Raises MissingExtraError: zarr is not installed; OutputError: the folder
+    is not a sweep.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -107,11 +98,8 @@ class SweepStore:
     def write(self, task: int, result: TaskResult, record: Mapping[str, Any]) -> None:
         """Write the results of a task, then its record; signals wait until that is done.
 
-        Raises
-        ------
-        OutputError
-            The disk is full, or the folder cannot be written any more; nothing of the task is left, and
-            what was written before stays readable.
+        Raises OutputError: the disk is full, or the folder cannot be written any more; nothing of the task is
+        left, and what was written before stays readable.
         """
         first, last = self.layout.cases_of(task)
         facts = json.dumps({"first": first, "last": last, **record})
@@ -195,12 +183,8 @@ def _explain(path: Path, error: OSError) -> OutputError:
 def create_store(path: str | Path, contents: StoreContents) -> None:
     """Make the folder of a sweep without results.
 
-    Raises
-    ------
-    MissingExtraError
-        Zarr is not installed.
-    OutputError
-        The folder exists already and is not empty, or cannot be made.
+    Raises MissingExtraError: zarr is not installed; OutputError: the folder exists already and is not empty,
+    or cannot be made.
     """
     target = Path(path).absolute()
     try:
@@ -234,10 +218,7 @@ def _write_metadata(folder: Path, contents: StoreContents) -> None:
 def restore_coordinates(stored: StoredSweep, contents: StoreContents) -> None:
     """Write the values of keys and labels of a sweep again where files of them are damaged.
 
-    Raises
-    ------
-    OutputError
-        They cannot be written.
+    Raises OutputError: they cannot be written.
     """
     if all(map(stored.is_whole, stored.coordinate_files)):
         return

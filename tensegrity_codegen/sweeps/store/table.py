@@ -30,14 +30,8 @@ GROUP_ROWS = 2**16  # rows of a row group of Parquet
 def check_table(path: str | Path, format: str, *, overwrite: bool = False) -> Path:
     """Return the file that a table is written to, before any work.
 
-    Raises
-    ------
-    UnknownNameError
-        An unknown format.
-    MissingExtraError
-        Parquet without pyarrow.
-    OutputError
-        The file cannot be written, or exists (without `overwrite`).
+    Raises UnknownNameError: an unknown format; MissingExtraError: parquet without pyarrow; OutputError: the
+    file cannot be written, or exists (without `overwrite`).
     """
     check_choice(format, TABLE_FORMATS, "format", "format")
     check_ending(path, f".{format}")
@@ -51,28 +45,11 @@ def write_sweep_table(
 ) -> tuple[str, ...]:
     """Write a table with a row a case: number, status, values of the keys, results, message.
 
-    Parameters
-    ----------
-    store : str or Path
-        The folder of a sweep, finished or not.
-    path : str or Path
-        The file.
-    format : str
-        ``"csv"`` or ``"parquet"``.
-    overwrite : bool
-        Whether a file that exists is replaced.
-
-    Returns
-    -------
-    tuple of str
-        Results that no table can hold: those over time, and matrices.
-
-    Raises
-    ------
-    OutputError
-        The folder is not a sweep, files in it are damaged, or the file cannot be written or exists.
-    UnknownNameError, MissingExtraError
-        As for `check_table`.
+    store: the folder of a sweep, finished or not; path: the file; format: ``"csv"`` or ``"parquet"``;
+    overwrite: whether a file that exists is replaced.
+    Returns results that no table can hold: those over time, and matrices. Raises OutputError: the folder is
+    not a sweep, files in it are damaged, or the file cannot be written or exists; UnknownNameError,
+    MissingExtraError: as for `check_table`.
     """
     target = check_table(path, format, overwrite=overwrite)
     table = _SweepTable.of(store)

@@ -55,19 +55,11 @@ class ChosenResult:
 def choose_results(results: SweepResults, names: Sequence[str] = ()) -> tuple[ChosenResult, ...]:
     """Return the results that are named, else the first few of the sweep.
 
-    Parameters
-    ----------
-    names : sequence of str
-        "NAME", or for a quantity with dimensions "NAME[PART,...]": a part for each dimension, which is a
+    names: "NAME", or for a quantity with dimensions "NAME[PART,...]": a part for each dimension, which is a
         label, a place from 0 on (-1: the last) or max, min, mean; one of these three alone is over all
         dimensions. NAME without parts stands for NAME[max] and NAME[min].
-
-    Raises
-    ------
-    UnknownNameError
-        For a quantity or label that the sweep does not have.
-    InvalidValueError
-        For a text that is no such name, or another number of parts.
+    Raises UnknownNameError for a quantity or label that the sweep does not have; InvalidValueError for a text
+    that is no such name, or another number of parts.
     """
     picks: dict[str, tuple[KeptQuantity, tuple[str, ...]]] = {}
     for text in names or _default_specs(results):

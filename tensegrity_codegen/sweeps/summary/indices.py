@@ -20,16 +20,10 @@ MOST_LOST = 0.05  # part of the base sample that failed cases may take away
 class Indices:
     """First-order and total indices of the keys, with half widths of their 95 % confidence intervals.
 
-    Attributes
-    ----------
-    keys : tuple of str
-        What varies.
-    first, total : array (n_keys,)
-        Part of the variance that the key causes alone; and together with others.
-    first_error, total_error : array (n_keys,)
-        Half widths of the intervals; zero for a grid, which has no random error.
-    source : str
-        From which cases, and how, in one sentence.
+    keys: what varies.
+    first, total: part of the variance that the key causes alone; and together with others.
+    first_error, total_error: half widths of the intervals; zero for a grid, which has no random error.
+    source: from which cases, and how, in one sentence.
     """
 
     keys: tuple[str, ...]
@@ -43,10 +37,7 @@ class Indices:
 def compute_indices(results: SweepResults, values: FloatArray) -> Indices | str:
     """Return the indices of one result (count,), or the reason why the cases do not allow them.
 
-    Raises
-    ------
-    MissingExtraError
-        Without SALib, for a sample made for it.
+    Raises MissingExtraError: without SALib, for a sample made for it.
     """
     if results.method == "saltelli" and not results.axes:
         return compute_sobol_indices(results.keys, values)
@@ -59,21 +50,9 @@ def compute_indices(results: SweepResults, values: FloatArray) -> Indices | str:
 def compute_sobol_indices(keys: Sequence[str], values: FloatArray) -> Indices | str:
     """Return Sobol' indices from a sample in the layout of Saltelli.
 
-    Parameters
-    ----------
-    keys : sequence of str
-        What varies, n_keys names.
-    values : array (n_base * (n_keys + 2),)
-        Results of the rows A, AB_1, ..., AB_n, B of each point of the base sample, in this order; NaN where a
-        case has none.
+    keys: what varies, n_keys names; values: results of the rows A, AB_1, ..., AB_n, B of each point of the
+    base sample, in this order; NaN where a case has none.
 
-    Returns
-    -------
-    Indices or str
-        The indices, or the reason why there are none.
-
-    Notes
-    -----
     Estimators of Saltelli et al., Computer Physics Communications 181 (2010) 259-270, by SALib; intervals by
     resampling. A point of the base sample with a failed case is left out with all its cases.
     """
@@ -117,17 +96,8 @@ def _analyze(keys: tuple[str, ...], used: FloatArray, n_base: int) -> Indices:
 def compute_grid_indices(keys: Sequence[str], values: FloatArray, shape: Sequence[int]) -> Indices | str:
     """Return first-order and total indices of a complete grid, its points equally probable.
 
-    Parameters
-    ----------
-    keys : sequence of str
-        One for each axis.
-    values : array (count,)
-        Results, the last axis running fastest.
-    shape : sequence of int
-        Lengths of the axes.
+    keys: one for each axis; values: results, the last axis running fastest; shape: lengths of the axes.
 
-    Notes
-    -----
     S_j = Var(E[Y | x_j]) / Var(Y), T_j = 1 - Var(E[Y | all x but x_j]) / Var(Y), as sums over the points:
     exact for these points.
     """

@@ -37,19 +37,12 @@ MOST_LETTERS = 36  # of a key along an axis
 class KeptQuantity:
     """A quantity of all cases.
 
-    Attributes
-    ----------
-    name, unit, sentence : str
-        What it is.
-    dims : tuple of str
-        Names of its dimensions after that of the case.
-    shape : tuple of int
-        Their lengths.
-    labels : tuple of sequences
-        What stands along each dimension, as texts or numbers.
-    blocks : callable
-        blocks() yields (first, values): the first case and the values (n, *shape) of consecutive cases, read
-        one after the other; cases that are not computed need not be among them.
+    name, unit, sentence: what it is.
+    dims: names of its dimensions after that of the case.
+    shape: their lengths.
+    labels: what stands along each dimension, as texts or numbers.
+    blocks: blocks() yields (first, values): the first case and the values (n, *shape) of consecutive cases,
+        read one after the other; cases that are not computed need not be among them.
     """
 
     name: str
@@ -65,38 +58,21 @@ class KeptQuantity:
 class SweepResults:
     """A sweep as it is stored.
 
-    Attributes
-    ----------
-    path : Path
-        The store.
-    scene, operation : str
-        Name of the scene; what was done with each case.
-    options : mapping
-        Options of the operation, by the names of Python arguments.
-    keep : tuple of str
-        What was kept, as on the command line.
-    keys : tuple of str
-        What varies.
-    axes : tuple of (key, values)
-        Axes of the grid; empty without a grid.
-    method : str
-        How cases were made: grid, random, latin_hypercube, sobol, saltelli, table.
-    ranges : mapping
-        How each key varies, as it was written on the command line.
-    seed : int or None
-        Of the samples.
-    key_values : array (count, n_keys)
-        Values of the keys.
-    status : array (count,)
-        Place of the status of each case in `words`.
-    words : tuple of str
-        Statuses.
-    message : callable
-        message(case) returns the message of a case, "" if there is none.
-    kept : mapping
-        Quantities by name.
-    key_units : mapping
-        Units of keys, where they are known.
+    path: the store.
+    scene, operation: name of the scene; what was done with each case.
+    options: options of the operation, by the names of Python arguments.
+    keep: what was kept, as on the command line.
+    keys: what varies.
+    axes: axes of the grid; empty without a grid.
+    method: how cases were made: grid, random, latin_hypercube, sobol, saltelli, table.
+    ranges: how each key varies, as it was written on the command line.
+    seed: of the samples.
+    key_values: values of the keys.
+    status: place of the status of each case in `words`.
+    words: statuses.
+    message: message(case) returns the message of a case, "" if there is none.
+    kept: quantities by name.
+    key_units: units of keys, where they are known.
     """
 
     path: Path
@@ -146,12 +122,8 @@ class SweepResults:
 def read_results(path: str | Path) -> SweepResults:
     """Return a stored sweep, finished or not.
 
-    Raises
-    ------
-    OutputError
-        The folder is not a sweep, or files in it are damaged or missing.
-    MissingExtraError
-        Zarr is not installed.
+    Raises OutputError: the folder is not a sweep, or files in it are damaged or missing; MissingExtraError:
+    zarr is not installed.
     """
     stored = read_stored_sweep(path)
     check_not_damaged(stored)
@@ -271,12 +243,7 @@ def build_case_scene(path: str | Path, keys: Mapping[str, float]) -> Mapping[str
     Values of inputs are not in it, for a scene states none. Where keys name arrays of the structure, as
     ``rest_length.s1``, the scene lists all its nodes and members with their own values.
 
-    Raises
-    ------
-    OutputError
-        The folder is not a sweep.
-    TensegrityError
-        The values are no scene.
+    Raises OutputError: the folder is not a sweep; TensegrityError: the values are no scene.
     """
     document = read_stored_sweep(path).identity["scene"]
     assembler = build_assembler(document, list(keys), source=str(path))

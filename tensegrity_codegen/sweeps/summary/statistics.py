@@ -125,8 +125,6 @@ def is_difference_clear(results: SweepResults, difference: KeyDifference) -> boo
 def find_failing_keys(results: SweepResults) -> tuple[KeyDifference, ...]:
     """Return how each key differs between failed and good cases, the largest difference first.
 
-    Notes
-    -----
     The distance is that of Kolmogorov and Smirnov between the two empirical distributions. Empty unless some
     cases failed and some are good.
     """

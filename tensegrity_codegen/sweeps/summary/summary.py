@@ -148,19 +148,10 @@ def summarize(
 ) -> SweepSummary:
     """Return the summary of a sweep.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Results, as in `choose_results`; by default the first few.
-    over : sequence of str
-        Keys that results are drawn over; by default those that matter most.
-    build_commands : callable
-        Returns the commands that run a case alone, for each of the worst cases.
-
-    Raises
-    ------
-    UnknownNameError, InvalidValueError
-        For a result or key that the sweep does not have.
+    names: results, as in `choose_results`; by default the first few.
+    over: keys that results are drawn over; by default those that matter most.
+    build_commands: returns the commands that run a case alone, for each of the worst cases.
+    Raises UnknownNameError, InvalidValueError for a result or key that the sweep does not have.
     """
     places = tuple(dict.fromkeys(_find_key(results, key) for key in over))
     chosen = choose_results(results, names)

@@ -38,11 +38,8 @@ Result = tuple[tuple[str, ...], str, str, str]  # axes, type, unit, sentence
 class AtPoint(Operation):
     """An analysis of each case at one point.
 
-    Attributes
-    ----------
-    about : str
-        ``"start"``: at the state of the case; ``"equilibrium"``: at the stable equilibrium that is found from
-        there, at rest.
+    about: ``"start"``: at the state of the case; ``"equilibrium"``: at the stable equilibrium that is found
+    from there, at rest.
     """
 
     analysis: ClassVar[str]  # whose needs the library has to serve, as of `find_needs`

@@ -102,18 +102,12 @@ TAKEN = ("case", "sample", "status", "message", "task", "task_record", "time")
 class KeptText:
     """One thing that is kept.
 
-    Attributes
-    ----------
-    name : str
-        Of the array of results.
-    text : str
-        As it was written, without the name.
-    expression : str
-        The expression or condition in it.
-    reduction : str
-        One of REDUCTIONS, ``"every"``, ``"first"``; empty for every sample, and where there is no time.
-    step : int
-        Of ``"every"``: samples from one that is kept to the next.
+    name: of the array of results.
+    text: as it was written, without the name.
+    expression: the expression or condition in it.
+    reduction: one of REDUCTIONS, ``"every"``, ``"first"``; empty for every sample, and where there is no
+        time.
+    step: of ``"every"``: samples from one that is kept to the next.
     """
 
     name: str
@@ -138,26 +132,10 @@ def parse_kept(
 ) -> tuple[KeptText, ...]:
     """Return what texts ask for, each under a name of its own.
 
-    Parameters
-    ----------
-    texts : sequence of str
-        As in the description of this file.
-    results : sequence of str
-        Names that stand for results of the operation itself.
-    over_time : bool
-        Whether there are samples over time, and so reductions.
-
-    Returns
-    -------
-    tuple of KeptText
-        In the order of the texts.
-
-    Raises
-    ------
-    InvalidValueError, UnknownNameError, NonFiniteError
-        A text that cannot be understood, or an unknown name in it.
-    DuplicateNameError
-        Two texts under one name.
+    texts: as in the description of this file; results: names that stand for results of the operation itself;
+    over_time: whether there are samples over time, and so reductions.
+    Raises InvalidValueError, UnknownNameError, NonFiniteError: a text that cannot be understood, or an
+    unknown name in it; DuplicateNameError: two texts under one name.
     """
     found: list[KeptText] = []
     for text in texts:

@@ -23,24 +23,14 @@ from tensegrity_codegen.tables.request import ModelRequest
 class Output:
     """One array of results; its first axis, the cases, is not counted.
 
-    Attributes
-    ----------
-    name : str
-        Of the array in stored results: letters, digits and underscores.
-    dims : tuple of str
-        Names of the axes, such as ``("time", "member")``.
-    shape : tuple of int
-        Sizes of the axes.
-    dtype : str
-        ``"float64"``, ``"float32"`` or ``"int32"``.
-    unit : str
-        SI unit; ``"1"`` for numbers without one.
-    sentence : str
-        What it is.
-    coordinates : mapping of str to tuple
-        Labels of axes, names or numbers, by the name of the axis; an axis without labels has none.
-    expression : str
-        The text that was asked for, where it is not the name.
+    name: of the array in stored results: letters, digits and underscores.
+    dims: names of the axes, such as ``("time", "member")``.
+    shape: sizes of the axes.
+    dtype: ``"float64"``, ``"float32"`` or ``"int32"``.
+    unit: SI unit; ``"1"`` for numbers without one.
+    sentence: what it is.
+    coordinates: labels of axes, names or numbers, by the name of the axis; an axis without labels has none.
+    expression: the text that was asked for, where it is not the name.
     """
 
     name: str
@@ -62,14 +52,10 @@ class Output:
 class TaskResult:
     """Results of a chunk of cases.
 
-    Attributes
-    ----------
-    arrays : mapping of str to ndarray
-        By the names of outputs, each (count, ...); rows of cases that failed are NAN (-1 in whole numbers).
-    status : ndarray of int8, shape (count,)
-        Codes of ``sweep.statuses``.
-    messages : tuple of str
-        A sentence for each case; empty where there is nothing to say.
+    arrays: by the names of outputs, each (count, ...); rows of cases that failed are NAN (-1 in whole
+        numbers).
+    status (count,): codes of ``sweep.statuses``.
+    messages: a sentence for each case; empty where there is nothing to say.
     """
 
     arrays: Mapping[str, NDArray[Any]]
@@ -99,18 +85,11 @@ def build_result(
 class Option:
     """What is said of an option of an operation, in the annotation of its field.
 
-    Attributes
-    ----------
-    help : str
-        What it is, for the command line, where it is an option too.
-    flag : (str, object), optional
-        Name of the option on the command line and the value that it stands for, where it takes no value.
-    in_verb : bool
-        Whether the verb of the operation's name has it too.
-    verb_default : object, optional
-        What that verb needs stated where this option is not, since its own default is another.
-    name, kind : str, type
-        Name and type of the field, which `Operation.list_options` fills in.
+    help: what it is, for the command line, where it is an option too.
+    flag: name of the option on the command line and the value that it stands for, where it takes no value.
+    in_verb: whether the verb of the operation's name has it too.
+    verb_default: what that verb needs stated where this option is not, since its own default is another.
+    name, kind: name and type of the field, which `Operation.list_options` fills in.
     """
 
     help: str
@@ -133,10 +112,7 @@ class Operation(ABC):
     An operation is one module of `sweeps/operations/`, which defines one as its `OPERATION`. Its fields with
     an `Option` in their annotations are its options in Python and on the command line.
 
-    Attributes
-    ----------
-    keep : tuple of str
-        What is kept of each case; empty for the usual results of the operation.
+    keep: what is kept of each case; empty for the usual results of the operation.
     """
 
     keep: tuple[str, ...] = ()
@@ -164,12 +140,8 @@ class Operation(ABC):
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:
         """Return what the operation needs of a library besides what the scene requests.
 
-        Raises
-        ------
-        InvalidValueError, UnknownNameError
-            Something that cannot be kept.
-        FormulationError
-            The structure or its formulation does not serve the operation.
+        Raises InvalidValueError, UnknownNameError: something that cannot be kept; FormulationError: the
+        structure or its formulation does not serve the operation.
         """
 
     @abstractmethod
@@ -187,29 +159,14 @@ class Operation(ABC):
     ) -> TaskResult:
         """Compute a chunk of cases.
 
-        Parameters
-        ----------
-        model : CompiledModel
-            A library that has what `needs` returns.
-        arguments : mapping of str to ndarray
-            ``"coordinate"``, ``"velocity"``, run-time parameters and inputs by name, each with a leading axis
-            (count,), or without it where all cases share a value; by default those of the scene.
-        count : int
-            Number of cases.
-        threads : int
-            Number of threads.
-
-        Returns
-        -------
-        TaskResult
-            One row a case; a case that fails does not affect the others.
-
-        Raises
-        ------
-        InvalidValueError, UnknownNameError
-            An argument that no case could have: an unknown name, a wrong shape.
-        LibraryError, FormulationError
-            The library does not serve the operation.
+        model: a library that has what `needs` returns.
+        arguments: ``"coordinate"``, ``"velocity"``, run-time parameters and inputs by name, each with a
+            leading axis (count,), or without it where all cases share a value; by default those of the scene.
+        count: number of cases.
+        threads: number of threads.
+        Returns one row a case; a case that fails does not affect the others. Raises InvalidValueError,
+        UnknownNameError: an argument that no case could have: an unknown name, a wrong shape; LibraryError,
+        FormulationError: the library does not serve the operation.
         """
         case_arguments = read_case_arguments(model, arguments, count)
         outcomes = case_arguments.outcomes()

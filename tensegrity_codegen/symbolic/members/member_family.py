@@ -52,18 +52,9 @@ def build_member_quantities(
 ) -> dict[str, Callable[[], ca.SX]]:
     """Return the builders of all quantities of single members.
 
-    Parameters
-    ----------
-    subject : Structure or BodySystem
-        Whose members they are.
-    members : callable
-        Returns the members in their order, when first needed.
-
-    Returns
-    -------
-    dict
-        Quantity name -> builder of its expression, (n_members, 1), or (n_axes, n_members) of vectors.
-        Builders raise FormulationError where members lack a section or stiffness.
+    subject: whose members they are; members: returns the members in their order, when first needed. Returns
+    quantity name -> builder of its expression, (n_members, 1), or (n_axes, n_members) of vectors. Builders
+    raise FormulationError where members lack a section or stiffness.
     """
     return {item.name: partial(_build, item, subject, members) for item in MEMBER_QUANTITIES}
 

@@ -13,38 +13,22 @@ class Formulation:
     A module of `formulations/` defines one as `FORMULATION`; the module of the same name in
     `symbolic/formulations/` has the function `build`, which returns its `SymbolicModel`.
 
-    Attributes
-    ----------
-    name : str
-        Its name in scenes, requests and manifests: that of its module.
-    order : int
-        Place in lists of formulations.
-    sentence : str
-        What the coordinates are, for the documentation.
-    options : Mapping
-        Its options with their allowed words; the first is the default.
-    variants : tuple of Mapping
-        Options worth a try where another formulation does not serve a request.
-    of_bodies : bool
-        Whether it models scenes of bodies and tendons, not of nodes and members.
-    in_nodes : bool
-        Whether the coordinates are positions of free nodes [m].
-    has_angles : bool
-        Whether some coordinates are angles, so that no one length is the scale of all.
-    has_centres : bool
-        Whether some coordinates are centres of mass, which grow with the distance from the origin.
-    has_rigid_bars : bool
-        Whether bars without stiffness keep their lengths; elsewhere every bar is a spring.
-    has_statics : bool
-        Whether its models find equilibria.
-    statics : str
-        The kind of static problem: "nodes", "bars" or "bodies".
-    emitters : tuple of str
-        Emitters that may write it.
-    simulation_quantities, linear_quantities : tuple of str
-        What a simulation and a linear model need of it, besides what all formulations have.
-    massless_tension : str
-        The tension that is wanted by default of a structure with massless nodes.
+    name: its name in scenes, requests and manifests: that of its module.
+    order: place in lists of formulations.
+    sentence: what the coordinates are, for the documentation.
+    options: its options with their allowed words; the first is the default.
+    variants: options worth a try where another formulation does not serve a request.
+    of_bodies: whether it models scenes of bodies and tendons, not of nodes and members.
+    in_nodes: whether the coordinates are positions of free nodes [m].
+    has_angles: whether some coordinates are angles, so that no one length is the scale of all.
+    has_centres: whether some coordinates are centres of mass, which grow with the distance from the origin.
+    has_rigid_bars: whether bars without stiffness keep their lengths; elsewhere every bar is a spring.
+    has_statics: whether its models find equilibria.
+    statics: the kind of static problem: "nodes", "bars" or "bodies".
+    emitters: emitters that may write it.
+    simulation_quantities, linear_quantities: what a simulation and a linear model need of it, besides what
+        all formulations have.
+    massless_tension: the tension that is wanted by default of a structure with massless nodes.
     """
 
     name: str

@@ -14,51 +14,34 @@ Kind = Literal["adaptive", "fixed", "implicit"]
 class Integrator:
     """What generator, run time, exports and scene files know of one integrator.
 
-    Attributes
-    ----------
-    name : str
-        Its name in scenes, in C and in methods of `simulate`. The C of one without a tableau is
+    name: its name in scenes, in C and in methods of `simulate`. The C of one without a tableau is
         templates/c/NAME.h; see `kind`.
-    kind : str
-        How it is called: with error control ("adaptive"), with a fixed step ("fixed"), or with error control
-        and the tensions of stiff members as unknowns ("implicit"). A fixed one without tableau has the struct
-        NAME_work and the function NAME_advance, as templates/c/rk4.h has; one with error control the struct
-        NAME_memory, the functions NAME_try and NAME_prepare and the constants of templates/c/tableau.h.
-    title : str
-        What the method is.
-    order : int
-        Order of its steps.
-    tableau : Tableau, optional
-        Coefficients of an explicit Runge-Kutta method.
-    quantities : tuple of str
-        Quantities that it calls besides those of all integrators; with error control each one as the function
-        motion_QUANTITY, its number of entries as N_QUANTITY.
-    rates : int
-        With error control: how many vectors of the length of a state its steps keep.
-    dense_order : int
-        With error control: order of its own dense output, and number of its terms; 0: quintic Hermite
-        interpolation.
-    noise_share, vibration_loss
-        With error control: as of a tableau.
-    look : tuple of int, str and str, optional
-        Number of the colour, dash and marker of its line in diagrams of reports; tableaus have theirs there.
-    counts : tuple of str
-        What an implicit one counts, in the order of C.
-    in_batches : bool
-        Whether it integrates several motions side by side.
-    keeps_energy : bool
-        Whether its steps can end at the energy of the start.
-    follows_events : bool
-        Whether its steps end at events, and follow values that change with time.
-    in_single : bool
-        Whether it is there in single precision.
-    files : tuple of str
-        Names of its C files where it is not one called `name`; the last one's name stands for `name` in it.
-    iterates : bool
-        Whether its steps iterate, count their evaluations, and know the derivative at their end.
-    with_contacts : Integrator, optional
-        What this name stands for where nodes touch the ground, bars press each other or members remember, if
-        not this.
+    kind: how it is called: with error control ("adaptive"), with a fixed step ("fixed"), or with error
+        control and the tensions of stiff members as unknowns ("implicit"). A fixed one without tableau has
+        the struct NAME_work and the function NAME_advance, as templates/c/rk4.h has; one with error control
+        the struct NAME_memory, the functions NAME_try and NAME_prepare and the constants of
+        templates/c/tableau.h.
+    title: what the method is.
+    order: order of its steps.
+    tableau: coefficients of an explicit Runge-Kutta method.
+    quantities: quantities that it calls besides those of all integrators; with error control each one as the
+        function motion_QUANTITY, its number of entries as N_QUANTITY.
+    rates: with error control: how many vectors of the length of a state its steps keep.
+    dense_order: with error control: order of its own dense output, and number of its terms; 0: quintic
+        Hermite interpolation.
+    noise_share, vibration_loss: with error control: as of a tableau.
+    look: number of the colour, dash and marker of its line in diagrams of reports; tableaus have theirs
+        there.
+    counts: what an implicit one counts, in the order of C.
+    in_batches: whether it integrates several motions side by side.
+    keeps_energy: whether its steps can end at the energy of the start.
+    follows_events: whether its steps end at events, and follow values that change with time.
+    in_single: whether it is there in single precision.
+    files: names of its C files where it is not one called `name`; the last one's name stands for `name` in
+        it.
+    iterates: whether its steps iterate, count their evaluations, and know the derivative at their end.
+    with_contacts: what this name stands for where nodes touch the ground, bars press each other or members
+        remember, if not this.
     """
 
     name: str

@@ -23,20 +23,14 @@ Mask = Callable[[Any], NDArray[np.bool_]]  # of the members of a structure or bo
 class MemberQuantity:
     """One quantity with a result for each member.
 
-    Attributes
-    ----------
-    row : Quantity
-        Name, symbol, unit, shape and sentence.
-    kernel : str
-        Name of the C function that computes the result of one member.
-    entries : callable
-        Member -> its result, a list of one entry, or of one for each axis. The member is a `Member` or has
-        the same attributes.
-    follows_tension : bool
-        Whether it depends on the tension, which is a multiplier in rigid bars: loops over tables do not serve
-        it there.
-    needs_section, needs_stiffness : callable or None
-        Structure -> (n_members,) mask of the members that need a section, or a stiffness.
+    row: name, symbol, unit, shape and sentence.
+    kernel: name of the C function that computes the result of one member.
+    entries: member -> its result, a list of one entry, or of one for each axis. The member is a `Member` or
+        has the same attributes.
+    follows_tension: whether it depends on the tension, which is a multiplier in rigid bars: loops over tables
+        do not serve it there.
+    needs_section, needs_stiffness: structure -> (n_members,) mask of the members that need a section, or a
+        stiffness.
     """
 
     row: Quantity

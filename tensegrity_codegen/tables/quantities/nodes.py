@@ -32,17 +32,11 @@ BARS_IN = {
 class NodeQuantity:
     """One quantity with a result for each node, or for each of their free or anchored components.
 
-    Attributes
-    ----------
-    row : Quantity
-        Name, symbol, unit, shape and sentence. A shape (n_nodes, n_axes) or (n_nodes,) has entries of all
+    row: name, symbol, unit, shape and sentence. A shape (n_nodes, n_axes) or (n_nodes,) has entries of all
         nodes, (n_coordinates,) and (n_anchored_coordinates,) the free or the anchored components of a vector.
-    entries : callable
-        Node -> its result, a list of one entry, or of one for each axis.
-    uses : tuple of str
-        What it takes of the node, of BARS_IN.
-    is_state : bool
-        Whether free node coordinates are the quantity itself, so that only other coordinates have it.
+    entries: node -> its result, a list of one entry, or of one for each axis.
+    uses: what it takes of the node, of BARS_IN.
+    is_state: whether free node coordinates are the quantity itself, so that only other coordinates have it.
     """
 
     row: Quantity

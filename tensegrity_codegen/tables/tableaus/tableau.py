@@ -11,34 +11,21 @@ Row = Mapping[int, float]
 class Tableau:
     """One explicit Runge-Kutta method: coefficients, error estimates, dense output, and what is known of it.
 
-    Parameters
-    ----------
-    title, source : str
-        What the method is called, and where its coefficients come from.
-    order : int
-        Order of the step.
-    rows : tuple of Row
-        Row i gives the state x + h sum_j row[j] k_j whose derivative is k_(i+1); k_0 is the derivative at the
-        start of the step. The last row is the step itself: its derivative is the first of the next step.
-    errors : tuple of Row
-        Up to two error estimates, coefficients of k_j. With two of them, e5 and e3, the error is
-        h e5^2 / sqrt(e5^2 + e3^2 / 100). With none, steps have a fixed length.
-    error_order : int
-        Power of h with which the estimate goes.
-    dense_order : int
-        Order of dense output; 5 is that of quintic Hermite interpolation.
-    dense_rows : tuple of Row
-        Further stages, for dense output alone.
-    dense : tuple of Row
-        Coefficients d of the highest terms of dense output, see Notes; none: quintic Hermite interpolation.
-    noise_share : float
-        Part of the rounding noise of velocities that shows in the error estimate of a step.
-    vibration_loss : tuple of (float, int)
-        c and p: a step of length h changes a vibration of angular frequency w by about c (h w)^p, for h w of
-        1 to 4, within a factor of 3 (stability polynomial on the imaginary axis).
+    title, source: what the method is called, and where its coefficients come from.
+    order: order of the step.
+    rows: row i gives the state x + h sum_j row[j] k_j whose derivative is k_(i+1); k_0 is the derivative at
+        the start of the step. The last row is the step itself: its derivative is the first of the next step.
+    errors: up to two error estimates, coefficients of k_j. With two of them, e5 and e3, the error is h e5^2 /
+        sqrt(e5^2 + e3^2 / 100). With none, steps have a fixed length.
+    error_order: power of h with which the estimate goes.
+    dense_order: order of dense output; 5 is that of quintic Hermite interpolation.
+    dense_rows: further stages, for dense output alone.
+    dense: coefficients d of the highest terms of dense output, see below; none: quintic Hermite
+        interpolation.
+    noise_share: part of the rounding noise of velocities that shows in the error estimate of a step.
+    vibration_loss: c and p: a step of length h changes a vibration of angular frequency w by about c (h w)^p,
+        for h w of 1 to 4, within a factor of 3 (stability polynomial on the imaginary axis).
 
-    Notes
-    -----
     Dense output at fraction s of the step, with r = 1 - s (Hairer, Norsett, Wanner 1993, II.6):
     x + s (D0 + r (D1 + s (D2 + r (D3 + ...)))), D0 the change of the state, D1 = h k_0 - D0,
     D2 = 2 D0 - h (k_0 + k_end), and D3 on h sum_j d[j] k_j for each row d of `dense`.

@@ -26,23 +26,14 @@ STEP = 1e-6  # of differences; coordinates are lengths of structures of a metre,
 class Margins:
     """What a linear loop stands before it becomes unstable.
 
-    Attributes
-    ----------
-    is_stable : bool
-        Whether the loop itself is stable.
-    delay : float [s]
-        Largest further delay of all actuators, infinite where ten samples more are not too many.
-    gain : float
-        Largest factor of the effect of all actuators, infinite where 11 is not too much.
-    radius : float
-        Largest modulus of an eigenvalue of the transition of one sample, below 1 for a stable loop.
-    disk : float
-        Disk margin where the effects of all actuators change at once, each by its own factor: at least this.
-    actuator_disk : ndarray, shape (n_actuators,)
-        Disk margin where the effect of this actuator alone changes.
+    is_stable: whether the loop itself is stable.
+    delay [s]: largest further delay of all actuators, infinite where ten samples more are not too many.
+    gain: largest factor of the effect of all actuators, infinite where 11 is not too much.
+    radius: largest modulus of an eigenvalue of the transition of one sample, below 1 for a stable loop.
+    disk: disk margin where the effects of all actuators change at once, each by its own factor: at least
+        this.
+    actuator_disk (n_actuators,): disk margin where the effect of this actuator alone changes.
 
-    Notes
-    -----
     With a disk margin d the loop stands each factor f = (2 + e) / (2 - e) of the effect of the actuators, e
     any complex number with abs(e) < d: gains from (2 - d) / (2 + d) to (2 + d) / (2 - d) or phases of up to
     2 arctan(d / 2), and both at the same time where f stays in the disk (P. Seiler, A. Packard, P. Gahinet,

@@ -16,18 +16,7 @@ PERPENDICULAR_TOLERANCE = 1e-6  # cosine of the angle up to which slides are acr
 def find_distances(
     start: FloatArray, found: FloatArray, n_neutral: IntArray, twists: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return distances of nodes from the start moved along neutral motions, and where these are known.
-
-    Parameters
-    ----------
-    start, found : (count, n_nodes, 3) [m].
-    n_neutral : (count,) number of neutral motions.
-    twists : (count, 6, 6): turn, and translation of the middle, of neutral motions; other rows are zero.
-
-    Returns
-    -------
-    Distances (count, n_nodes) [m], and (count,) whether there is a closed form; else the distances are NAN.
-    """
+    """Return distances of nodes from the start moved along neutral motions, and where these are known."""
     distance = np.full(start.shape[:2], np.nan)
     _, size, axis = np.linalg.svd(twists[:, :, :3])
     n_turns = (size > RANK_TOLERANCE * np.maximum(size.max(axis=1, keepdims=True, initial=0.0), 1e-300)).sum(
