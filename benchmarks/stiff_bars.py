@@ -300,7 +300,7 @@ def time_in_turns(found: Sequence[Found]) -> None:
     runs = {}
     for item in short:
         item.contender.prepare(item.setting)
-        count = max(1, min(100, int(2e-2 / item.seconds)))
+        count = max(1, min(100, int(2e-2 / max(item.seconds, 1e-6))))
         runs[item.contender.name] = partial(measure_call, partial(item.contender.run, item.setting), count)
     taken = take_turns(runs, ROUNDS)
     for item in short:

@@ -433,6 +433,17 @@ def test_no_peer_has_the_law_of_our_ground() -> None:
             make()
 
 
+def test_no_peer_has_members_with_a_memory(tmp_path: Path) -> None:
+    """It would be called wrong, for the motion of members that do not yield."""
+    text = (EXAMPLES / "two_nodes.toml").read_text(encoding="utf-8")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(text.replace('kind = "cable"', 'kind = "cable"\nyield_force = 20'), encoding="utf-8")
+    for usual in (True, False):
+        for _, make in peer_contenders(set_problem(load_nodes(scene), 0.1, 3), usual=usual):
+            with pytest.raises(Unavailable, match="yield or relax"):
+                make()
+
+
 def test_wrong_times_and_scenes_of_bodies_are_refused(tmp_path: Path) -> None:
     structure = load_nodes(EXAMPLES / "two_nodes.toml")
     for t_end, samples in ((0.0, 3), (math.nan, 3), (1.0, 1)):

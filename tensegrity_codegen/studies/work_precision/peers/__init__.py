@@ -1,6 +1,7 @@
 """Other integrators over the same structure, where they are installed: one file each."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import chain
 
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Unavailable
@@ -27,11 +28,15 @@ def peer_contenders(
         sundials.usual_contenders(problem) if usual else sundials.contenders(problem, compiler),
         scipy_ivp.contenders(problem, compiled, usual=usual),
     )
-    if problem.structure.ground is None:
-        yield from makers
+    if problem.structure.ground is not None:
+        why = "has no contacts with this law of friction"
+    elif problem.structure.internal_name:
+        why = "has no members that yield or relax, and no motors with a lag"
     else:
-        yield from ((name, _refuse_ground) for name, _ in makers)
+        yield from makers
+        return
+    yield from ((name, partial(_refuse, why)) for name, _ in makers)
 
 
-def _refuse_ground() -> Contender:
-    raise Unavailable("has no contacts with this law of friction")
+def _refuse(why: str) -> Contender:
+    raise Unavailable(why)
