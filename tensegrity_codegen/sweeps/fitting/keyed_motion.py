@@ -229,6 +229,7 @@ class KeyedMotion(KeyedScene):
             schedule=given.schedule,
             coordinate=given.coordinate,
             velocity=given.velocity,
+            check=False,
         )
         slopes = np.zeros(len(values))
         for name, part in given.slopes.items():

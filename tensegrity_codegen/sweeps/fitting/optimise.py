@@ -12,10 +12,16 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.given import read_sample_times
-from tensegrity_codegen.runtime.simulate.gradient import Loss, read_loss
+from tensegrity_codegen.runtime.simulate.gradient import (
+    LEAST_RTOL,
+    TIGHTER,
+    Loss,
+    compare_with_differences,
+    read_loss,
+)
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.schema.schema import Scene
-from tensegrity_codegen.sweeps.fitting.keyed_motion import METHOD, KeyedMotion, RunSettings
+from tensegrity_codegen.sweeps.fitting.keyed_motion import METHOD, KeyedMotion, MotionSlopes, RunSettings
 from tensegrity_codegen.sweeps.fitting.keyed_scene import read_bounds
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import (
@@ -64,13 +70,21 @@ class LossGradient:
 
     Attributes
     ----------
+    check : bool
+        Whether the first gradient is compared with differences, by four to eight motions with tighter steps:
+        True unless it is set otherwise before.
     motion : Trajectory or None
         The last motion.
     n_motions : int
         How many there were.
-    error : float
+    error : float or None
+        Part by which the derivative of the first loss along a change of all numbers is apart from that of
+        differences of motions, which share nothing with it; about 1e-6 is the best to expect. None before,
+        where no motion nearby ends, and without `check`.
+    disagreement : float
         Of gradients that are taken backwards: difference between the derivatives of the last loss along all
-        numbers that were found in both ways, as a part of the largest; rounding, where nothing is wrong.
+        numbers that were found in both ways, as a part of the largest: whether steps are short enough for
+        derivatives. Rounding, where they are; both ways share all else.
 
     Raises
     ------
@@ -90,6 +104,8 @@ class LossGradient:
     >>> round(value, 4), slope.shape
     (-1.0002, (1,))
     """
+
+    check = True
 
     def __init__(
         self,
@@ -117,7 +133,8 @@ class LossGradient:
             method, rtol, schedule, check_mapping(arguments, "arguments", "arrays by name")
         )
         self.problem = KeyedMotion(scene, names, settings, compiler, backwards=self.backwards)
-        self.n_motions, self.error = 0, 0.0
+        self.n_motions, self.disagreement = 0, 0.0
+        self.error: float | None = None
         self.motion: Trajectory | None = None
 
     def __call__(self, values: ArrayLike) -> tuple[float, FloatArray]:
@@ -136,14 +153,31 @@ class LossGradient:
             )
         self.n_motions += 1
         if self.backwards:
-            found, slopes, self.error = self.problem.differentiate_loss(given, self.times, self.loss)
-            self.motion = found.motion
-            return found.loss, slopes / self.problem.size
-        run = self.problem.run(given, self.times)
+            found, slopes, self.disagreement = self.problem.differentiate_loss(given, self.times, self.loss)
+            self.motion, value = found.motion, found.loss
+        else:
+            value, slopes = self._differentiate(given)
+        if self.check and self.n_motions == 1:
+            way = self.problem.size * np.sign(slopes)
+
+            def compute_loss(step: float) -> float:
+                return read_loss(self.loss, self._run(given + step * way, TIGHTER).motion)[0]
+
+            self.error = compare_with_differences(compute_loss, float(np.abs(slopes).sum()))
+        return value, slopes / self.problem.size
+
+    def _run(self, values: FloatArray, accuracy: float = 1.0) -> MotionSlopes:
+        """Return the motion and its columns; raises ConvergenceError where it fails."""
+        run = self.problem.run(values, self.times, min(accuracy, self.problem.settings.rtol / LEAST_RTOL))
         if run.motion.status != "ok":
             raise ConvergenceError(
                 f"the motion fails: {run.motion.message}", where=self.problem.assembler.where
             )
+        return run
+
+    def _differentiate(self, values: FloatArray) -> tuple[float, FloatArray]:
+        """Return the loss and its derivatives to each value over its size, from columns beside the motion."""
+        run = self._run(values)
         self.motion = run.motion
         value, parts = read_loss(self.loss, run.motion)
         slopes = np.zeros(len(self.problem.keys))
@@ -151,7 +185,7 @@ class LossGradient:
             slopes += np.tensordot(part, getattr(run, name), axes=part.ndim)
         if not np.isfinite(slopes).all():
             raise NonFiniteError("the gradient of the loss is not finite", where="loss", given=value)
-        return value, slopes / self.problem.size
+        return value, slopes
 
 
 @dataclass(frozen=True, repr=False)

@@ -16,7 +16,9 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.profile import Profile
+from tensegrity_codegen.runtime.simulate.gradient import motion_gradient
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tests.cases import thorough
 from tests.models import simulator, start_of
 from tests.runtime.integrate.test_columns import fall
@@ -91,6 +93,27 @@ def test_each_of_two_cables_has_its_own_jump(method: str) -> None:
     np.testing.assert_allclose(motion.columns[-1, :2, :2], expected, atol=1e-5)
     ways = np.random.default_rng(1).normal(size=(2, 2))
     assert check_both_ways(model, 0.5, columns, ways, method) == 2
+
+
+@pytest.mark.parametrize("share", [1.0, 1.1])
+def test_a_gradient_tells_how_far_differences_are_from_it(share: float) -> None:
+    """Also where what it is computed from is wrong: here the derivatives that the loss states."""
+    model = simulator(
+        load_scene(swing())[0],
+        "rk853",
+        more=("adjoint_rate",),
+        parameters={"rest_length": (0, 1), "damping": (0, 1)},
+    )
+
+    def loss(motion: Trajectory) -> tuple[float, dict[str, Any]]:
+        weight = np.zeros_like(motion.node_position)
+        weight[-1, 2] = [1.0, 0.0, -0.7]
+        return float((motion.node_position * weight).sum()), {"node_position": share * weight}
+
+    found = motion_gradient(model, loss, 0.8, samples=3)
+    assert found.error is not None
+    assert found.error == pytest.approx(1.0 - 1.0 / share, abs=1e-5)
+    assert motion_gradient(model, loss, 0.8, samples=3, check=False).error is None
 
 
 def test_a_cable_is_pulled_taut_as_its_node_touches_the_ground() -> None:
