@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
 from tensegrity_codegen.tables.manifest import LeftOut
 from tensegrity_codegen.tables.request import ModelRequest
 

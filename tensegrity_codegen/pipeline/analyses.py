@@ -91,7 +91,7 @@ def balance_energy(structure: Subject, request: ModelRequest) -> Subject:
 
 def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
     from tensegrity_codegen.runtime.accuracy.choice import integrators_for
-    from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
+    from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 
     nodes = structure if isinstance(structure, Structure) else None
     elastic = nodes

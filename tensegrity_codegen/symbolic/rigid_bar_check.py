@@ -6,6 +6,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.formulations import find_formulation
@@ -36,15 +37,6 @@ def check_no_rigid_bar(structure: Structure, formulation: str) -> None:
             hint='formulation = "rigid_bar", or give the bar a stiffness, 1,000 times that of the cables is '
             "nearly rigid",
         ).unless_chosen_otherwise()
-
-
-def find_rigid_bars(structure: Structure, request: ModelRequest) -> NDArray[np.bool_]:
-    """Return (n_members,): the members that keep their length in the requested formulation."""
-    if not find_formulation(request.formulation).has_rigid_bars:
-        return np.zeros(structure.n_members, dtype=np.bool_)
-    which = complete_options(request.formulation, request.options)["bars"]
-    rigid: NDArray[np.bool_] = structure.is_rigid | (structure.is_bar & (which == "all"))
-    return rigid
 
 
 def keeps_scene_lengths(options: Mapping[str, str]) -> bool:

@@ -22,8 +22,8 @@ from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_bodies
+from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.request import ModelRequest

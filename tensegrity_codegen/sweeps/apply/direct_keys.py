@@ -26,10 +26,10 @@ from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.kinematics import compute_node_position
+from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.sweeps.apply.array_keys import ArrayKey
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, FileKey
 from tensegrity_codegen.sweeps.apply.slots import OF_MEMBERS, list_slots
-from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.laws import LINEAR

@@ -12,10 +12,10 @@ import numpy as np
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_request, hash_structure, hash_text
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
+from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.apply.array_keys import GUST, GUST_TIME, build_no_gust
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase
-from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options

@@ -15,6 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.bar_constraints import BarConstraints
@@ -26,11 +27,7 @@ from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.members.member_family import HeldMember, build_member_quantities
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
-from tensegrity_codegen.symbolic.rigid_bar_check import (
-    check_rigid_bars,
-    find_rigid_bars,
-    keeps_scene_lengths,
-)
+from tensegrity_codegen.symbolic.rigid_bar_check import check_rigid_bars, keeps_scene_lengths
 from tensegrity_codegen.symbolic.rigid_motion import RigidMotion
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
