@@ -168,3 +168,6 @@ def integrate_net(structure: Structure, t_end: float) -> tuple[Array, Array]:
             if len(times):
                 ended = sides[e] == sign
                 sides[e] = 0 if ended else sign
+        # An explicit step beyond the zero, so that rounding does not turn the next run back at once
+        step = 1e-9
+        state, time = state + step * rate(time, state, sides), time + step

@@ -688,7 +688,7 @@ static int event_is_mispredicted(const event_memory *m, double length, const two
 {
   int k;
   for (k = 0; k < N_MARGINS; ++k) {
-    if (m->side[k] * m->start_margin[k] <= -10.0 * length * m->side[k] * m->start_rate[k]) {
+    if (event_side_distance(m, m->start_margin, k) <= -10.0 * length * m->side[k] * m->start_rate[k]) {
       return 0;
     }
   }

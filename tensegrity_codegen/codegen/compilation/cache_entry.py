@@ -80,18 +80,18 @@ def read_contents(entry: CacheEntry) -> dict[str, bytes]:
 
     Raises LibraryError where one is absent or not what it was when it was written.
     """
-    contents = {}
+    contents, name = {}, ENTRY_FILE
     try:
         expected = json.loads((entry.folder / ENTRY_FILE).read_bytes())["files"]
         for name in entry.files:
             contents[name] = (entry.folder / name).read_bytes()
             if _sha256(contents[name]) != expected[name]["sha256"]:
-                raise ValueError(name)
+                raise ValueError("another sha256")
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise LibraryError(
             "a file in the cache of compiled libraries is not what was written there",
             where=str(entry.folder),
-            given=describe_reason(error),
+            given=f"{name}: {describe_reason(error)}",
             allowed=f"files with the sha256 in {ENTRY_FILE}",
             hint="remove this folder, or clear the cache with the verb cache, and build again",
         ) from error

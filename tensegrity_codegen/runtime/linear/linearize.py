@@ -232,7 +232,7 @@ class LinearModel(Summarised):
             found.append(
                 f"the structure is out of balance at x0 (largest acceleration {self._fall:.3g}): eigenvalues "
                 "and frequencies are not those of vibrations about an equilibrium, and rigid motions may "
-                "appear as vibrations; --settle linearizes about the equilibrium"
+                "appear as vibrations; linearize about the equilibrium to avoid that"
             )
         return (*found, *describe_kinks(self.one_sided_cables))
 

@@ -35,12 +35,13 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError, TensegrityError
 from tensegrity_codegen.system.forked import can_fork
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
-from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
+from tensegrity_codegen.tables.integrators import INTEGRATORS, STIFF_INTEGRATOR
 from tensegrity_codegen.tables.request import ModelRequest
 
 AUTO = "auto"
 EXPLICIT = ("rk853", "rk54")
-OTHERS = ("tsit5", "rodas")  # which certify nothing
+# Those that certify nothing.
+OTHERS = tuple(name for name, row in INTEGRATORS.items() if row.kind == "adaptive" and name not in EXPLICIT)
 FOR_STIFF_BARS = STIFF_INTEGRATOR
 FIXED = "rk4"
 OF_GROUND = ("stiffness", "friction", "stick_stiffness")
