@@ -154,7 +154,9 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
     )
     loaded: tc.LoadedController = tc.load_controller(bundle.folder)
     graphs: tc.SymbolicFunctions = tc.symbolic_functions(SCENE)
-    ahead = tc.design_mpc(model, motion, tuning.Q, tuning.R, sample=0.02)
+    ahead = tc.design_mpc(
+        model, motion, tuning.Q, tuning.R, sample=0.02, integral_action=tuning.integral_action
+    )
     tc.export_acados(model, motion, ahead, out=folder / "acados")
     fmu = tc.export_fmu(folder / "lift.toml", folder / "lift.fmu")
     stored = tc.sweep(
