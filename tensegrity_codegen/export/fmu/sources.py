@@ -18,6 +18,7 @@ from tensegrity_codegen.export.fmu.layout import Argument, Layout, Tangent
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.integrators import INTEGRATORS, find_row
 from tensegrity_codegen.tables.manifest import STATUS, FunctionSpec
+from tensegrity_codegen.tables.quantities.arguments import GROUND_FROM_ZERO
 from tensegrity_codegen.tables.targets import SHARED, TARGETS, Target, find_host, find_system, find_target
 
 ATOL_RATIO = 1e-3  # absolute over relative tolerance, for a structure of a metre: 1e-9 over 1e-6
@@ -141,6 +142,8 @@ def _find_least(argument: Argument) -> list[str]:
     """Return what each value of an argument is at least; a value of the scene itself is always allowed."""
     word = f"FMU_{argument.least.upper()}"
     is_positive = [word != "FMU_ABOVE_ZERO" or value > 0 for value in np.ravel(argument.spec.nominal)]
+    if argument.name == "ground":
+        is_positive = [name not in GROUND_FROM_ZERO for name in argument.spec.over]
     return [word if positive else "FMU_FROM_ZERO" for positive in is_positive]
 
 

@@ -12,7 +12,7 @@ from tensegrity_codegen.runtime.model.named_inputs import check_argument_names
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import Manifest
-from tensegrity_codegen.tables.quantities.arguments import ABOVE_ZERO, FROM_ZERO
+from tensegrity_codegen.tables.quantities.arguments import ABOVE_ZERO, FROM_ZERO, GROUND_FROM_ZERO
 
 LOAD = "node_load"
 
@@ -29,8 +29,9 @@ def check_arguments(manifest: Manifest, arguments: Mapping[str, Any]) -> None:
 def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> None:
     """Raise InvalidValueError for run-time parameters with values that no scene can have.
 
-    Rest lengths and stiffnesses are above zero, dampings and masses not negative. A stiffness that is zero in
-    the scene, since the member has the other kind, may stay zero. `compute` evaluates at any values.
+    Rest lengths and stiffnesses are above zero, dampings, masses, friction and dissipation not negative. A
+    stiffness that is zero in the scene, since the member has the other kind, may stay zero. `compute`
+    evaluates at any values.
     """
     for name in (*ABOVE_ZERO, *FROM_ZERO):
         spec = next((item for item in manifest.arguments if item.name == name), None)
@@ -42,7 +43,8 @@ def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> 
             continue
         wrong = value < 0
         if name in ABOVE_ZERO and value.shape[value.ndim - len(spec.shape) :] == spec.shape:
-            wrong = wrong | ((value == 0) & (np.reshape(spec.nominal, spec.shape) > 0))
+            is_above = ~np.isin(spec.over, GROUND_FROM_ZERO) if name == "ground" else True
+            wrong = wrong | ((value == 0) & (np.reshape(spec.nominal, spec.shape) > 0) & is_above)
         if wrong.any():
             at = tuple(int(k) for k in np.argwhere(wrong)[0])
             element = spec.over[at[-1]] if spec.over and len(spec.over) == value.shape[-1] else str(list(at))
@@ -50,7 +52,7 @@ def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> 
                 "no structure has such a value",
                 where=f"arguments.{name}: {element}",
                 given=float(value[at]),
-                allowed="above 0" if name in ABOVE_ZERO else "0 or more",
+                allowed="above 0" if name in ABOVE_ZERO and element not in GROUND_FROM_ZERO else "0 or more",
             )
 
 

@@ -5,6 +5,7 @@ from tensegrity_codegen.tables.quantities.quantity import Quantity
 # Arguments that a scene allows only above zero, or from zero on.
 ABOVE_ZERO = ("rest_length", "spring_constant", "axial_stiffness", "ground")
 FROM_ZERO = ("damping", "node_mass")
+GROUND_FROM_ZERO = ("friction", "dissipation")  # of the numbers of "ground"
 
 # Units of inputs by their kind.
 INPUT_UNITS = {"rest_length": "m", "temperature": "K", "force": "N", "torque": "N m"}

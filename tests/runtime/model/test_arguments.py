@@ -11,7 +11,9 @@ from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
+from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.system.errors import InvalidValueError
+from tests.ground_cases import make_slope
 from tests.models import load
 from tests.runtime.build import make_structure, spring
 
@@ -53,3 +55,17 @@ def test_one_row_of_many_is_named(model: CompiledModel) -> None:
     with pytest.raises(InvalidValueError) as caught:
         check_parameter_values(model.manifest, {"rest_length": rows})
     assert caught.value.given == -0.5
+
+
+def test_friction_and_dissipation_of_the_ground_may_be_zero_and_its_stiffness_not() -> None:
+    names = ("stiffness", "dissipation", "friction")
+    over = tuple(CHANGEABLE.index(name) for name in names)
+    grounded = load(make_slope(0.2)[0], "contact_force", parameters={"ground": over})
+    values = dict(zip(names, grounded.nominal("ground"), strict=True))
+    for name in names[1:]:
+        check_parameter_values(grounded.manifest, {"ground": list((values | {name: 0.0}).values())})
+        with pytest.raises(InvalidValueError) as caught:
+            check_parameter_values(grounded.manifest, {"ground": list((values | {name: -1.0}).values())})
+        assert (caught.value.where, caught.value.allowed) == (f"arguments.ground: {name}", "0 or more")
+    with pytest.raises(InvalidValueError, match="above 0"):
+        check_parameter_values(grounded.manifest, {"ground": list((values | {"stiffness": 0.0}).values())})
