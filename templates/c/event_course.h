@@ -140,6 +140,10 @@ static inline void event_begin(double time, double step, scene_run *run, event_m
   }
 }
 
+#if WITH_LOUD_MARGINS
+enum { MANY_STALLED = 64 }; /* attempts within a thousandth of a step, after which a longer extrapolation passes an event */
+
+#endif
 /* Zero where events keep the motion from getting ahead: too many attempts within a thousandth of a step. */
 static inline int event_may_continue(double time, double step, scene_run *run)
 {
@@ -148,8 +152,9 @@ static inline int event_may_continue(double time, double step, scene_run *run)
     run->n_stalled = 0;
   }
 #if WITH_LOUD_MARGINS
-  /* Rounding of rigid bars, which grows at impacts, can move a margin by more than its noise in no time; and steps and
-   * extrapolations disagree about that of a ring by more, where a strand beside it goes slack. */
+  /* Rounding of rigid bars, which grows at impacts, can move a margin by more than its noise in no time; so does a force
+   * that jumps, where lengths of bars follow their tensions; and steps and extrapolations disagree about the margin of a
+   * ring, where a strand beside it goes slack. */
   if (run->n_stalled % 16 == 15) {
     run->loudness *= 8.0;
   }

@@ -330,7 +330,11 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
   path.length = fmin(fmax(4.0 * run->ahead, 4.0 * base), left);
   motion_extrapolate(path.length, m->state, w->lost, w->rates, w->change, w->trial);
   root = event_find_first(&path, 1, 0, m->with, run, &w->events) * path.length;
+#if WITH_LOUD_MARGINS
+  near = event_tolerance(base, run->n_stalled > MANY_STALLED ? 1e4 * run->pace : run->pace, &w->events);
+#else
   near = event_tolerance(base, run->pace, &w->events);
+#endif
   if (!event_can_be_passed(root, near, path.length, planned, run, &w->events)) {
     return SCENE_OK;
   }

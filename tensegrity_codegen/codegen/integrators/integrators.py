@@ -263,6 +263,8 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
     explicit, events, keeper = context["explicit"] or {}, context["events"] or {}, context["keeper"] or {}
     columns = context["columns"] or {}
     has_jumps = bool(columns and events and columns["has_jumps"])
+    # Bars whose lengths follow their tensions: where a force jumps, places do.
+    moves_places = any("velocity" in item.arguments for item in explicit.get("projection", ())[:1])
     return {
         "WITH_PROFILE": bool(context["driven"]),
         "WITH_EVENTS": bool(events),
@@ -279,7 +281,7 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
             for word in ("switch", "collision", "ground", "stick", "yield", "motor", "ring")
         },
         "WITH_CONTACT_EVENTS": bool(events.get("n_contacts")),
-        "WITH_LOUD_MARGINS": any(events.get(count) for count in ("n_contacts", "n_rings")),
+        "WITH_LOUD_MARGINS": any([events.get("n_contacts"), events.get("n_rings"), events and moves_places]),
         "WITH_STIFFENING": any(events.get(count) for count in ("n_contacts", "n_yields")),
         "WITH_SET_STATES": bool(events.get("n_slips")),
         "WITH_STATIC_FRICTION": "stick" in events.get("setting", ()),

@@ -11,6 +11,7 @@ from tensegrity_codegen.system.errors import InvalidValueError
 from tests.common_prism import common_prism
 from tests.models import simulator
 from tests.runtime.build import bar, cable, make_structure, prism
+from tests.scene.samples import build
 
 
 def twisted_prism(ratio: float) -> Structure:
@@ -83,3 +84,28 @@ def test_chains_of_rigid_bars_swing_as_stiff_ones_do() -> None:
     assert np.abs(rigid.node_position - stiff.node_position).max() < 1e-3
     assert rigid.energy_drift is not None
     assert rigid.energy_drift < 1e-6
+
+
+def test_damped_cables_become_taut_where_lengths_of_bars_follow_their_tensions() -> None:
+    """The force that a cable has as it is pulled taut moves its end back by 6e-8 m, where it is slack."""
+    rope = {"kind": "cable", "spring_constant": 300.0, "rest_length": 0.55, "damping": 1.0}
+    nodes = {
+        "a": {"position": [-0.6, 0.0, 1.0], "anchored": True},
+        "b": {"position": [0.6, 0.0, 1.0], "anchored": True},
+        "p": {"position": [-0.3, 0.05, 0.5], "mass": 0.1},
+        "q": {"position": [0.3, 0.05, 0.5], "mass": 0.2},
+    }
+    members = {
+        "rod": {"kind": "bar", "nodes": ["p", "q"], "spring_constant": 1e6, "mass": 0.3},
+        "s": {**rope, "nodes": ["a", "p"]},
+        "u": {**rope, "nodes": ["b", "q"]},
+    }
+    scene = {"name": "hang", "gravity": [0.0, 0.0, -9.81], "nodes": nodes, "members": members}
+    options = {"bars": "all", "correction": "first_order"}
+    model = simulator(build(scene)[0], "rk853", "rk54", "rk4", formulation="rigid_bar", options=options)
+    exact = simulate(model, 1.0, samples=3, method="rk4", stepping=Stepping(step=2e-4))
+    for method in ("rk853", "rk54"):
+        found = simulate(model, 1.0, samples=3, method=method)
+        assert (exact.status, found.status) == ("ok", "ok")
+        np.testing.assert_allclose(found.node_position, exact.node_position, rtol=0, atol=1e-6)
+    assert found.position("p")[-1] == pytest.approx([-0.290389, -0.007388, 0.526661], abs=1e-6)
