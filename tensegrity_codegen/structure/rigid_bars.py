@@ -1,4 +1,4 @@
-"""Which bars of a structure keep their length in a formulation."""
+"""Bars of a structure that keep their length in a formulation."""
 
 import numpy as np
 
