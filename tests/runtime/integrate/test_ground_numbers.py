@@ -83,9 +83,12 @@ def test_the_parameter_jacobian_has_the_ground() -> None:
         np.testing.assert_allclose(found[:, k], slope_, rtol=1e-6, atol=1e-9 * np.abs(slope_).max())
 
 
-@pytest.mark.parametrize("number", [0.0, -1.0])
-def test_values_that_no_ground_has_are_refused(number: float) -> None:
+def test_values_that_no_ground_has_are_refused() -> None:
+    """Without friction a block slides down by g sin(15 deg) t^2 / 2, as scenes allow."""
     slope, _ = make_slope(np.radians(15.0))
     model = simulator(slope, "rk54", parameters={"ground": (2,)})
     with pytest.raises(InvalidValueError, match=r"arguments\.ground: friction"):
-        simulate(model, 0.1, method="rk54", arguments={"ground": [number]})
+        simulate(model, 0.1, method="rk54", arguments={"ground": [-1.0]})
+    moved = simulate(model, 0.1, method="rk54", rtol=1e-9, arguments={"ground": [0.0]}).node_position
+    way = float(np.linalg.norm(moved[-1, 0] - moved[0, 0]))
+    assert way == pytest.approx(0.5 * 9.81 * np.sin(np.radians(15.0)) * 0.01, rel=1e-6)

@@ -89,7 +89,7 @@ def test_the_loss_of_a_roll_has_the_gradient_of_differences(gait: Gait) -> None:
     way = random.normal(size=len(values))
     ahead, behind = (loss(values + step * way)[0] for step in (1e-6, -1e-6))
     assert slope @ way == pytest.approx((ahead - behind) / 2e-6, rel=1e-4)
-    assert loss.error < 1e-8
+    assert loss.disagreement < 1e-8
 
 
 def test_rolls_are_mapped_to_all_edges(gait: Gait) -> None:
