@@ -305,6 +305,7 @@ class _Rounds:
         estimate = self.error if np.isfinite(self.error) else None
         words = "unknown" if estimate is None else f"{estimate:.3g} times the tolerance {self.where}".rstrip()
         held_up = stopped is not None and stopped.status == TOO_MANY_EVENTS
+        reached = None if stopped is None else stopped.evidence.get(STOPPED_AT)
         advice = "take another method or other tolerances" if held_up else "loosen `rtol` and `atol`"
         return replace(
             last,
@@ -313,13 +314,8 @@ class _Rounds:
             "or control the error of each step only",
             method=_name(last),
             error_estimate=estimate,
-            evidence=last.evidence if stopped is None else {**last.evidence, **_read_stop(stopped)},
+            evidence=last.evidence if reached is None else {**last.evidence, STOPPED_AT: reached},
         )
-
-
-def _read_stop(run: RawTrajectory) -> dict[str, float]:
-    """Return when a run stopped short of its end [s], if that is known."""
-    return {key: run.evidence[key] for key in (STOPPED_AT,) if key in run.evidence}
 
 
 def _note_bound(run: RawTrajectory, rounding: Rounding, bound: float) -> RawTrajectory:

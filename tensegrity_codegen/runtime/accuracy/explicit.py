@@ -65,8 +65,7 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
     counted = _find_min_counted(motion, options.method)
     is_rough = counted == MIN_COUNTED_OVER_JUMPS
     switches = manifest.needs_state_jacobian  # contacts, or members and rings with memory
-    least_error = LEAST_ERROR_WITH_SWITCHES if switches else 0.0
-    least_error = LEAST_ERROR_OVER_JUMPS if is_rough else least_error
+    least_error = LEAST_ERROR_OVER_JUMPS if is_rough else LEAST_ERROR_WITH_SWITCHES if switches else 0.0
     if not find_method(options.method).scipy:
         lost = _LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
         share = find_row(options.method, switches).noise_share

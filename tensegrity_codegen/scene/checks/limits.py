@@ -40,13 +40,15 @@ def check_text(text: str, where: str, plain: bool = False) -> None:
     if plain:
         counts["tables"] = (counts["tables"][0], MOST_ENTRIES + 100_000)
         counts["values"] = (text.count(",") + text.count("="), MOST_VALUES)
+    check_counts(counts, "the file has too many {} to be a scene", where)
+
+
+def check_counts(counts: Mapping[str, tuple[int, int]], problem: str, where: str, hint: str = "") -> None:
+    """Raise SceneSyntaxError, `problem` with the name in it, for a count above the most that is allowed."""
     for what, (count, most) in counts.items():
         if count > most:
             raise SceneSyntaxError(
-                f"the file has too many {what} to be a scene",
-                where=where,
-                given=count,
-                allowed=f"up to {most}",
+                problem.format(what), where=where, given=count, allowed=f"up to {most}", hint=hint
             )
 
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
+from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES, check_counts
 from tensegrity_codegen.scene.formats.files.lines import Line, build_lines, is_bar
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_bytes
@@ -56,18 +56,10 @@ def _check_size(data: bytes, where: str) -> None:
     """Raise SceneSyntaxError for more tags or entities than drawings have, before any of them is read."""
     tags = max(data.count(b"\n"), data.count(b"\r")) // 2
     tags = len(data) // BINARY_TAG if data.startswith(b"AutoCAD Binary DXF") else tags
-    counts = [("tags", tags, MOST_TAGS)]
+    counts = {"tags": (tags, MOST_TAGS)}
     if tags <= MOST_TAGS:
-        counts.append(("entities", sum(1 for _ in _ENTITY.finditer(data)), MOST_ENTITIES))
-    for what, count, most in counts:
-        if count > most:
-            raise SceneSyntaxError(
-                f"the drawing has too many {what}",
-                where=where,
-                given=count,
-                allowed=f"up to {most}",
-                hint="keep only the lines of the structure",
-            )
+        counts["entities"] = (sum(1 for _ in _ENTITY.finditer(data)), MOST_ENTITIES)
+    check_counts(counts, "the drawing has too many {}", where, hint="keep only the lines of the structure")
 
 
 def _read_lines(ezdxf: Any, path: Path) -> tuple[list[Line], list[str]]:
