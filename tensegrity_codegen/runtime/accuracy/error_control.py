@@ -38,6 +38,10 @@ MIN_COUNTED_WITH_KINKS = 0.7  # of the difference of two runs counts where steps
 MAX_SHRINK_WITH_SWITCHES, MIN_COUNTED_WITH_SWITCHES = 0.03, 2.0
 # Of the tolerance: two runs that agree so well share an error that may be more than twice their difference.
 LEAST_ERROR_WITH_SWITCHES = 0.05
+LEAST_PART = 0.1  # of the difference of two runs that counts: tighter steps are not trusted to gain more
+MIN_STEP_GROWTH = 1.15  # of the number of steps, below which tightening has gained nothing to count on
+# Of the tolerance of the steps: two runs that took the same steps agree, and each may be off by so much.
+LEAST_SHARE_OF_STEPS = 0.1
 TOO_MANY_EVENTS = "too_many_events"  # the status of a run that events hold up
 
 
@@ -108,11 +112,13 @@ def tighten_until_converged(run: Run, tolerance: Tolerance, checks: Checks | Non
     """Return a run whose estimated error is within the tolerance at every sample.
 
     run: (rtol, atol) of one step -> trajectory. Each round tightens the steps' tolerance by a factor s of at
-    most 1/10, and takes min(1/3, 3 s^p) of the difference of the two runs for the error of the tighter one,
-    which is returned: errors shrink with the tolerance, here trusted to a third of that, and with the power
-    p <= 1 with which they did so in the round before. Of the difference that rounding may cause nothing is
-    taken off. Where rounding keeps velocities from the tolerance, but not positions, the result says how far
-    off they may be (`vibration_speed_error` in its evidence), unless that is beyond use.
+    most 1/10, and takes 3 s^p, at least 1/10 and at most 1/3, of the difference of the two runs for the error
+    of the tighter one, which is returned: errors shrink with the tolerance, here trusted to a third of that,
+    and with the power p <= 1 with which they did so in the round before. All of it counts where the tighter
+    run took hardly more steps. Of the difference that rounding may cause nothing is taken off. No less is
+    stated than LEAST_SHARE_OF_STEPS of the tolerance of the last run's steps. Where rounding keeps velocities
+    from the tolerance, but not positions, the result says how far off they may be (`vibration_speed_error` in
+    its evidence), unless that is beyond use.
 
     Status "ok" means an estimated error of at most 1; "not_converged" with the last run and estimate if the
     rounds do not come together, or the next one would take all beyond MAX_WORK.
@@ -216,7 +222,9 @@ class _Rounds:
         difference_before = self.difference
         self.difference = compare_runs(self.previous, finer, self.tolerance, more=allowance).whole
         power = _find_power(difference_before, self.difference, self.tightened)
-        part = max(1.0 if at_least else min(1.0 / 3.0, 3.0 * tightened**power), checks.min_counted)
+        is_no_finer = at_least or finer.n_steps < MIN_STEP_GROWTH * self.previous.n_steps
+        part = 1.0 if is_no_finer else min(1.0 / 3.0, max(3.0 * tightened**power, LEAST_PART))
+        part = max(part, checks.min_counted)
         self.tightened = tightened
         found = compare_runs(self.previous, finer, self.tolerance, part=part, more=allowance, noise=noise)
         self.error, self.where = found.error, found.where
@@ -283,7 +291,7 @@ class _Rounds:
         return self._give_up(run, "rounding error prevents convergence")
 
     def _accept_as_it_is(self, run: RawTrajectory) -> RawTrajectory:
-        self.error = max(self.error, self.checks.least_error)
+        self.error = max(self.error, self.checks.least_error, LEAST_SHARE_OF_STEPS * self.factor)
         message, evidence = f"{run.message}; estimated error {self.error:.2g} of the tolerance", run.evidence
         if run.columns is not None and self.previous.columns is not None:
             counted = max(1.0, self.checks.min_counted)

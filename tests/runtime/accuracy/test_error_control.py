@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tests.cases import thorough
 from tests.models import simulator
-from tests.runtime.build import bar, make_structure, prism
+from tests.runtime.build import bar, cable, make_structure, prism
 
 DIRECTION = np.array([0.6, -0.7, 0.4])
 METHODS = ("rk54", "rk853")
@@ -88,6 +88,68 @@ def test_runs_with_loose_steps_that_pass_over_the_same_events_are_not_enough(
     found = tighten_until_converged(run, of_one_node(2e-2, 1e-3))
     assert found.status == "ok"
     np.testing.assert_array_equal(found.state, state)
+
+
+def test_runs_that_agree_state_no_less_than_their_steps_may_err() -> None:
+    """The second run's steps are held to a tenth of the tolerance, of which a tenth is stated at least."""
+    found = tighten_until_converged(lambda rtol, atol: trajectory(np.ones((5, 6))), of_one_node(1e-6, 1e-9))
+    assert (found.status, found.error_estimate) == ("ok", pytest.approx(0.01))
+
+
+@pytest.mark.parametrize(("growth", "part"), [(1.1, 1.0), (1.5, 0.3)])
+def test_a_difference_counts_in_full_where_tightening_took_hardly_more_steps(
+    growth: float, part: float
+) -> None:
+    """Positions of length 1 that are 0.9 tolerances apart, by steps held to a tenth."""
+
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        finer = rtol < 5e-7
+        state = np.tile([1.0, 0, 0, 1.0, 0, 0], (5, 1))
+        state[2, 1] = 0.0 if finer else 0.9e-6
+        return replace(trajectory(state), n_steps=int(100 * growth) if finer else 100)
+
+    found = tighten_until_converged(run, of_one_node(1e-6, 1e-12))
+    assert (found.status, found.error_estimate) == ("ok", pytest.approx(0.9 * part, rel=1e-4))
+
+
+def test_much_tighter_steps_are_not_trusted_to_gain_more_than_a_factor_of_ten() -> None:
+    """Runs off by 100, 10 and 1.2 tolerances: a tenth of the 8.8 between the last two is stated."""
+    errors = iter([100e-6, 10e-6, 1.2e-6])
+
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        state = np.tile([1.0, 0, 0, 1.0, 0, 0], (5, 1))
+        state[2, 1] = next(errors)
+        return replace(trajectory(state), n_steps=round(100 * (1e-6 / rtol) ** 0.125))
+
+    found = tighten_until_converged(run, of_one_node(1e-6, 1e-12))
+    assert (found.status, found.error_estimate) == ("ok", pytest.approx(0.88, rel=1e-3))
+
+
+def test_a_motion_after_one_event_states_the_error_that_both_runs_share() -> None:
+    """A mass falls freely until its cable is taut; then both runs take the same long step."""
+    start = [[-0.915492978708352, 0.15234281967340824, 0.7636001355920886]]
+    start += [[0.09139692941838806, 0.8907345640882731, -0.3440598560466254]]
+    fall = make_structure(
+        start,
+        [cable(0, 1, 1.7905967311587268, 402.7013770617986)],
+        anchored={0: "xyz"},
+        mass=2.4513167718238864,
+        gravity=(0.0, 0.0, -9.81),
+    )
+    model = simulator(fall, "rk853")
+    given: dict[str, Any] = {
+        "samples": np.linspace(0.0, 0.3740595698921596, 17),
+        "velocity": [-2.153182957769682, -3.7834456895801156, -0.1602602437939191],
+        "method": "rk853",
+    }
+    rtol = 9.692426169575759e-06
+    found = simulate(model, 0.3740595698921596, rtol=rtol, **given)
+    exact = simulate(model, 0.3740595698921596, rtol=1e-12, stepping=Stepping(control="steps"), **given)
+    off = np.linalg.norm(found.velocity - exact.velocity, axis=1)
+    off /= 2e-9 + rtol * np.linalg.norm(exact.velocity, axis=1)
+    assert found.error_estimate is not None
+    assert 5e-4 < off.max() < 3.0 * found.error_estimate
+    assert found.error_estimate == pytest.approx(0.01)
 
 
 def test_a_run_that_events_hold_up_says_where_and_does_not_ask_for_looser_tolerances() -> None:
