@@ -33,6 +33,7 @@ MOST_NEWTON = 30  # iterations of Newton's method in a step of the load
 MOST_UPDATES = 3  # of the limits of friction
 MOST_HALVINGS = 12  # of one step of Newton's method
 LIFT = 10.0  # times the structure's size: height at which it settles before it touches
+FARTHEST = 10.0  # times the structure's size: way in a step of the load, beyond which a structure slides away
 MOST_TILT = float(np.radians(15.0))  # turn about an axis along the plane, beyond which a structure has tipped
 
 Search = Callable[[Point], Outcome]
@@ -292,6 +293,11 @@ class _Loading:
         if stability.is_unstable:
             message = "an unstable equilibrium (a saddle of the energy)"
             return Outcome("unstable", found, self.iterations, message, stability=stability)
+        floor = self.problem.rounding_floor(self.problem.stiffness(found.coordinate), found)
+        if not found.is_balanced(self.tolerance, floor):
+            left = "rounding error keeps the residual above the tolerance"
+            message = "; ".join(filter(None, (left, message)))
+            return Outcome("rounding_limited", found, self.iterations, message, stability=stability)
         return Outcome("converged", found, self.iterations, message, stability=stability)
 
     def _grow(self, count: int) -> Point | None:
@@ -356,7 +362,8 @@ class _Loading:
             self.iterations += stuck.iterations
             self.problem.forget()
             if self._is_upright(stuck.point):
-                found = self._solve(self._slide(stuck.point.coordinate, self.search))
+                slid = self._slide(stuck.point.coordinate, self.search)
+                found = self._solve(slid) if np.abs(slid - start).max() <= FARTHEST * self.size else None
             if found is None:
                 self.slips = self.contacts.bristles(self.problem.node_position(stuck.point.coordinate))[1]
         return found
@@ -405,8 +412,8 @@ class _Loading:
             except RuntimeError:  # singular
                 return point if balanced else None
             better = self._shorten(point, step, force)
-            if better is None:
-                return point if balanced else None
+            if better is None:  # rounding may leave more than the tolerance
+                return point if balanced or point.node_force <= floor else None
             if np.abs(better.coordinate - coordinate).max() > self.size:
                 return None
             if balanced and better.node_force > point.node_force / 2:

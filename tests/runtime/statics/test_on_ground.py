@@ -22,12 +22,14 @@ from tests.ground_cases import (
     GRAVITY,
     make_belt,
     make_block,
+    make_ground,
     make_icosahedron,
     make_prism,
     make_rod,
     make_slope,
 )
 from tests.models import load, simulator
+from tests.runtime.build import bar, make_structure
 
 Array = NDArray[np.float64]
 
@@ -71,6 +73,25 @@ def test_a_block_slides_on_a_slope_that_is_steeper_than_friction() -> None:
     with pytest.raises(ConvergenceError, match="feet n0 slip") as caught:
         find_equilibrium(build(make_slope(np.radians(30.0))[0]))
     assert caught.value.evidence["status"] == "slides"
+
+
+@pytest.mark.parametrize(
+    ("spring_constant", "stiffness"), [(1e7, 1e8), (1e9, 1e8), *thorough((1e6, 1e8), (1e9, 1e6), (1e8, 1e9))]
+)
+def test_stiff_frames_stand_on_stiff_ground(spring_constant: float, stiffness: float) -> None:
+    """Rounding keeps the residual of such frames above the tolerance of 1e-9 of the largest member force."""
+    ends = [(0, 2), (1, 2), (0, 1)]
+    place = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.8]]
+    bars = [
+        bar(i, j, float(np.hypot(*np.subtract(place[i], place[j])[::2])), spring_constant) for i, j in ends
+    ]
+    frame = make_structure(place, bars, gravity=(0.0, 0.0, -GRAVITY), axes="xz", mass=[1.0, 1.0, 2.0])
+    ground = make_ground(3, stiffness=stiffness, stick_stiffness=stiffness, friction=0.6)
+    found, feet = settle(frame.with_changes(ground=ground))
+    assert found.status in ("converged", "rounding_limited")
+    thrust = GRAVITY * 0.5 / 0.8 / (1 + 2 * spring_constant / stiffness)  # what the lower bar does not take
+    assert feet.force[:2, 2] == pytest.approx(2 * GRAVITY, rel=1e-7)
+    assert feet.force[:2, 0] == pytest.approx([thrust, -thrust], rel=50.0 / spring_constant)  # strains
 
 
 def test_a_block_above_the_ground_rests_on_it() -> None:
