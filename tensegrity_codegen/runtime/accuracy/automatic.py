@@ -5,7 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from tensegrity_codegen.runtime.accuracy.choice import Choice, choose_method
+from tensegrity_codegen.runtime.accuracy.choice import (
+    MAX_STEPS_AT_RINGS,
+    RING_INTEGRATOR,
+    Choice,
+    choose_method,
+)
 from tensegrity_codegen.runtime.accuracy.damped_vibration import (
     add_vibration_errors,
     find_min_counted,
@@ -48,6 +53,8 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
     if options.control == "steps":
         return replace(_run_once(motion, options, choice), why=choice.why)
     # Explicit method: refine until the error holds.
+    if choice.name != STIFF_INTEGRATOR and _may_take_rodas(motion.model):
+        return _run_at_rings(motion, options, choice)
     if choice.name != STIFF_INTEGRATOR:
         trajectory = _name_auto(integrate_explicit_to_samples(motion, replace(options, method=choice.name)))
         return _add_hint_of_origin(replace(trajectory, why=choice.why), motion.model)
@@ -67,6 +74,28 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
                 fallback, why=f"{choice.why}; {STIFF_INTEGRATOR} missed the tolerance, so {choice.fallback}"
             )
     return _add_hint_of_origin(report_vibration(replace(trajectory, why=choice.why), options), motion.model)
+
+
+def _may_take_rodas(model: CompiledModel) -> bool:
+    """Return whether a library of a structure with rings with friction holds the method for these."""
+    return bool(model.manifest.ring_name) and any(
+        spec.name == RING_INTEGRATOR for spec in model.manifest.integrators
+    )
+
+
+def _run_at_rings(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
+    """Return the explicit run, or where it takes too many steps, or fails, that of the method for rings."""
+    most = min(options.max_steps, MAX_STEPS_AT_RINGS)
+    found = integrate_explicit_to_samples(motion, replace(options, method=choice.name, max_steps=most))
+    why = choice.why
+    if found.status not in ("ok", "unstable"):
+        first, found = (
+            found,
+            integrate_explicit_to_samples(motion, replace(options, method=RING_INTEGRATOR)),
+        )
+        why = f"{why}; {choice.name} did not do it within {most:,} steps, so {RING_INTEGRATOR}"
+        found = found if found.status == "ok" or most == options.max_steps else first
+    return replace(_name_auto(found), why=why)
 
 
 def _run_once(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:

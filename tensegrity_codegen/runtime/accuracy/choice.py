@@ -29,6 +29,9 @@ LOOSE_RTOL_WITH_JUMPS = 1e-7  # the same where forces jump: steps end there, and
 CABLE_SHARE = 0.8  # of the explicit steps, that cables alone need where not bars limit them
 IMPLICIT_STEP_COST = 1.5  # time of an implicit step over that of one of rk853
 MAX_EXPLICIT_STEPS = 100_000  # steps, at most, where the implicit method misses the tolerance
+# The method for rings with friction where a strand goes slack and gives its material away in no time, and the
+# explicit steps of one run, from which on it has its turn.
+RING_INTEGRATOR, MAX_STEPS_AT_RINGS = "rodas", 20_000
 MIN_TOLD_RATIO = 1.5  # stiffness over that of cables, below which it is worth no word
 MIN_STIFF_RATIO = 100.0  # stiffness over that of cables, from which on a library shall hold both methods
 UNLIMITED = 2**62
@@ -76,6 +79,8 @@ def _wanted_by_auto(structure: Structure | None, formulation: str, rtol: float) 
         return (_explicit_for(rtol, False),)
     jumps = bool(np.any(structure.tension_only & (structure.damping > 0)))
     explicit = _explicit_for(rtol, jumps)
+    if structure.sliding:
+        return (explicit, RING_INTEGRATOR)
     if structure.ground is not None or structure.collision is not None or structure.internal_name:
         return (explicit,)
     mu = structure.mu
