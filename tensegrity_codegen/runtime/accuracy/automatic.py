@@ -85,16 +85,16 @@ def _may_take_rodas(model: CompiledModel) -> bool:
 
 def _run_at_rings(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
     """Return the explicit run, or where it takes too many steps, or fails, that of the method for rings."""
+    explicit = replace(options, method=choice.name)
     most = min(options.max_steps, MAX_STEPS_AT_RINGS)
-    found = integrate_explicit_to_samples(motion, replace(options, method=choice.name, max_steps=most))
+    found = integrate_explicit_to_samples(motion, replace(explicit, max_steps=most))
     why = choice.why
     if found.status not in ("ok", "unstable"):
-        first, found = (
-            found,
-            integrate_explicit_to_samples(motion, replace(options, method=RING_INTEGRATOR)),
-        )
         why = f"{why}; {choice.name} did not do it within {most:,} steps, so {RING_INTEGRATOR}"
-        found = found if found.status == "ok" or most == options.max_steps else first
+        first, found = found, integrate_explicit_to_samples(motion, replace(options, method=RING_INTEGRATOR))
+        if found.status != "ok":
+            why = f"{choice.why}; {RING_INTEGRATOR} failed too"
+            found = first if most == options.max_steps else integrate_explicit_to_samples(motion, explicit)
     return replace(_name_auto(found), why=why)
 
 
