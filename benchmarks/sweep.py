@@ -31,12 +31,12 @@ from numpy.typing import NDArray
 from scipy import integrate, optimize
 
 from tensegrity_codegen import find_equilibrium, simulate, symbolic_functions
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+from tensegrity_codegen.analyses.registry import build_analysis
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.engines.work import library_request, select_arguments
-from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.sweep import PreparedSweep, prepare_sweep
-from tensegrity_codegen.sweeps.tasks.operation import Operation
 
 FloatArray = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class Work:
 
     scene: dict[str, Any]
     options: dict[str, Any]
-    operation: Operation
+    operation: AnalysisRecord
     model: Any
     arguments: dict[str, FloatArray]
     count: int
@@ -89,7 +89,7 @@ def main() -> None:
         shutil.rmtree(folder)
 
 
-def make_work(folder: Path, scene: dict[str, Any], operation: Operation, **options: Any) -> Work:
+def make_work(folder: Path, scene: dict[str, Any], operation: AnalysisRecord, **options: Any) -> Work:
     """Return the cases of a sweep with their library and arguments."""
     started = time.perf_counter()
     cases = build_cases(**options)
@@ -102,7 +102,7 @@ def make_work(folder: Path, scene: dict[str, Any], operation: Operation, **optio
     return Work(scene, options, operation, library, arguments, cases.count, folder)
 
 
-def prepare_library(group: Any, operation: Operation) -> Any:
+def prepare_library(group: Any, operation: AnalysisRecord) -> Any:
     """Return the library of a group of cases."""
     from tensegrity_codegen.pipeline.build_library import build_library
 
@@ -164,7 +164,7 @@ def equilibria(folder: Path, given: argparse.Namespace) -> None:
     """Compare ways to find equilibria over load and prestress."""
     side = max(2, round(100 * given.part**0.5))
     over = {"loads[0].force[2]": f"-6:0:{side}", "shape.prestress": f"5:12:{side}"}
-    work = make_work(folder, read_scene(), build_operation("equilibrium"), over=over)
+    work = make_work(folder, read_scene(), build_analysis("equilibrium"), over=over)
     chosen = np.linspace(0, work.count - 1, min(given.peers, work.count)).astype(int).tolist()
     ways = list_sweeps(work)
 
@@ -224,13 +224,13 @@ def motions(folder: Path, given: argparse.Namespace) -> None:
     side = max(2, round((1000 * given.part) ** 0.5))
     over = {"classes.cable.spring_constant": f"150:250:{side}", "node_velocity.t1[2]": f"-0.5:0.5:{side}"}
     keep, span = ("node_position.final", "member_tension.max"), {"t_end": 1.0, "samples": 11}
-    exact = build_operation("simulate", keep, rtol=1e-11, atol=1e-12, **span)
+    exact = build_analysis("simulate", keep, rtol=1e-11, atol=1e-12, **span)
     work = make_work(folder, read_scene(), exact, over=over)
     looked = np.linspace(0, work.count - 1, min(CHECKED, work.count)).astype(int)
     some = {name: array[looked] for name, array in work.arguments.items()}
     end = exact.run(work.model, some, len(looked)).arrays["node_position_final"]
     for rtol in 10.0 ** -np.arange(2.0, 10.0, 0.5):
-        operation = build_operation("simulate", keep, rtol=float(rtol), atol=float(rtol), **span)
+        operation = build_analysis("simulate", keep, rtol=float(rtol), atol=float(rtol), **span)
         found = operation.run(work.model, some, len(looked)).arrays["node_position_final"]
         if np.abs(found - end).max() <= ERROR:
             break
@@ -375,7 +375,7 @@ def evaluations(folder: Path, given: argparse.Namespace) -> None:
     sample = {f"rest_length.vertical{k}": "normal(0.2, 1e-3)" for k in (1, 2, 3)}
     sample |= {"node_position.t1[2]": "normal(0.3, 1e-3)", "node_position.t2[2]": "normal(0.3, 1e-3)"}
     for count in (round(1e5 * given.part), round(1e6 * given.part)):
-        operation = build_operation("evaluate", "member_tension")
+        operation = build_analysis("evaluate", "member_tension")
         options: dict[str, Any] = {"sample": sample, "n": count, "seed": 1, "yes": True}
         cases = build_cases(**options)
         started = time.perf_counter()

@@ -24,17 +24,17 @@ from typing import Any
 import numpy as np
 from harness.turns import EXAMPLES
 
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, TaskResult
+from tensegrity_codegen.analyses.equilibrium import FindEquilibrium
+from tensegrity_codegen.analyses.evaluate import Evaluate
+from tensegrity_codegen.analyses.simulate import Simulate
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
-from tensegrity_codegen.sweeps.operations.equilibrium import FindEquilibrium
-from tensegrity_codegen.sweeps.operations.evaluate import Evaluate
-from tensegrity_codegen.sweeps.operations.simulate import Simulate
 from tensegrity_codegen.sweeps.store.contents import StoreContents
 from tensegrity_codegen.sweeps.store.store import SweepStore, create_store
-from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
 from tensegrity_codegen.system.provenance import name_processor
 
 WORKERS = (1, 10, 100, 1000)
@@ -185,7 +185,7 @@ def measure_calls(run: Callable[[], object], rounds: int) -> tuple[float, float]
     return statistics.median(times), float(np.std(times) / np.mean(times))
 
 
-def prepare_operations() -> Iterator[tuple[str, Operation, CompiledModel]]:
+def prepare_operations() -> Iterator[tuple[str, AnalysisRecord, CompiledModel]]:
     """Yield name, operation and library of the example prism."""
     structure, request = load_scene(EXAMPLES / "prism.toml")
     for name, operation in (
@@ -199,7 +199,7 @@ def prepare_operations() -> Iterator[tuple[str, Operation, CompiledModel]]:
 
 
 def measure_operation(
-    operation: Operation,
+    operation: AnalysisRecord,
     model: CompiledModel,
     sizes: Sequence[int],
     rounds: int,
@@ -224,7 +224,7 @@ def measure_operation(
 
 
 def measure_write(
-    operation: Operation, model: CompiledModel, result: TaskResult, size: int, path: Path
+    operation: AnalysisRecord, model: CompiledModel, result: TaskResult, size: int, path: Path
 ) -> float:
     """Return the least wall time [s] to write the results of a task of this size to a new store.
 

@@ -105,12 +105,10 @@ class RunOptions:
 
 def list_operation_options() -> dict[str, tuple[Any, Any]]:
     """Return annotation and default of --do, --keep and the options of all operations, by argument."""
-    from tensegrity_codegen.sweeps.operations import OPERATIONS
+    from tensegrity_codegen.analyses.registry import ANALYSES
 
-    listed = [(do, item) for do, kind in OPERATIONS.items() for item in kind.list_options()]
-    do = typer.Option(
-        "--do", help=f"What is done with each case: {', '.join(OPERATIONS)}.", show_default=False
-    )
+    listed = [(do, item) for do, kind in ANALYSES.items() for item in kind.list_options()]
+    do = typer.Option("--do", help=f"What is done with each case: {', '.join(ANALYSES)}.", show_default=False)
     found: dict[str, tuple[Any, Any]] = {"do": (Annotated[str, do], ...), "keep": (KeepOption, None)}
     for name in dict.fromkeys(item.argument for _, item in listed):
         same = [(do, item) for do, item in listed if item.argument == name]
@@ -132,10 +130,10 @@ def name_option(argument: str) -> str:
 
 def read_operation_options(given: dict[str, Any]) -> dict[str, Any]:
     """Return the values of options by the names of their fields, None where they are not stated."""
-    from tensegrity_codegen.sweeps.operations import OPERATIONS
+    from tensegrity_codegen.analyses.registry import ANALYSES
 
     stated: dict[str, Any] = {}
-    for kind in OPERATIONS.values():
+    for kind in ANALYSES.values():
         for item in kind.list_options():
             value = given[item.argument]
             stated[item.name] = value if item.flag is None else item.flag[1] if value else None

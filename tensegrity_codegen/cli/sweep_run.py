@@ -16,11 +16,11 @@ from tensegrity_codegen.cli.sweep_options import (
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 if TYPE_CHECKING:
+    from tensegrity_codegen.analyses.cases.record import AnalysisRecord
     from tensegrity_codegen.sweeps.cases.cases import Cases
     from tensegrity_codegen.sweeps.engines.cluster import Cluster
     from tensegrity_codegen.sweeps.run import SweepOutcome, SweepProgress
     from tensegrity_codegen.sweeps.sweep import PreparedSweep
-    from tensegrity_codegen.sweeps.tasks.operation import Operation
 
 
 # How messages of the cases name their options.
@@ -41,8 +41,8 @@ class SweepCall:
 
     def run(self, output: Output) -> bool:
         """Plan and run the sweep, and print how it ended; return whether some cases are good."""
+        from tensegrity_codegen.analyses.registry import build_analysis
         from tensegrity_codegen.sweeps.cases.build_cases import build_cases
-        from tensegrity_codegen.sweeps.operations import build_operation
 
         self._check()
         stated = self.cases
@@ -51,7 +51,7 @@ class SweepCall:
             method=stated.sampling, yes=stated.yes, options=NAMES,
         )  # fmt: skip
         self._check_options()
-        operation = build_operation(self.do, self.keep, **read_operation_options(self.options))
+        operation = build_analysis(self.do, self.keep, **read_operation_options(self.options))
         output.load(self.scene, settles=self.do == "equilibrium")
         prepared = self._prepare(cases, operation)
         if self.results.dry_run:
@@ -103,10 +103,10 @@ class SweepCall:
 
     def _check_options(self) -> None:
         """Raise InvalidValueError for an option of another operation."""
-        from tensegrity_codegen.sweeps.operations import OPERATIONS
+        from tensegrity_codegen.analyses.registry import ANALYSES
 
-        check_choice(self.do, OPERATIONS, "operation", "--do")
-        known = [item.argument for item in OPERATIONS[self.do].list_options()]
+        check_choice(self.do, ANALYSES, "operation", "--do")
+        known = [item.argument for item in ANALYSES[self.do].list_options()]
         for name, value in self.options.items():
             if value not in (None, False) and name not in known:
                 raise InvalidValueError(
@@ -145,7 +145,7 @@ class SweepCall:
         """The file of --format: the folder's name with another ending, beside it."""
         return (self.results.out or Path("sweep.zarr")).with_suffix(f".{self.results.format}")
 
-    def _prepare(self, cases: "Cases", operation: "Operation") -> "PreparedSweep":
+    def _prepare(self, cases: "Cases", operation: "AnalysisRecord") -> "PreparedSweep":
         from tensegrity_codegen.sweeps.sweep import prepare_sweep
 
         return prepare_sweep(
@@ -211,7 +211,7 @@ def _describe_outcome(prepared: "PreparedSweep", outcome: "SweepOutcome") -> dic
 
 def _list_lines(outcome: "SweepOutcome", operation: str, table: Path | None) -> list[str]:
     """Return how a sweep ended, for people."""
-    from tensegrity_codegen.sweeps.tasks.quantities import BEYOND
+    from tensegrity_codegen.analyses.cases.quantities import BEYOND
 
     rows = [
         f"  {count:,} {word}{_first(outcome, word)}"

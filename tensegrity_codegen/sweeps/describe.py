@@ -7,17 +7,18 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from tensegrity_codegen.analyses.cases.quantities import GUST, GUST_TIME
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.apply.array_keys import GUST, GUST_TIME, INPUT
+from tensegrity_codegen.sweeps.apply.array_keys import INPUT
 from tensegrity_codegen.sweeps.apply.assembler import read_scene_document
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.key_schema import root_place
 from tensegrity_codegen.sweeps.keys import KeyPath, parse_path
 from tensegrity_codegen.sweeps.plan import SweepPlan
-from tensegrity_codegen.sweeps.tasks.operation import Operation
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.system.provenance import name_processor
 from tensegrity_codegen.system.version import VERSION
@@ -31,7 +32,7 @@ OF_SHAPES = {"nodes": "node_", "members": ""}
 OF_GUSTS = {GUST: ("force of a gust on the node", "N"), GUST_TIME: ("when gusts push", "s")}
 
 
-def identify_sweep(scene: SceneSource, cases: Cases, operation: Operation) -> dict[str, Any]:
+def identify_sweep(scene: SceneSource, cases: Cases, operation: AnalysisRecord) -> dict[str, Any]:
     """Return what the results of a sweep follow from, JSON-ready: the same on every machine.
 
     Two sweeps of equal identity have equal results; the keys of an identity say what differs in others.
@@ -47,7 +48,7 @@ def identify_sweep(scene: SceneSource, cases: Cases, operation: Operation) -> di
     }
 
 
-def describe_facts(scene: SceneSource, plan: SweepPlan, operation: Operation) -> dict[str, Any]:
+def describe_facts(scene: SceneSource, plan: SweepPlan, operation: AnalysisRecord) -> dict[str, Any]:
     """Return what else is kept with the results: attributes of the data set, JSON-ready."""
     structure, (document, _) = plan.groups[0].structure, read_scene_document(scene)
     return {

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.analyses.cases.quantities import LIMIT_USE
+from tensegrity_codegen.analyses.cases.statuses import GOOD, STATUSES
 from tensegrity_codegen.sweeps.engines.engine import Engine, FinishedTask
 from tensegrity_codegen.sweeps.engines.work import SweepWork
-from tensegrity_codegen.sweeps.statuses import GOOD, STATUSES
 from tensegrity_codegen.sweeps.store.contents import StoreContents
 from tensegrity_codegen.sweeps.store.folder import check_store_folder, find_finished, locked_store
 from tensegrity_codegen.sweeps.store.identity import check_same_sweep
 from tensegrity_codegen.sweeps.store.store import SweepStore, create_store, restore_coordinates
-from tensegrity_codegen.sweeps.tasks.quantities import LIMIT_USE
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+from tensegrity_codegen.analyses.registry import build_analysis
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.cases.build_cases import Stated, build_cases
 from tensegrity_codegen.sweeps.cases.cases import Cases
@@ -17,12 +19,10 @@ from tensegrity_codegen.sweeps.engines.cluster import Cluster, check_workers
 from tensegrity_codegen.sweeps.engines.dask_engine import DaskEngine
 from tensegrity_codegen.sweeps.engines.engine import Engine
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
-from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.plan_sweep import PlannedSweep, plan_sweep
 from tensegrity_codegen.sweeps.run import ShowProgress, SweepOutcome, check_stop_after, check_zarr, run_sweep
 from tensegrity_codegen.sweeps.store.folder import check_store_folder, open_sweep
 from tensegrity_codegen.sweeps.store.identity import check_same_sweep
-from tensegrity_codegen.sweeps.tasks.operation import Operation
 from tensegrity_codegen.system.checks import check_callback, check_instance, check_switch
 from tensegrity_codegen.system.forked import count_workers
 
@@ -73,7 +73,7 @@ class PreparedSweep:
 def prepare_sweep(
     scene: SceneSource,
     cases: Cases,
-    operation: Operation,
+    operation: AnalysisRecord,
     *,
     out: str | Path | None = None,
     workers: int | Cluster | None = None,
@@ -85,7 +85,7 @@ def prepare_sweep(
 
     scene: as for `read_scene`.
     cases: as from `build_cases`.
-    operation: as from `build_operation`.
+    operation: as from `build_analysis`.
     out: folder of the results.
     workers: number of processes, by default one a core; or a cluster.
     task_size: most cases of a task; by default so many that a task takes about half a second.
@@ -207,7 +207,7 @@ def sweep(
         method=drawn.method,
         yes=yes,
     )
-    operation = build_operation(do, keep, **options)
+    operation = build_analysis(do, keep, **options)
     prepared = prepare_sweep(scene, cases, operation, out=out, workers=workers, task_size=task_size, yes=yes)
     rest: dict[str, Any] = {"stop_after": stop_after, "on_progress": on_progress}
     if out is not None:

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import analyse, compile_scene, find_equilibrium, linearize, simulate
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+from tensegrity_codegen.analyses.equilibrium import RESULTS
+from tensegrity_codegen.analyses.registry import build_analysis
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.pipeline.settle import choose_request
 from tensegrity_codegen.report.analysis_data import describe_analysis
 from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance
 from tensegrity_codegen.scene.write import write_scene
-from tensegrity_codegen.sweeps.operations import build_operation
-from tensegrity_codegen.sweeps.operations.equilibrium import RESULTS
-from tensegrity_codegen.sweeps.tasks.operation import Operation
 from tests.cases import thorough
 from tests.cli.conftest import Run
 from tests.sweeps.status_words import decode_statuses
@@ -174,7 +174,7 @@ def to_json(value: Any) -> Any:
     return json.loads(text, parse_constant=lambda _: None)
 
 
-def compute_row(scene: Document, operation: Operation) -> tuple[str, dict[str, Any]]:
+def compute_row(scene: Document, operation: AnalysisRecord) -> tuple[str, dict[str, Any]]:
     """Return status and results of the only case of a sweep."""
     structure, request = load_scene(scene)
     request = choose_request(structure, request, operation.analyses)
@@ -208,7 +208,7 @@ def test_equilibrium(scene: tuple[Document, Path], run: Run) -> None:
     names = tuple(
         name for name in RESULTS if name not in ("residual", "iterations", "limit_use", "energy_change")
     )
-    status, row = compute_row(document, build_operation("equilibrium", names))
+    status, row = compute_row(document, build_analysis("equilibrium", names))
     assert status == said["status"]
     for name in names:
         value = to_json(float(row[name]))
@@ -231,7 +231,7 @@ def test_linearize(scene: tuple[Document, Path], run: Run) -> None:
             own = {name: own[name] for name in ("natural_frequency", "damping_ratio", "growing_eigenvalues")}
         check_keys(own, said)
         assert set(linear.warnings) <= set(said.get("warnings", ()))
-        _, row = compute_row(document, build_operation("linearize", tuple(LINEAR), about=about))
+        _, row = compute_row(document, build_analysis("linearize", tuple(LINEAR), about=about))
         for name in LINEAR:
             stated = len(said[name]) if name == "one_sided_cables" else said[name]
             value = np.asarray(row[name])
@@ -249,7 +249,7 @@ def test_analyse(scene: tuple[Document, Path], run: Run) -> None:
     own = to_json(describe_analysis(analyse(model), model.manifest.member_name, model.manifest.node_name))
     check_keys(own, said)
     names = ("n_selfstress", "n_mechanisms", "n_rigid_motions", "smallest_eigenvalue", "residual")
-    _, row = compute_row(document, build_operation("analyse", ("is_stable", *names)))
+    _, row = compute_row(document, build_analysis("analyse", ("is_stable", *names)))
     assert row["is_stable"] == (said["status"] == "stable")
     for name in names:
         compare(float(row[name]), float(said[name]), f"row {name}")
@@ -261,7 +261,7 @@ def test_simulate(scene: tuple[Document, Path], run: Run) -> None:
     said = run("simulate", path, "--t-end", 0.2, "--samples", 5, "--json").data
     found = simulate(compile_scene(document, for_="simulate"), 0.2, samples=5)
     check_keys(to_json(found.summary()), said)
-    operation = build_operation("simulate", "node_position.final", t_end=0.2, samples=5, method="rk54")
+    operation = build_analysis("simulate", "node_position.final", t_end=0.2, samples=5, method="rk54")
     status, row = compute_row(document, operation)
     assert status == said["status"]
     (place,) = row.values()

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.sweeps.statuses import STATUSES
+from tensegrity_codegen.analyses.cases.statuses import STATUSES
 
 
 def decode_statuses(codes: NDArray[np.int8]) -> tuple[str, ...]:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses.cases.record import Output
 from tensegrity_codegen.sweeps.engines.work import find_places, join_outputs
-from tensegrity_codegen.sweeps.tasks.operation import Output
 from tensegrity_codegen.system.errors import InvalidValueError
 
 

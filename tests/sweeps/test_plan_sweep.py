@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses.evaluate import Evaluate
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.engines.work import compute_task
-from tensegrity_codegen.sweeps.operations.evaluate import Evaluate
 from tensegrity_codegen.sweeps.plan_sweep import PlannedSweep, format_bytes, format_seconds, plan_sweep
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError
 

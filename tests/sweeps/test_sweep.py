@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses.registry import build_analysis
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.sweeps.cases.sampled import Sampling
 from tensegrity_codegen.sweeps.engines.cluster import Cluster
-from tensegrity_codegen.sweeps.operations import build_operation
 from tensegrity_codegen.sweeps.sweep import sweep
 from tensegrity_codegen.system.errors import (
     InvalidValueError,
@@ -205,7 +205,7 @@ def test_the_current_folder_is_no_folder_of_results(tmp_path: Path, monkeypatch:
 
 
 def test_numbers_of_numpy_are_options() -> None:
-    operation = build_operation("simulate", t_end=np.float32(0.5), samples=np.int64(5))
+    operation = build_analysis("simulate", t_end=np.float32(0.5), samples=np.int64(5))
     assert json.loads(json.dumps(operation.describe()))["samples"] == 5
 
 

@@ -19,8 +19,8 @@ from tensegrity_codegen.cli.sweep_options import (
 from tensegrity_codegen.cli.verb import OptionGroup, Verb, VerbWithSubCommands, quote_command
 
 if TYPE_CHECKING:
+    from tensegrity_codegen.analyses.cases.record import AnalysisRecord
     from tensegrity_codegen.sweeps.summary.results import SweepResults
-    from tensegrity_codegen.sweeps.tasks.operation import Operation
 
 
 PROGRAM, INPUT = "tensegrity-codegen", "input."
@@ -28,9 +28,9 @@ PROGRAM, INPUT = "tensegrity-codegen", "input."
 
 def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
     """Return the commands that write the scene of a case and run it alone."""
-    from tensegrity_codegen.sweeps.operations import OPERATIONS
+    from tensegrity_codegen.analyses.registry import ANALYSES
 
-    kind = OPERATIONS.get(results.operation)
+    kind = ANALYSES.get(results.operation)
     file = f"case{case}.toml"
     write = [PROGRAM, "sweep", "case", str(results.path), str(case), "--out", file]
     keys = {
@@ -55,7 +55,7 @@ def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
     return (shlex.join(write), shlex.join(words))
 
 
-def _list_options(kind: "type[Operation] | None", options: Mapping[str, Any]) -> list[str]:
+def _list_options(kind: "type[AnalysisRecord] | None", options: Mapping[str, Any]) -> list[str]:
     """Return the options of the operation as words of its verb."""
     words = []
     for item in () if kind is None else kind.list_options():

@@ -6,18 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.quantities import GUST, GUST_TIME, GUST_TIMES
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.key_schema import Bounds
 from tensegrity_codegen.sweeps.keys import Steps
-from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
 
 INPUT = "input"
-GUST, GUST_TIME = "gust", "gust_time"  # forces on nodes for a limited time, in closed loops
-GUST_TIMES = {"start": 0.0, "duration": 0.2}  # [s], where no key states them
 POSITIVE, NOT_NEGATIVE = Bounds(0.0, lower_is_open=True), Bounds(0.0)
 MEMBER_BOUNDS = {
     "rest_length": POSITIVE,
@@ -64,11 +62,6 @@ class ArrayKey:
             target[list(self.rows)] = value
         else:
             target[list(self.rows), self.axis] = value
-
-
-def build_no_gust(subject: Subject) -> dict[str, FloatArray]:
-    """Return forces of no gust (n_nodes, 3) [N], and its start and duration (2,) [s]."""
-    return {GUST: np.zeros((subject.n_nodes, 3)), GUST_TIME: np.array([*GUST_TIMES.values()])}
 
 
 def find_array_key(text: str, steps: Steps, subject: Subject, where: str) -> ArrayKey:

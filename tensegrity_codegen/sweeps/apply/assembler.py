@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.quantities import build_no_gust
 from tensegrity_codegen.pipeline.settle import choose_request
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.check_laws import check_laws
@@ -17,7 +18,7 @@ from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.subject import Subject, assemble_scene
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.sweeps.apply.array_keys import ARRAYS, INPUT, ArrayKey, build_no_gust, find_array_key
+from tensegrity_codegen.sweeps.apply.array_keys import ARRAYS, INPUT, ArrayKey, find_array_key
 from tensegrity_codegen.sweeps.key_schema import Bounds
 from tensegrity_codegen.sweeps.keys import KeyPath, parse_path
 from tensegrity_codegen.system.arrays import FloatArray

@@ -6,11 +6,12 @@ from itertools import accumulate
 
 import numpy as np
 
-from tensegrity_codegen.sweeps.apply.array_keys import GUST, GUST_TIME, ArrayKey
+from tensegrity_codegen.analyses.cases.quantities import GUST, GUST_TIME, OF_LOOPS
+from tensegrity_codegen.sweeps.apply.array_keys import ArrayKey
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler
 from tensegrity_codegen.sweeps.apply.direct_keys import NO_DIRECT_KEYS, DirectKeys, find_direct_keys
 from tensegrity_codegen.sweeps.apply.mapper import CaseGroup, CaseMapper
-from tensegrity_codegen.sweeps.apply.slots import OF_LOOPS, STATE, hash_constants, list_slots, name_changed
+from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots, name_changed
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError

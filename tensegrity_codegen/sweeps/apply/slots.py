@@ -9,20 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.analyses.cases.quantities import GUST, OF_LOOPS, build_no_gust
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_request, hash_structure, hash_text
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
 from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.sweeps.apply.array_keys import GUST, GUST_TIME, build_no_gust
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 STATE = ("coordinate", "velocity", "input")  # slots that are arguments of every library
-# Slots of closed loops, which no library takes.
-OF_LOOPS = ("actuator_delay", "actuator_rate", "sensor_noise", GUST, GUST_TIME)
 WITHOUT_ROWS = (*STATE, *OF_LOOPS, "gravity")  # slots that are arguments as a whole
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
 # Parts by which lengths of rigid bars differ that are the same but for rounding.

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from tensegrity_codegen.analyses.cases.record import TaskResult
 from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, CacheEntry, read_contents
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_text
@@ -32,7 +33,6 @@ from tensegrity_codegen.sweeps.engines.cluster import (
 from tensegrity_codegen.sweeps.engines.engine import Engine
 from tensegrity_codegen.sweeps.engines.work import SweepWork, compute_task, library_request
 from tensegrity_codegen.sweeps.plan import Task
-from tensegrity_codegen.sweeps.tasks.operation import TaskResult
 from tensegrity_codegen.system.errors import ClusterError, CompilerMissingError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.targets import find_target

@@ -15,9 +15,9 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from tensegrity_codegen.analyses.cases.record import TaskResult
 from tensegrity_codegen.sweeps.engines.work import SweepWork, set_task_aside
 from tensegrity_codegen.sweeps.plan import Task
-from tensegrity_codegen.sweeps.tasks.operation import TaskResult
 from tensegrity_codegen.system.errors import TensegrityError
 
 MOST_ATTEMPTS = 2  # a task that fails so many times is set aside

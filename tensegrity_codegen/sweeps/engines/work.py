@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Output, TaskResult
+from tensegrity_codegen.analyses.cases.statuses import encode_status
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.apply.mapper import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.plan import SweepPlan, Task
-from tensegrity_codegen.sweeps.statuses import encode_status
-from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.quantities import PARAMETERS
 from tensegrity_codegen.tables.request import ModelRequest
@@ -32,12 +32,12 @@ class SweepWork:
     """
 
     plan: SweepPlan
-    operation: Operation
+    operation: AnalysisRecord
     outputs: tuple[Output, ...]
     is_joint: bool = False
 
 
-def library_request(group: CaseGroup, operation: Operation) -> ModelRequest:
+def library_request(group: CaseGroup, operation: AnalysisRecord) -> ModelRequest:
     """Return the request for the library of a group: what the operation needs and no more.
 
     Where anchors move, a quantity is added that depends on each of them, so that the library has their
@@ -103,7 +103,7 @@ class Libraries:
     operation: what the libraries are for; models: those that are loaded; a forked process has them too.
     """
 
-    operation: Operation
+    operation: AnalysisRecord
     models: dict[int, CompiledModel] = field(default_factory=dict)
 
     def load(self, group: CaseGroup) -> CompiledModel:

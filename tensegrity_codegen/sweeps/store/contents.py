@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.record import Output
+from tensegrity_codegen.analyses.cases.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
-from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.store.folder import ATTRIBUTE, FORMAT, MESSAGE, RECORD, STATUS
-from tensegrity_codegen.sweeps.tasks.operation import Output
 
 TASK = "task"
 NOT_COMPUTED_CODE = -1  # status of a case whose task is not finished

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.analyses.cases.record import TaskResult
 from tensegrity_codegen.sweeps.store.contents import StoreContents, StoredArray
 from tensegrity_codegen.sweeps.store.folder import (
     ATTRIBUTE,
@@ -26,7 +27,6 @@ from tensegrity_codegen.sweeps.store.folder import (
     find_finished,
     read_stored_sweep,
 )
-from tensegrity_codegen.sweeps.tasks.operation import TaskResult
 from tensegrity_codegen.system.errors import OutputError
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 from tensegrity_codegen.system.files import explain_unwritable

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
+from tensegrity_codegen.analyses.cases.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.store.folder import (
     ATTRIBUTE,
     MESSAGE,

@@ -4,15 +4,15 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from tensegrity_codegen.analyses.cases.quantities import BEYOND, LIMIT_USE
+from tensegrity_codegen.analyses.cases.statuses import NOT_COMPUTED
 from tensegrity_codegen.report.long_table import LongTable, rank_rows
 from tensegrity_codegen.report.number_text import format_short
-from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.sweeps.summary.statistics import Distribution, describe_count, is_difference_clear
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
-from tensegrity_codegen.sweeps.tasks.quantities import BEYOND, LIMIT_USE
 
 MOST_STATUSES = 2
 MOST_NAMED = 3  # keys in the lead, and of a worst case in the terminal

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
+from tensegrity_codegen.analyses.cases.statuses import GOOD, NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult, choose_results
 from tensegrity_codegen.sweeps.summary.indices import Indices, compute_indices
 from tensegrity_codegen.sweeps.summary.results import SweepResults

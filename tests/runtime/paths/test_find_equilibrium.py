@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import compile_scene, find_equilibrium
-from tensegrity_codegen.sweeps.operations.equilibrium import FindEquilibrium
+from tensegrity_codegen.analyses.equilibrium import FindEquilibrium
 from tensegrity_codegen.system.errors import InvalidValueError
-from tests.sweeps.tasks.compiling import compile_for
+from tests.analyses.cases.compiling import compile_for
 
 # Two bars of 1e5 N between feet 2 m apart to an apex 0.2 m up, with 400 N and 1 kg on it.
 TRUSS: dict[str, Any] = tomllib.loads("""

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, TaskResult
+from tensegrity_codegen.analyses.registry import build_analysis
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.read import read_document
@@ -13,8 +15,6 @@ from tensegrity_codegen.sweeps.apply.group_cases import find_groups
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.engines.work import library_request, select_arguments
-from tensegrity_codegen.sweeps.operations import build_operation
-from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
 from tests.sweeps.apply.exactly import EXAMPLES
 
 ROWS = (-1,)  # cases that are computed alone too
@@ -29,7 +29,9 @@ def thorough(name: str) -> Any:
     return pytest.param(name, marks=pytest.mark.thorough)
 
 
-def run_both(name: str, over: list[str], operation: Operation) -> tuple[Cases, TaskResult, list[TaskResult]]:
+def run_both(
+    name: str, over: list[str], operation: AnalysisRecord
+) -> tuple[Cases, TaskResult, list[TaskResult]]:
     """Return the results of all cases by one library, and of some by a library of their own scene."""
     document: dict[str, Any] = read_document(EXAMPLES / f"{name}.toml")
     cases = build_cases(over)
@@ -43,7 +45,7 @@ def run_both(name: str, over: list[str], operation: Operation) -> tuple[Cases, T
     return cases, together, alone
 
 
-def load_alone(assembler: Any, values: np.ndarray, operation: Operation) -> CompiledModel:
+def load_alone(assembler: Any, values: np.ndarray, operation: AnalysisRecord) -> CompiledModel:
     case = assembler.assemble(values)
     needs = operation.needs(case.subject, case.request)
     return build_library(case.subject, needs.alone(case.request)).load()
@@ -62,27 +64,27 @@ def compare(together: TaskResult, alone: list[TaskResult], part: float) -> None:
 
 @pytest.mark.parametrize("name", ["planar", thorough("prism"), thorough("lin_prism")])
 def test_tensions_are_those_of_the_edited_scene(name: str) -> None:
-    _, together, alone = run_both(name, SWEEPS[name], build_operation("evaluate", ("member_tension",)))
+    _, together, alone = run_both(name, SWEEPS[name], build_analysis("evaluate", ("member_tension",)))
     compare(together, alone, 1e-12)
 
 
 @pytest.mark.thorough
 def test_equilibria_are_those_of_the_edited_scene() -> None:
     keep = ("node_position", "member_tension")
-    _, together, alone = run_both("prism", SWEEPS["prism"], build_operation("equilibrium", keep))
+    _, together, alone = run_both("prism", SWEEPS["prism"], build_analysis("equilibrium", keep))
     compare(together, alone, 1e-8)
 
 
 @pytest.mark.parametrize("name", ["planar", thorough("lin_prism")])
 def test_motions_are_those_of_the_edited_scene(name: str) -> None:
-    operation = build_operation("simulate", ("node_position",), t_end=0.02, samples=3, atol=1e-10)
+    operation = build_analysis("simulate", ("node_position",), t_end=0.02, samples=3, atol=1e-10)
     _, together, alone = run_both(name, SWEEPS[name], operation)
     compare(together, alone, 1e-9)
 
 
 def test_moved_anchors_are_where_the_cases_have_them() -> None:
     over = ["nodes.a.position[0]=-0.1,0,0.1", "nodes.b.position[1]=-0.1,0.1"]
-    cases, together, alone = run_both("planar", over, build_operation("evaluate", ("node_position",)))
+    cases, together, alone = run_both("planar", over, build_analysis("evaluate", ("node_position",)))
     compare(together, alone, 0.0)
     position = together.arrays["node_position"]
     assert np.array_equal(position[:, 0, 0], cases.values()[:, 0])

@@ -9,6 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Output, TaskResult
+from tensegrity_codegen.analyses.cases.statuses import encode_status
 from tensegrity_codegen.pipeline.analyses import Needs
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -17,8 +19,6 @@ from tensegrity_codegen.sweeps.apply.mapper import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.engines.work import SweepWork
 from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
-from tensegrity_codegen.sweeps.statuses import encode_status
-from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult
 from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
@@ -27,7 +27,7 @@ SCENE = Path(__file__).resolve().parents[3] / "tensegrity_codegen/scene/examples
 
 
 @dataclass(frozen=True)
-class Square(Operation):
+class Square(AnalysisRecord):
     """The square of a number; the value `deadly` ends its process `lives` times, by files in `folder`."""
 
     name: ClassVar[str] = "square"

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses.cases.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.cases.cases import Cases
-from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.summary.results import SweepResults, read_results
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tensegrity_codegen.system.errors import OutputError

@@ -25,7 +25,7 @@ from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 
-OPERATIONS: dict[int, Callable[..., Any]] = {
+ANALYSES: dict[int, Callable[..., Any]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: np.add,
     ca.OP_SUB: np.subtract,
@@ -74,14 +74,14 @@ def evaluate_in(
             elif operation == ca.OP_CONST:
                 memory[written[0]] = number(code.instruction_constant(k))
             else:
-                if operation not in OPERATIONS:
+                if operation not in ANALYSES:
                     raise FormulationError(
                         "an operation of the expression has no meaning in other precisions yet",
                         where="precision",
                         given=operation,
                         allowed="sums, products, quotients, roots and comparisons",
                     )
-                memory[written[0]] = OPERATIONS[operation](*[memory[place] for place in read])
+                memory[written[0]] = ANALYSES[operation](*[memory[place] for place in read])
     return result
 
 

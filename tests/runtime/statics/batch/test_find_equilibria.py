@@ -11,7 +11,7 @@ from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, UnknownNameError
-from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
+from tests.analyses.cases.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 
 COUNT = 8
 

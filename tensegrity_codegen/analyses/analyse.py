@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from tensegrity_codegen.analyses.cases.at_point import AtPoint, Point, Result
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.state_names import name_states
-from tensegrity_codegen.sweeps.tasks.at_point import AtPoint, Point, Result
 
 DEFAULT_RESULTS = (
     *("is_stable", "n_selfstress", "n_mechanisms", "prestress", "least_tension", "mechanism_stiffness"),
@@ -81,4 +81,4 @@ def _replace_infinite(value: float) -> float:
     return value if np.isfinite(value) else np.nan
 
 
-OPERATION = Analyse
+ANALYSIS = Analyse

@@ -1,19 +1,19 @@
-"""Operation `linearize`: every row is what `linearize` gives alone."""
+"""Analysis `linearize`: every row is what `linearize` gives alone."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses.linearize import Linearize
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
-from tensegrity_codegen.sweeps.operations.linearize import Linearize
 from tensegrity_codegen.system.errors import LibraryError, TensegrityError
+from tests.analyses.cases.compiling import check_alike, compile_for, vary
+from tests.analyses.cases.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 from tests.cases import thorough
 from tests.sweeps.status_words import decode_statuses
-from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
-from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 
 COUNT = 4
 ALL = ("natural_frequency", "damping_ratio", "A", "B", "residual_rate", "zero_eigenvalues")

@@ -1,8 +1,4 @@
-"""Operations of a sweep by their names, as `do` has them: one module here each, with its `OPERATION`.
-
-Everything that is known of one stands in its module: name, options in Python and on the command line, what
-it needs of a library, results, and how a chunk of cases is computed.
-"""
+"""Analyses by their names, as `sweep --do` has them: one module of this folder each, with its `ANALYSIS`."""
 
 import pkgutil
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,29 +7,35 @@ from numbers import Integral, Real
 from types import MappingProxyType
 from typing import Any
 
-from tensegrity_codegen.sweeps.tasks.operation import Operation
+from tensegrity_codegen import analyses
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, check_choice, suggest
 
 
-def _find_operations() -> Mapping[str, type[Operation]]:
-    names = sorted(item.name for item in pkgutil.iter_modules(__path__))
-    found = [import_module(f"{__name__}.{name}").OPERATION for name in names]
-    return MappingProxyType({item.name: item for item in found})
+def _import_analyses() -> Mapping[str, type[AnalysisRecord]]:
+    """Return the records of all modules beside this one."""
+    modules = [item.name for item in pkgutil.iter_modules(analyses.__path__) if not item.ispkg]
+    records = [
+        import_module(f"{analyses.__name__}.{module}").ANALYSIS
+        for module in sorted(modules)
+        if module != "registry"
+    ]
+    return MappingProxyType({record.name: record for record in records})
 
 
-OPERATIONS = _find_operations()
+ANALYSES = _import_analyses()
 
 
-def build_operation(do: str, keep: str | Sequence[str] = (), **options: Any) -> Operation:
+def build_analysis(do: str, keep: str | Sequence[str] = (), **options: Any) -> AnalysisRecord:
     """Return an operation.
 
-    do: one of OPERATIONS; keep: what is kept of each case; empty for the usual results of the operation;
+    do: one of ANALYSES; keep: what is kept of each case; empty for the usual results of the operation;
     **options: options that this operation has; None for those at their defaults.
     Raises UnknownNameError, UnknownKeyError: an unknown operation, or an option that it does not have;
     InvalidValueError: something else than texts is to be kept, or an option that needs a number is none.
     """
-    check_choice(do, OPERATIONS, "operation", "do")
-    kind = OPERATIONS[do]
+    check_choice(do, ANALYSES, "operation", "do")
+    kind = ANALYSES[do]
     texts = _list_texts(keep)
     types = {item.name: item.kind for item in kind.list_options()}
     known = list(types)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.analyses.cases.quantities import GUST, GUST_TIME, build_no_gust
 from tensegrity_codegen.control.embedded.closed_loop import CompiledLoop
 from tensegrity_codegen.control.embedded.parts import ControllerParts
 from tensegrity_codegen.control.embedded.write import ControllerFiles
@@ -17,7 +18,6 @@ from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, 
 from tensegrity_codegen.control.feedback.study.stated_errors import DrawnErrors, check_gust_times
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.sweeps.apply.array_keys import GUST, GUST_TIME, build_no_gust
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.request import ModelRequest
 

@@ -1,4 +1,4 @@
-"""Operation `simulate`: every row is what `simulate_batch` and `simulate` give."""
+"""Analysis `simulate`: every row is what `simulate_batch` and `simulate` give."""
 
 from typing import Any
 from unittest import mock
@@ -6,20 +6,20 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses import simulate as module
+from tensegrity_codegen.analyses.simulate import Simulate
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.simulate.simulate import simulate
-from tensegrity_codegen.sweeps.operations import simulate as module
-from tensegrity_codegen.sweeps.operations.simulate import Simulate
 from tensegrity_codegen.system.errors import (
     FormulationError,
     InvalidValueError,
     LibraryError,
     TensegrityError,
 )
+from tests.analyses.cases.compiling import check_alike, compile_for, vary
+from tests.analyses.cases.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 from tests.cases import thorough
 from tests.sweeps.status_words import decode_statuses
-from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
-from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 
 COUNT = 5
 KEPT = (

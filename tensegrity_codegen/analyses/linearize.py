@@ -4,11 +4,11 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from tensegrity_codegen.analyses.cases.at_point import AtPoint, Point, Result
+from tensegrity_codegen.analyses.cases.record import Output
 from tensegrity_codegen.runtime.linear.linearize import LinearModel
 from tensegrity_codegen.runtime.linear.linearize import linearize as linearize_one
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.sweeps.tasks.at_point import AtPoint, Point, Result
-from tensegrity_codegen.sweeps.tasks.operation import Output
 from tensegrity_codegen.tables.manifest import Manifest
 
 DEFAULT_RESULTS = ("natural_frequency", "damping_ratio", "A", "B")
@@ -66,4 +66,4 @@ def _read(linear: LinearModel, name: str) -> Any:
     return len(value) if name == "one_sided_cables" else value
 
 
-OPERATION = Linearize
+ANALYSIS = Linearize

@@ -8,6 +8,8 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Output
 from tensegrity_codegen.pipeline.analyses import Needs, find_needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double
@@ -16,8 +18,6 @@ from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
-from tensegrity_codegen.sweeps.tasks.quantities import CaseArguments, Outcomes
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     DuplicateNameError,
@@ -35,7 +35,7 @@ Result = tuple[tuple[str, ...], str, str, str]  # axes, type, unit, sentence
 
 
 @dataclass(frozen=True)
-class AtPoint(Operation):
+class AtPoint(AnalysisRecord):
     """An analysis of each case at one point.
 
     about: ``"start"``: at the state of the case; ``"equilibrium"``: at the stable equilibrium that is found

@@ -1,19 +1,19 @@
-"""Operation `analyse`: every row is what `analyse` gives alone; a prism has a prestress at one twist."""
+"""Analysis `analyse`: every row is what `analyse` gives alone; a prism has a prestress at one twist."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses.analyse import RESULTS, Analyse
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.analysis.analyse import analyse
-from tensegrity_codegen.sweeps.operations.analyse import RESULTS, Analyse
 from tensegrity_codegen.sweeps.sweep import sweep
 from tensegrity_codegen.system.errors import TensegrityError
+from tests.analyses.cases.compiling import check_alike, compile_for, vary
+from tests.analyses.cases.scenes import BODIES, PRISM, TRIANGLE
 from tests.cases import thorough
 from tests.sweeps.status_words import decode_statuses
-from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
-from tests.sweeps.tasks.scenes import BODIES, PRISM, TRIANGLE
 
 COUNT = 3
 

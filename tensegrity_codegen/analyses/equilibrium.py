@@ -7,18 +7,10 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pipeline.analyses import Needs, find_needs, with_snap_check
-from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.paths.find_equilibrium import judge_snap
-from tensegrity_codegen.runtime.simulate.condition_text import POSITION
-from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
-from tensegrity_codegen.runtime.statics.equilibrium import check_search_options, find_equilibrium
-from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.tasks.at_point import COORDINATE, find_case_equilibria
-from tensegrity_codegen.sweeps.tasks.keep_text import KeptText, label_axis, parse_kept
-from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
-from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
-from tensegrity_codegen.sweeps.tasks.quantities import (
+from tensegrity_codegen.analyses.cases.at_point import COORDINATE, find_case_equilibria
+from tensegrity_codegen.analyses.cases.keep_text import KeptText, label_axis, parse_kept
+from tensegrity_codegen.analyses.cases.kept import Kept, bind_kept, find_kept_quantities
+from tensegrity_codegen.analyses.cases.quantities import (
     LIMIT_USE,
     LIMIT_USE_RESULT,
     CaseArguments,
@@ -26,6 +18,14 @@ from tensegrity_codegen.sweeps.tasks.quantities import (
     compute_limit_use,
     compute_values,
 )
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Output
+from tensegrity_codegen.pipeline.analyses import Needs, find_needs, with_snap_check
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.paths.find_equilibrium import judge_snap
+from tensegrity_codegen.runtime.simulate.condition_text import POSITION
+from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
+from tensegrity_codegen.runtime.statics.equilibrium import check_search_options, find_equilibrium
+from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 from tensegrity_codegen.tables.static_methods import Method
@@ -71,7 +71,7 @@ SEARCH_QUANTITIES = (POSITION, "member_tension", "member_length")
 
 
 @dataclass(frozen=True)
-class FindEquilibrium(Operation):
+class FindEquilibrium(AnalysisRecord):
     """Stable equilibria, from the start of each case.
 
     keep: expressions over quantities at the equilibrium, names of RESULTS, ``"coordinate"``; by default
@@ -196,4 +196,4 @@ def _compute_quantities(
     return values | {name: getattr(equilibria, name) for name in names if name in SEARCH_QUANTITIES}
 
 
-OPERATION = FindEquilibrium
+ANALYSIS = FindEquilibrium

@@ -10,19 +10,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.statuses import encode_status
 from tensegrity_codegen.runtime.model.arrays import to_array, to_batch
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, unify_name
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
+from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.member_limits import check_members
-from tensegrity_codegen.sweeps.apply.slots import OF_LOOPS
-from tensegrity_codegen.sweeps.statuses import encode_status
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.tables.manifest import FunctionSpec
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 
+GUST, GUST_TIME = "gust", "gust_time"  # forces on nodes for a limited time, in closed loops
+GUST_TIMES = {"start": 0.0, "duration": 0.2}  # [s], where no key states them
+# Arguments that only closed loops have: properties of actuators and sensors, and a gust.
+OF_LOOPS = ("actuator_delay", "actuator_rate", "sensor_noise", GUST, GUST_TIME)
 NOT_FINITE = "the value of {name} is not finite"
+
+
+def build_no_gust(subject: Subject) -> dict[str, FloatArray]:
+    """Return forces of no gust (n_nodes, 3) [N], and its start and duration (2,) [s]."""
+    return {GUST: np.zeros((subject.n_nodes, 3)), GUST_TIME: np.array([*GUST_TIMES.values()])}
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +64,7 @@ class CaseArguments:
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """How the cases of a chunk end: codes of `sweeps.statuses` (count,), and a sentence for each case."""
+    """How the cases of a chunk end: codes of `STATUSES` (count,), and a sentence each."""
 
     codes: NDArray[np.int8]
     messages: list[str]

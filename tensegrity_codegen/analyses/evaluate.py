@@ -7,20 +7,20 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.keep_text import parse_kept
+from tensegrity_codegen.analyses.cases.kept import Kept, bind_kept, find_kept_quantities
+from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes, compute_values
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Output
 from tensegrity_codegen.pipeline.analyses import BATCH_WIDTH, Needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.tasks.keep_text import parse_kept
-from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
-from tensegrity_codegen.sweeps.tasks.operation import Operation, Output
-from tensegrity_codegen.sweeps.tasks.quantities import CaseArguments, Outcomes, compute_values
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
 
 @dataclass(frozen=True)
-class Evaluate(Operation):
+class Evaluate(AnalysisRecord):
     """Quantities and expressions at the state of each case; by default all that the scene requests."""
 
     name: ClassVar[str] = "evaluate"
@@ -68,4 +68,4 @@ class Evaluate(Operation):
         return arrays
 
 
-OPERATION = Evaluate
+ANALYSIS = Evaluate

@@ -9,6 +9,9 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Output
+from tensegrity_codegen.analyses.cases.unchanged_loop import SweptPlant, UnchangedLoop
 from tensegrity_codegen.control.embedded.parts import (
     SIMULATED_LOOP_NAME,
     ControllerCode,
@@ -50,9 +53,6 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
-from tensegrity_codegen.sweeps.tasks.quantities import CaseArguments, Outcomes
-from tensegrity_codegen.sweeps.tasks.unchanged_loop import SweptPlant, UnchangedLoop
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InfeasibleError,
@@ -80,7 +80,7 @@ DEFAULT_RESULTS = ("end_error", "peak_error", "least_tension", "end_tension", "w
 
 
 @dataclass(frozen=True)
-class SweptControl(Operation):
+class SweptControl(AnalysisRecord):
     """Closed loops under one controller: that of the unchanged scene, while cases change what it controls.
 
     keep: names of RESULTS; by default DEFAULT_RESULTS.
@@ -267,4 +267,4 @@ def _describe(model: CompiledModel, rows: Sequence[RunMeasures], worst: RunMeasu
     }
 
 
-OPERATION = SweptControl
+ANALYSIS = SweptControl

@@ -9,12 +9,12 @@ from typing import Any, ClassVar, get_args, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes, read_case_arguments
+from tensegrity_codegen.analyses.cases.statuses import is_good
 from tensegrity_codegen.pipeline.analyses import Needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.statuses import is_good
-from tensegrity_codegen.sweeps.tasks.quantities import CaseArguments, Outcomes, read_case_arguments
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -54,7 +54,7 @@ class TaskResult:
 
     arrays: by the names of outputs, each (count, ...); rows of cases that failed are NAN (-1 in whole
         numbers).
-    status (count,): codes of ``sweep.statuses``.
+    status (count,): codes of ``analyses.cases.statuses``.
     messages: a sentence for each case; empty where there is nothing to say.
     """
 
@@ -89,7 +89,7 @@ class Option:
     flag: name of the option on the command line and the value that it stands for, where it takes no value.
     in_verb: whether the verb of the operation's name has it too.
     verb_default: what that verb needs stated where this option is not, since its own default is another.
-    name, kind: name and type of the field, which `Operation.list_options` fills in.
+    name, kind: name and type of the field, which `AnalysisRecord.list_options` fills in.
     """
 
     help: str
@@ -106,10 +106,10 @@ class Option:
 
 
 @dataclass(frozen=True)
-class Operation(ABC):
+class AnalysisRecord(ABC):
     """What is done for every case; the same object serves all cases, and processes hand it on by pickling.
 
-    An operation is one module of `sweeps/operations/`, which defines one as its `OPERATION`. Its fields with
+    An operation is one module of `analyses/`, which defines one as its `ANALYSIS`. Its fields with
     an `Option` in their annotations are its options in Python and on the command line.
 
     keep: what is kept of each case; empty for the usual results of the operation.
@@ -132,7 +132,7 @@ class Operation(ABC):
         """What the verb says of one case and the sweep does not compute, and what to keep for it; or ""."""
         return ""
 
-    def prepared(self, scene: str | Path | Mapping[str, Any] | Scene) -> "Operation":
+    def prepared(self, scene: str | Path | Mapping[str, Any] | Scene) -> "AnalysisRecord":
         """Return the operation with what it makes of the unchanged scene once, before all cases."""
         return self
 

@@ -1,4 +1,4 @@
-"""Operation `evaluate`: every row is what the single-case function returns."""
+"""Analysis `evaluate`: every row is what the single-case function returns."""
 
 import pickle
 from dataclasses import replace
@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses.evaluate import Evaluate
 from tensegrity_codegen.pipeline.compile_scene import load_scene
-from tensegrity_codegen.sweeps.operations.evaluate import Evaluate
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
+from tests.analyses.cases.compiling import check_alike, compile_for, vary
+from tests.analyses.cases.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 from tests.cases import thorough
 from tests.sweeps.status_words import decode_statuses
-from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
-from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 
 KEPT = ("member_tension", "node_residual", "tangent_stiffness", "total_energy")
 COUNT = 11

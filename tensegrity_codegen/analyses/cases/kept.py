@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.keep_text import AXES, KeptText, describe_quantity, real_dtype
+from tensegrity_codegen.analyses.cases.record import Output
 from tensegrity_codegen.runtime.simulate.condition import find_quantities
 from tensegrity_codegen.runtime.simulate.condition_parts import Part, build_difference, build_part
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
-from tensegrity_codegen.sweeps.tasks.keep_text import AXES, KeptText, describe_quantity, real_dtype
-from tensegrity_codegen.sweeps.tasks.operation import Output
 from tensegrity_codegen.system.errors import FormulationError, TensegrityError
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest

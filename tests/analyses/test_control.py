@@ -1,4 +1,4 @@
-"""Operation `control`: cases under the controller of the unchanged scene, beside single simulated loops."""
+"""Analysis `control`: cases under the controller of the unchanged scene, beside single simulated loops."""
 
 import pickle
 from dataclasses import replace
@@ -17,18 +17,18 @@ from tensegrity_codegen import (
     simulate_control_batch,
     sweep,
 )
+from tensegrity_codegen.analyses.cases.statuses import STATUSES
+from tensegrity_codegen.analyses.cases.unchanged_loop import SweptPlant, UnchangedLoop
+from tensegrity_codegen.analyses.control import SweptControl
+from tensegrity_codegen.analyses.registry import build_analysis
 from tensegrity_codegen.cli.verbs.sweep import build_commands
 from tensegrity_codegen.control.feedback.study.linear_loop import build_linear_loop
 from tensegrity_codegen.control.feedback.study.loop_result import measure_run
 from tensegrity_codegen.control.feedback.study.margins import find_margins
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.apply.slots import hash_constants
-from tensegrity_codegen.sweeps.operations import build_operation
-from tensegrity_codegen.sweeps.operations.control import SweptControl
-from tensegrity_codegen.sweeps.statuses import STATUSES
 from tensegrity_codegen.sweeps.summary.results import read_results
 from tensegrity_codegen.sweeps.summary.summary import summarize
-from tensegrity_codegen.sweeps.tasks.unchanged_loop import SweptPlant, UnchangedLoop
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InfeasibleError,
@@ -64,7 +64,7 @@ def lift(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def design(lift: Path, **options: Any) -> UnchangedLoop:
-    operation = build_operation("control", **(OPTIONS | options)).prepared(lift)
+    operation = build_analysis("control", **(OPTIONS | options)).prepared(lift)
     assert isinstance(operation, SweptControl)
     assert operation.design is not None
     return operation.design
@@ -296,7 +296,7 @@ def test_delays_rates_noise_and_gusts_need_no_other_library(lift: Path) -> None:
 
 
 def test_another_process_builds_the_model_again(lift: Path) -> None:
-    operation = build_operation("control", **OPTIONS).prepared(lift)
+    operation = build_analysis("control", **OPTIONS).prepared(lift)
     sent = pickle.loads(pickle.dumps(operation))
     assert isinstance(sent, SweptControl)
     assert isinstance(operation, SweptControl)

@@ -1,19 +1,19 @@
-"""Operation `equilibrium`: every row is what `find_equilibrium` finds alone."""
+"""Analysis `equilibrium`: every row is what `find_equilibrium` finds alone."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses.equilibrium import FindEquilibrium
+from tensegrity_codegen.analyses.registry import ANALYSES, build_analysis
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
-from tensegrity_codegen.sweeps.operations import OPERATIONS, build_operation
-from tensegrity_codegen.sweeps.operations.equilibrium import FindEquilibrium
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, TensegrityError, UnknownKeyError
+from tests.analyses.cases.compiling import check_alike, compile_for, vary
+from tests.analyses.cases.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 from tests.cases import thorough
 from tests.sweeps.status_words import decode_statuses
-from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
-from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 
 COUNT = 4
 KEPT = ("node_position", "member_tension", "smallest_eigenvalue", "change", "total_energy", "coordinate")
@@ -71,12 +71,12 @@ def test_what_cannot_be_done_is_refused() -> None:
 
 
 def test_operations_are_built_by_name() -> None:
-    built = build_operation("equilibrium", "member_tension", tolerance=1e-6, method=None)
+    built = build_analysis("equilibrium", "member_tension", tolerance=1e-6, method=None)
     assert built == FindEquilibrium(("member_tension",), tolerance=1e-6)
     assert built.describe()["tolerance"] == 1e-6
-    for do in OPERATIONS:
-        assert build_operation(do).describe()["do"] == do
+    for do in ANALYSES:
+        assert build_analysis(do).describe()["do"] == do
     with pytest.raises(TensegrityError, match="simulate"):
-        build_operation("simulat")
+        build_analysis("simulat")
     with pytest.raises(UnknownKeyError, match="t_end"):
-        build_operation("equilibrium", t_end=3.0)
+        build_analysis("equilibrium", t_end=3.0)

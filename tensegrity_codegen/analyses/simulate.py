@@ -7,6 +7,17 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.analyses.cases.keep_text import EVERY, FIRST, KeptText, parse_kept
+from tensegrity_codegen.analyses.cases.kept import Kept, bind_kept, find_kept_quantities
+from tensegrity_codegen.analyses.cases.quantities import (
+    LIMIT_USE,
+    LIMIT_USE_RESULT,
+    CaseArguments,
+    Outcomes,
+    compute_limit_use,
+    compute_rows,
+)
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Output
 from tensegrity_codegen.pipeline.analyses import BATCH_METHOD, Needs, find_needs
 from tensegrity_codegen.runtime.integrate.options import Stepping, check_options, complete_run_options
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -15,17 +26,6 @@ from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.tasks.keep_text import EVERY, FIRST, KeptText, parse_kept
-from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
-from tensegrity_codegen.sweeps.tasks.operation import Operation, Option, Output
-from tensegrity_codegen.sweeps.tasks.quantities import (
-    LIMIT_USE,
-    LIMIT_USE_RESULT,
-    CaseArguments,
-    Outcomes,
-    compute_limit_use,
-    compute_rows,
-)
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.request import ModelRequest
@@ -67,7 +67,7 @@ WORDS = {
 
 
 @dataclass(frozen=True)
-class Simulate(Operation):
+class Simulate(AnalysisRecord):
     """Motions from time 0 on.
 
     keep: expressions with a reduction over time (sweep/tasks/keep_text.py), names of RESULTS; by default
@@ -304,4 +304,4 @@ def find_first_time(values: RealArray, time: RealArray) -> RealArray:
     return np.asarray(np.where(holds.any(axis=1), first, np.nan))
 
 
-OPERATION = Simulate
+ANALYSIS = Simulate

@@ -1,1 +1,0 @@
-"""Tasks: the results of a chunk of cases with one library, one file an operation."""
