@@ -32,7 +32,7 @@ from scipy import integrate, optimize
 
 from tensegrity_codegen import find_equilibrium, simulate, symbolic_functions
 from tensegrity_codegen.analyses.cases.record import AnalysisRecord
-from tensegrity_codegen.analyses.registry import build_analysis
+from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.engines.work import library_request, select_arguments

@@ -281,7 +281,7 @@ def test_the_map_of_folders_names_every_room() -> None:
     table = document("CONTRIBUTING.md").partition("## Layout")[2].partition("\n## ")[0]
     rooms = {path.name for path in (ROOT / "tensegrity_codegen").iterdir() if (path / "__init__.py").exists()}
     assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == rooms
-    assert len(rooms) == 15
+    assert len(rooms) == 16
 
 
 def test_the_citation_has_the_version_and_date_of_the_latest_release() -> None:

@@ -1,34 +1,40 @@
-"""The operation `equilibrium`: the stable equilibrium of every case, and what is kept of it."""
+"""The analysis `equilibrium`: the stable equilibrium of a scene or of many cases, and what is said of it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tensegrity_codegen.analyses.cases.at_point import COORDINATE, find_case_equilibria
-from tensegrity_codegen.analyses.cases.keep_text import KeptText, label_axis, parse_kept
-from tensegrity_codegen.analyses.cases.kept import Kept, bind_kept, find_kept_quantities
-from tensegrity_codegen.analyses.cases.quantities import (
+from tensegrity_codegen.analyses.cases.record import (
+    COORDINATE,
     LIMIT_USE,
     LIMIT_USE_RESULT,
-    CaseArguments,
-    Outcomes,
-    compute_limit_use,
-    compute_values,
+    AnalysisRecord,
+    Option,
+    Output,
+    Result,
+    ResultFile,
 )
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Output
-from tensegrity_codegen.pipeline.analyses import Needs, find_needs, with_snap_check
-from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.paths.find_equilibrium import judge_snap
-from tensegrity_codegen.runtime.simulate.condition_text import POSITION
-from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
-from tensegrity_codegen.runtime.statics.equilibrium import check_search_options, find_equilibrium
-from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.tables.manifest import Manifest
-from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.system.errors import ConvergenceError
 from tensegrity_codegen.tables.static_methods import Method
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from tensegrity_codegen.analyses.cases.keep_text import KeptText
+    from tensegrity_codegen.analyses.cases.kept import Kept
+    from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes
+    from tensegrity_codegen.analyses.cases.scene_case import SceneCase
+    from tensegrity_codegen.pipeline.analyses import Needs
+    from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
+    from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+    from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.manifest import Manifest
+    from tensegrity_codegen.tables.request import ModelRequest
+
+POSITION = "node_position"
 
 DEFAULT_RESULTS = (
     *("node_position", "member_tension", "smallest_eigenvalue", "displacement", "change", "residual"),
@@ -72,21 +78,39 @@ SEARCH_QUANTITIES = (POSITION, "member_tension", "member_length")
 
 @dataclass(frozen=True)
 class FindEquilibrium(AnalysisRecord):
-    """Stable equilibria, from the start of each case.
+    """Find the stable equilibrium of a scene, and report how far the nodes moved.
 
-    keep: expressions over quantities at the equilibrium, names of RESULTS, ``"coordinate"``; by default
-    DEFAULT_RESULTS; tolerance, max_iterations, method: as of `find_equilibrium`.
+    On the ground weights and loads grow from zero, and friction holds feet from where they first touch.
+    Exit code 3 if nothing is found, as where the structure slides or tips, and with --strict if members
+    exceed limits or buckle.
+
+    --out may name the scene itself: with --overwrite the settled structure replaces it. The written rest
+    lengths contain the values of --input; forces of inputs and loads of --load are not written.
+
+    Example: tensegrity-codegen equilibrium prism.toml --load t1=0,0,-10 --json
     """
 
     name: ClassVar[str] = "equilibrium"
     success_phrase: ClassVar[str] = "converged"
+    verb_order: ClassVar[int | None] = 110
+    takes: ClassVar[tuple[str, ...]] = ("load", "input", "strict")
+    files: ClassVar[tuple[ResultFile, ...]] = (
+        ResultFile("out", (".toml",), "Write the settled structure as a scene file.", may_be_scene=True),
+    )
 
     tolerance: Annotated[float, Option("largest node residual, part of the largest member force.")] = 1e-9
     max_iterations: Annotated[int, Option("most iterations of a search.", in_verb=False)] = 500
-    method: Annotated[Method, Option("method, as in the verb of this name.")] = "auto"
+    method: Annotated[Method, Option("method: auto, newton or relaxation.")] = "auto"
+    frictionless: Annotated[
+        bool, Option("on the ground: without friction, whatever the scene says.", in_sweep=False)
+    ] = False
 
-    def needs(self, structure: Subject, request: ModelRequest) -> Needs:
+    def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
         """Return what the search needs, and the quantities that are kept."""
+        from tensegrity_codegen.analyses.cases.kept import find_kept_quantities
+        from tensegrity_codegen.pipeline.analyses import find_needs, with_snap_check
+        from tensegrity_codegen.runtime.statics.equilibrium import check_search_options
+
         check_search_options(self.tolerance, self.max_iterations, self.method)
         kept_quantities = find_kept_quantities(_without_own_results(self._parse_keep()), request)
         needs = find_needs("equilibria", structure, request)
@@ -95,7 +119,7 @@ class FindEquilibrium(AnalysisRecord):
         missing = tuple(name for name in kept_quantities if name not in needs.quantities)
         return replace(needs, quantities=(*needs.quantities, *missing))
 
-    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
+    def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
         """Return one array for each thing that is kept."""
         bound = _bind_quantities(self._parse_keep(), manifest)
         return tuple(
@@ -112,13 +136,18 @@ class FindEquilibrium(AnalysisRecord):
         """That nobody asked whether cases snapped."""
         return "" if self._keeps_snap else NOT_CHECKED
 
-    def _parse_keep(self) -> tuple[KeptText, ...]:
+    def _parse_keep(self) -> "tuple[KeptText, ...]":
+        from tensegrity_codegen.analyses.cases.keep_text import parse_kept
+
         return parse_kept(self.keep or DEFAULT_RESULTS, (*RESULTS, COORDINATE))
 
     def compute(
-        self, model: CompiledModel, case_arguments: CaseArguments, outcomes: Outcomes, threads: int
-    ) -> Mapping[str, NDArray[Any]]:
+        self, model: "CompiledModel", case_arguments: "CaseArguments", outcomes: "Outcomes", threads: int
+    ) -> "Mapping[str, NDArray[Any]]":
         """Find the equilibria; a case without one has the status that `find_equilibrium` gives it."""
+        from tensegrity_codegen.analyses.cases.at_point import find_case_equilibria
+        from tensegrity_codegen.analyses.cases.quantities import compute_limit_use
+
         count = case_arguments.count
         equilibria = find_case_equilibria(model, case_arguments, threads, **self.options)
         outcomes.mark_ok(equilibria.status, equilibria.message)
@@ -139,11 +168,184 @@ class FindEquilibrium(AnalysisRecord):
             for kept_text in self._parse_keep()
         }
 
+    def solve(self, case: "SceneCase") -> "EquilibriumResult":
+        """Return the equilibrium of a scene, checked for snapping and for errors of cables in segments."""
+        from tensegrity_codegen.pipeline.analyses import find_needs
+        from tensegrity_codegen.pipeline.segment_error import add_segment_error
+        from tensegrity_codegen.pipeline.settle import move_back, move_near_origin, with_statics
+        from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
+        from tensegrity_codegen.system.progress import work_pass
+
+        structure, request = case.subject, case.request
+        loads = {"node_load": tuple(range(structure.n_nodes))}
+        statics = replace(with_statics(structure, request), parameters=loads)
+        near, offset = move_near_origin(structure, request)
+        model = case.build(near, find_needs("equilibrium", structure, statics).alone(statics))
+        with work_pass("checking for snap-through"):
+            equilibrium = find_equilibrium(
+                model,
+                arguments=case.arguments,
+                tolerance=self.tolerance,
+                method=self.method,
+                frictionless=self.frictionless,
+                raise_on_failure=False,
+            )
+        try:
+            equilibrium = add_segment_error(equilibrium, request, compiler=case.compiler)
+        except ConvergenceError as error:
+            case.warn(f"the discretisation error of cables in segments is unknown: {error.problem}")
+        held = case.held_load
+        if held:
+            names = ", ".join(held)
+            case.warn(f"a part of the load acts on anchored axes and has no effect: {names}")
+        return EquilibriumResult(
+            case, move_back(equilibrium, structure, offset, case.added_load, case.inputs)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class EquilibriumResult(Result):
+    """The equilibrium of a scene."""
+
+    case: "SceneCase"
+    equilibrium: "Equilibrium"
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about what may be unexpected."""
+        return self.equilibrium.warnings
+
+    @property
+    def is_good(self) -> bool:
+        """Whether an equilibrium was found."""
+        return self.equilibrium.is_found
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether members exceed limits or buckle."""
+        members = self.equilibrium.members
+        return members is not None and members.is_beyond
+
+    @property
+    def actuated(self) -> "Subject":
+        """The structure with the rest lengths that inputs and slip through rings leave."""
+        from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
+        from tensegrity_codegen.structure.sliding import slip_rest_lengths
+
+        subject = self.case.subject
+        rest_length = add_inputs_to_rest_length(subject, self.case.inputs)
+        rest_length = slip_rest_lengths(subject.sliding, rest_length, self.equilibrium.slid)
+        return subject.with_changes(rest_length=rest_length)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the equilibrium, nodes and members by name."""
+        equilibrium = self.equilibrium
+        nodes, members = equilibrium.node_name, equilibrium.member_name
+        return {
+            **equilibrium.as_evidence(),
+            "node_position": dict(zip(nodes, equilibrium.node_position.tolist(), strict=True)),
+            "member_length": dict(zip(members, equilibrium.member_length.tolist(), strict=True)),
+            "member_tension": dict(zip(members, equilibrium.member_tension.tolist(), strict=True)),
+            "held_load": self.case.held_load,
+            "inputs": dict(self.case.inputs),
+        }
+
+    def describe(self) -> list[Any]:
+        """Return status, nodes, members, residual and motion."""
+        from tensegrity_codegen.report.tables import feet_table, members_table, nodes_table, segments_table
+        from tensegrity_codegen.runtime.contacts.rest_memory import describe_plastic, describe_slip
+        from tensegrity_codegen.structure.bodies import BodySystem
+        from tensegrity_codegen.structure.member_limits import describe_tensions, summarise_tensions
+        from tensegrity_codegen.structure.outline import outline_tendons
+
+        equilibrium, structure = self.equilibrium, self.actuated
+        drawn, members = outline_tendons(structure), equilibrium.members
+        tables = [
+            nodes_table(drawn, equilibrium.node_position),
+            members_table(drawn, equilibrium.member_length, equilibrium.member_tension, members),
+        ]
+        if equilibrium.feet is not None:
+            feet = equilibrium.feet
+            table = feet_table(structure.name, feet.node_name, feet.force, feet.state, feet.penetration)
+            tables.insert(0, table)
+        if equilibrium.segments:
+            tables.append(segments_table(structure.name, equilibrium.segments))
+        tensions = describe_tensions(summarise_tensions(structure, equilibrium.member_tension))
+        sentences = [equilibrium.message] if equilibrium.message else []
+        sentences += [tensions] if equilibrium.is_found else []
+        flaws = [] if members is None else members.describe()
+        beyond = "exceeds limits; " if self.is_beyond else ""
+        unit = "in the units of the coordinates" if isinstance(structure, BodySystem) else "N/m"
+        return [
+            f"{beyond}{equilibrium.status}: {'; but '.join(['; '.join(sentences), *flaws])}",
+            *(tables if equilibrium.is_found else []),  # else those of no equilibrium would hide the reason
+            *describe_plastic(equilibrium.plastic_elongation),
+            *describe_slip(equilibrium.slid),
+            f"largest residual {equilibrium.residual:.3g} N of largest member force "
+            f"{equilibrium.largest_force:.6g} N; "
+            f"smallest eigenvalue {equilibrium.smallest_eigenvalue:.6g} {unit}",
+            *(describe_displacement(equilibrium) if equilibrium.is_found else []),
+        ]
+
+    def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
+        """Write the settled structure, at rest, as a scene file, where an equilibrium was found."""
+        from tensegrity_codegen.scene.describe_bodies import describe_subject
+        from tensegrity_codegen.scene.write import write_scene
+        from tensegrity_codegen.structure.bodies import BodySystem
+
+        equilibrium, structure = self.equilibrium, self.actuated
+        if not equilibrium.is_found:
+            return False
+        if isinstance(structure, BodySystem):
+            at_rest = {"coordinate": equilibrium.coordinate, "velocity": 0 * structure.velocity}
+        else:
+            at_rest = {
+                "node_position": equilibrium.node_position,
+                "node_velocity": 0 * structure.node_velocity,
+            }
+        document = describe_subject(structure.with_changes(**at_rest), self.case.request)
+        write_scene(document, path, overwrite=overwrite)
+        return True
+
+
+def describe_displacement(equilibrium: "Equilibrium") -> list[str]:
+    """Return how far nodes moved, and which motions cost nothing, a line each."""
+    lines = ["no node moved"]
+    if equilibrium.displacement:
+        lines = [f"node {equilibrium.displaced_node} moved farthest, {equilibrium.displacement:.6g} m"]
+    if not equilibrium.neutral_motion_names:
+        return lines
+    if equilibrium.displacement:
+        is_moved = equilibrium.change > 1e-12 * equilibrium.extent  # otherwise rounding
+        moved = f"node {equilibrium.changed_node} moved farthest, {equilibrium.change:.6g} m"
+        lines = [
+            f"{moved if is_moved else 'no node moved'}, without these motions "
+            f"(with them: node {equilibrium.displaced_node}, {equilibrium.displacement:.6g} m)"
+        ]
+    free = f"free to {_join_motions(equilibrium.neutral_motion_names)}, without change of energy"
+    return [free, *lines]
+
+
+def _join_motions(names: Sequence[str]) -> str:
+    """Return names of neutral motions as one text: "slide along x, y; turn about z"."""
+    texts = []
+    for kind in ("slide along ", "turn about "):
+        axes = [name.removeprefix(kind) for name in names if name.startswith(kind)]
+        texts += [kind + ", ".join(axes)] if axes else []
+    others = names.count("mechanism")
+    texts += [f"move in {others} mechanism{'s' * (others > 1)}"] if others else []
+    return "; ".join(texts)
+
 
 def _judge_snaps(
-    model: CompiledModel, equilibria: Equilibria, case_arguments: CaseArguments
-) -> dict[str, NDArray[Any]]:
+    model: "CompiledModel", equilibria: "Equilibria", case_arguments: "CaseArguments"
+) -> "dict[str, NDArray[Any]]":
     """Return SNAP_RESULTS of every case, the start of which is its given shape."""
+    import numpy as np
+
+    from tensegrity_codegen.runtime.paths.find_equilibrium import judge_snap
+    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+
     found = {name: np.full(case_arguments.count, np.nan) for name in SNAP_RESULTS}
     for k in np.flatnonzero(equilibria.is_found).tolist():
         own = {**case_arguments.shared, **{name: array[k] for name, array in case_arguments.rows.items()}}
@@ -157,17 +359,21 @@ def _judge_snaps(
     return found
 
 
-def _without_own_results(kept_texts: tuple[KeptText, ...]) -> tuple[KeptText, ...]:
+def _without_own_results(kept_texts: "tuple[KeptText, ...]") -> "tuple[KeptText, ...]":
     """Return what is kept besides RESULTS and coordinates: expressions over quantities."""
     return tuple(kept_text for kept_text in kept_texts if kept_text.expression not in (*RESULTS, COORDINATE))
 
 
-def _bind_quantities(kept_texts: tuple[KeptText, ...], manifest: Manifest) -> dict[str, Kept]:
+def _bind_quantities(kept_texts: "tuple[KeptText, ...]", manifest: "Manifest") -> "dict[str, Kept]":
     """Return the kept expressions over quantities, bound to a library, by the names of their arrays."""
+    from tensegrity_codegen.analyses.cases.kept import bind_kept
+
     return {kept.text.name: kept for kept in bind_kept(_without_own_results(kept_texts), manifest)}
 
 
-def _describe_result(kept_text: KeptText, manifest: Manifest) -> Output:
+def _describe_result(kept_text: "KeptText", manifest: "Manifest") -> Output:
+    from tensegrity_codegen.analyses.cases.keep_text import label_axis
+
     expression = kept_text.text_beside_name
     if kept_text.expression in RESULTS:
         return Output(kept_text.name, (), (), *RESULTS[kept_text.expression], expression=expression)
@@ -177,13 +383,17 @@ def _describe_result(kept_text: KeptText, manifest: Manifest) -> Output:
 
 
 def _compute_quantities(
-    model: CompiledModel,
-    equilibria: Equilibria,
-    case_arguments: CaseArguments,
+    model: "CompiledModel",
+    equilibria: "Equilibria",
+    case_arguments: "CaseArguments",
     names: tuple[str, ...],
     threads: int,
-) -> dict[str, NDArray[Any]]:
+) -> "dict[str, NDArray[Any]]":
     """Return the quantities `names` at the equilibria, at rest, (count, ...) each."""
+    import numpy as np
+
+    from tensegrity_codegen.analyses.cases.quantities import compute_values
+
     computed_names = [name for name in names if name not in SEARCH_QUANTITIES]
     rows = {
         **case_arguments.rows,

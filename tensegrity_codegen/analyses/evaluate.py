@@ -2,21 +2,21 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tensegrity_codegen.analyses.cases.keep_text import parse_kept
-from tensegrity_codegen.analyses.cases.kept import Kept, bind_kept, find_kept_quantities
-from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes, compute_values
 from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Output
-from tensegrity_codegen.pipeline.analyses import BATCH_WIDTH, Needs
-from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.errors import InvalidValueError
-from tensegrity_codegen.tables.manifest import Manifest
-from tensegrity_codegen.tables.request import ModelRequest
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tensegrity_codegen.analyses.cases.kept import Kept
+    from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes
+    from tensegrity_codegen.pipeline.analyses import Needs
+    from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.manifest import Manifest
+    from tensegrity_codegen.tables.request import ModelRequest
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,12 @@ class Evaluate(AnalysisRecord):
     success_phrase: ClassVar[str] = "were evaluated"
     has_verb: ClassVar[bool] = False
 
-    def needs(self, structure: Subject, request: ModelRequest) -> Needs:
+    def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
         """Return the quantities, with batch functions."""
+        from tensegrity_codegen.analyses.cases.keep_text import parse_kept
+        from tensegrity_codegen.analyses.cases.kept import find_kept_quantities
+        from tensegrity_codegen.pipeline.analyses import BATCH_WIDTH, Needs
+
         quantities = find_kept_quantities(parse_kept(self.keep), request)
         if not (self.keep or request.quantities):
             raise InvalidValueError(
@@ -39,18 +43,25 @@ class Evaluate(AnalysisRecord):
             )
         return Needs(quantities if self.keep else request.quantities, batch_width=BATCH_WIDTH)
 
-    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
+    def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
         """Return one array for each thing that is kept."""
         return tuple(item.output for item in self._bind(manifest))
 
-    def _bind(self, manifest: Manifest) -> tuple[Kept, ...]:
+    def _bind(self, manifest: "Manifest") -> "tuple[Kept, ...]":
+        from tensegrity_codegen.analyses.cases.keep_text import parse_kept
+        from tensegrity_codegen.analyses.cases.kept import bind_kept
+
         texts = self.keep or tuple(spec.quantity for spec in manifest.functions)
         return bind_kept(parse_kept(texts), manifest)
 
     def compute(
-        self, model: CompiledModel, case_arguments: CaseArguments, outcomes: Outcomes, threads: int
-    ) -> Mapping[str, NDArray[Any]]:
+        self, model: "CompiledModel", case_arguments: "CaseArguments", outcomes: "Outcomes", threads: int
+    ) -> "Mapping[str, NDArray[Any]]":
         """Compute what is kept; a case where it is not finite has the status "non_finite_result"."""
+        import numpy as np
+
+        from tensegrity_codegen.analyses.cases.quantities import compute_values
+
         kept, count = self._bind(model.manifest), case_arguments.count
         names = dict.fromkeys(name for item in kept for name in item.names)
         found = compute_values(model, names, case_arguments, threads)

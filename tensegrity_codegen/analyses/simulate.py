@@ -10,14 +10,18 @@ from numpy.typing import NDArray
 from tensegrity_codegen.analyses.cases.keep_text import EVERY, FIRST, KeptText, parse_kept
 from tensegrity_codegen.analyses.cases.kept import Kept, bind_kept, find_kept_quantities
 from tensegrity_codegen.analyses.cases.quantities import (
-    LIMIT_USE,
-    LIMIT_USE_RESULT,
     CaseArguments,
     Outcomes,
     compute_limit_use,
     compute_rows,
 )
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Output
+from tensegrity_codegen.analyses.cases.record import (
+    LIMIT_USE,
+    LIMIT_USE_RESULT,
+    AnalysisRecord,
+    Option,
+    Output,
+)
 from tensegrity_codegen.pipeline.analyses import BATCH_METHOD, Needs, find_needs
 from tensegrity_codegen.runtime.integrate.options import Stepping, check_options, complete_run_options
 from tensegrity_codegen.runtime.model.model import CompiledModel

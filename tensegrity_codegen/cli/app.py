@@ -6,9 +6,9 @@ from typing import Any, NoReturn
 
 import typer
 
+from tensegrity_codegen.cli.commands import VerbGroup
 from tensegrity_codegen.cli.output import Output, explain_system_error
 from tensegrity_codegen.cli.streams import print_aside, print_text
-from tensegrity_codegen.cli.verb import VerbGroup
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.system.temporary_files import announce_end
 from tensegrity_codegen.system.version import VERSION

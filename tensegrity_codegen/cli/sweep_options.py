@@ -105,9 +105,9 @@ class RunOptions:
 
 def list_operation_options() -> dict[str, tuple[Any, Any]]:
     """Return annotation and default of --do, --keep and the options of all operations, by argument."""
-    from tensegrity_codegen.analyses.registry import ANALYSES
+    from tensegrity_codegen.analyses.cases.registry import ANALYSES
 
-    listed = [(do, item) for do, kind in ANALYSES.items() for item in kind.list_options()]
+    listed = [(do, item) for do, kind in ANALYSES.items() for item in kind.list_sweep_options()]
     do = typer.Option("--do", help=f"What is done with each case: {', '.join(ANALYSES)}.", show_default=False)
     found: dict[str, tuple[Any, Any]] = {"do": (Annotated[str, do], ...), "keep": (KeepOption, None)}
     for name in dict.fromkeys(item.argument for _, item in listed):
@@ -130,11 +130,11 @@ def name_option(argument: str) -> str:
 
 def read_operation_options(given: dict[str, Any]) -> dict[str, Any]:
     """Return the values of options by the names of their fields, None where they are not stated."""
-    from tensegrity_codegen.analyses.registry import ANALYSES
+    from tensegrity_codegen.analyses.cases.registry import ANALYSES
 
     stated: dict[str, Any] = {}
     for kind in ANALYSES.values():
-        for item in kind.list_options():
+        for item in kind.list_sweep_options():
             value = given[item.argument]
             stated[item.name] = value if item.flag is None else item.flag[1] if value else None
     return stated

@@ -41,7 +41,7 @@ class SweepCall:
 
     def run(self, output: Output) -> bool:
         """Plan and run the sweep, and print how it ended; return whether some cases are good."""
-        from tensegrity_codegen.analyses.registry import build_analysis
+        from tensegrity_codegen.analyses.cases.registry import build_analysis
         from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 
         self._check()
@@ -103,10 +103,10 @@ class SweepCall:
 
     def _check_options(self) -> None:
         """Raise InvalidValueError for an option of another operation."""
-        from tensegrity_codegen.analyses.registry import ANALYSES
+        from tensegrity_codegen.analyses.cases.registry import ANALYSES
 
         check_choice(self.do, ANALYSES, "operation", "--do")
-        known = [item.argument for item in ANALYSES[self.do].list_options()]
+        known = [item.argument for item in ANALYSES[self.do].list_sweep_options()]
         for name, value in self.options.items():
             if value not in (None, False) and name not in known:
                 raise InvalidValueError(

@@ -2,18 +2,15 @@
 
 import functools
 import inspect
-import itertools
 import re
 import shlex
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from functools import wraps
-from importlib import import_module
-from pkgutil import iter_modules
 from typing import Annotated, Any, ClassVar, get_args, get_origin, get_type_hints
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand
 
 from tensegrity_codegen.system.errors import TensegrityError
 
@@ -138,7 +135,6 @@ def _name_option(found: re.Match[str]) -> str:
     return _options[name] + text
 
 
-PACKAGE = "tensegrity_codegen.cli.verbs"
 # Groups of verbs in `--help`, and the least `order` of each.
 GROUPS = {
     "Scenes": 0,
@@ -179,82 +175,12 @@ class Verb:
         return [name for name, least in GROUPS.items() if least <= self.order][-1]
 
 
-def find_verbs() -> list[Verb]:
-    """Return the verbs of all modules of `cli/verbs/`, in their order."""
-    return sorted(map(_read_verb, _list_modules()), key=lambda verb: verb.order)
-
-
-def find_verb(word: str) -> Verb | None:
-    """Return the verb of that word, None if there is none.
-
-    Only its own module is imported where the module has the verb's name.
-    """
-    module = word.replace("-", "_")
-    if module in _list_modules() and (verb := _read_verb(module)).word == word:
-        return verb
-    return next((verb for verb in find_verbs() if verb.word == word), None)
-
-
-def _list_modules() -> list[str]:
-    return [item.name for item in iter_modules(import_module(PACKAGE).__path__)]
-
-
-def _read_verb(module: str) -> Verb:
-    found = import_module(f"{PACKAGE}.{module}").VERB
-    assert isinstance(found, Verb)
-    return found
-
-
-class Commands(Mapping[str, Any]):
-    """The commands of all verbs by name; one is built when it is asked for."""
-
-    def __getitem__(self, word: str) -> Any:
-        verb = find_verb(word)
-        if verb is None:
-            raise KeyError(word)
-        return build_command(verb)
-
-    def __iter__(self) -> Iterator[str]:
-        return (verb.word for verb in find_verbs())
-
-    def __len__(self) -> int:
-        return len(find_verbs())
-
-
-class VerbGroup(TyperGroup):
-    """The command `tensegrity-codegen`, whose commands are the verbs."""
-
-    def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings)
-        self.commands: Any = Commands()
-
-    def list_commands(self, ctx: Any) -> list[str]:
-        """Return the words of all verbs."""
-        return list(self.commands)
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """List the verbs with the first sentence of their help; options would take most of the time."""
-        verbs = find_verbs()
-        widest = max(len(verb.word) for verb in verbs)
-        limit = formatter.width - 6 - widest
-        for group, members in itertools.groupby(verbs, key=lambda verb: verb.group):
-            with formatter.section(group):
-                formatter.write_dl(
-                    [(verb.word.ljust(widest), _first_sentence(verb, limit)) for verb in members]
-                )
-
-
 @functools.cache
 def build_command(verb: Verb) -> Any:
     """Return the command of a verb, with its options."""
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     alone.command(verb.word, cls=verb.command)(expand_groups(verb.run))
     return typer.main.get_command(alone)
-
-
-def _first_sentence(verb: Verb, limit: int) -> str:
-    help_text = inspect.getdoc(verb.run)
-    return TyperCommand(verb.word, help=help_text, rich_markup_mode=None).get_short_help_str(limit)
 
 
 class VerbWithSubCommands(VerbCommand):

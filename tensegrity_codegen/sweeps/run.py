@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.analyses.cases.quantities import LIMIT_USE
+from tensegrity_codegen.analyses.cases.record import LIMIT_USE
 from tensegrity_codegen.analyses.cases.statuses import GOOD, STATUSES
 from tensegrity_codegen.sweeps.engines.engine import Engine, FinishedTask
 from tensegrity_codegen.sweeps.engines.work import SweepWork

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.analyses.cases.record import AnalysisRecord
-from tensegrity_codegen.analyses.registry import build_analysis
+from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.cases.build_cases import Stated, build_cases
 from tensegrity_codegen.sweeps.cases.cases import Cases

@@ -17,10 +17,10 @@ from tensegrity_codegen import (
     simulate_control_batch,
     sweep,
 )
+from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.analyses.cases.statuses import STATUSES
 from tensegrity_codegen.analyses.cases.unchanged_loop import SweptPlant, UnchangedLoop
 from tensegrity_codegen.analyses.control import SweptControl
-from tensegrity_codegen.analyses.registry import build_analysis
 from tensegrity_codegen.cli.verbs.sweep import build_commands
 from tensegrity_codegen.control.feedback.study.linear_loop import build_linear_loop
 from tensegrity_codegen.control.feedback.study.loop_result import measure_run

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.analyses.cases.registry import ANALYSES, build_analysis
 from tensegrity_codegen.analyses.equilibrium import FindEquilibrium
-from tensegrity_codegen.analyses.registry import ANALYSES, build_analysis
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, TensegrityError, UnknownKeyError

@@ -9,8 +9,8 @@ import pytest
 
 from tensegrity_codegen import analyse, compile_scene, find_equilibrium, linearize, simulate
 from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.analyses.equilibrium import RESULTS
-from tensegrity_codegen.analyses.registry import build_analysis
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.pipeline.settle import choose_request

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.analyses.registry import build_analysis
+from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.sweeps.cases.sampled import Sampling
 from tensegrity_codegen.sweeps.engines.cluster import Cluster

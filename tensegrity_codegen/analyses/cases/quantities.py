@@ -242,14 +242,8 @@ def _fill_pattern(found: RealArray, spec: FunctionSpec) -> RealArray:
     return dense
 
 
-LIMIT_USE = "limit_use"
 OF_STIFFNESS = ("spring_constant", "axial_stiffness", "rest_length")
 BEYOND = "members buckle, are strained by more than 1 %, or exceed a limit"
-LIMIT_USE_RESULT = (
-    "float64",
-    "1",
-    "Largest part that a member uses of its limits, of Euler's load and of 1 % strain; above 1: exceeded.",
-)
 
 
 def compute_limit_use(

@@ -3,20 +3,31 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
-from typing import Any, ClassVar, get_args, get_type_hints
+from types import UnionType
+from typing import TYPE_CHECKING, Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:  # options are read without NumPy and without the libraries of the analyses
+    from pathlib import Path
 
-from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes, read_case_arguments
-from tensegrity_codegen.analyses.cases.statuses import is_good
-from tensegrity_codegen.pipeline.analyses import Needs
-from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.scene.schema.schema import Scene
-from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.tables.manifest import Manifest
-from tensegrity_codegen.tables.request import ModelRequest
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes
+    from tensegrity_codegen.analyses.cases.scene_case import SceneCase
+    from tensegrity_codegen.pipeline.analyses import Needs
+    from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.scene.schema.schema import Scene
+    from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.manifest import Manifest
+    from tensegrity_codegen.tables.request import ModelRequest
+
+COORDINATE = "coordinate"
+LIMIT_USE = "limit_use"
+LIMIT_USE_RESULT = (
+    "float64",
+    "1",
+    "Largest part that a member uses of its limits, of Euler's load and of 1 % strain; above 1: exceeded.",
+)
 
 
 @dataclass(frozen=True)
@@ -42,8 +53,10 @@ class Output:
     coordinates: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
     expression: str = ""
 
-    def full_of_nan(self, count: int) -> NDArray[Any]:
+    def full_of_nan(self, count: int) -> "NDArray[Any]":
         """Return the array of `count` cases that all failed: NAN, or -1 for whole numbers."""
+        import numpy as np
+
         dtype = np.dtype(self.dtype)
         return np.full((count, *self.shape), np.nan if dtype.kind == "f" else -1, dtype=dtype)
 
@@ -58,20 +71,26 @@ class TaskResult:
     messages: a sentence for each case; empty where there is nothing to say.
     """
 
-    arrays: Mapping[str, NDArray[Any]]
-    status: NDArray[np.int8]
+    arrays: "Mapping[str, NDArray[Any]]"
+    status: "NDArray[np.int8]"
     messages: tuple[str, ...]
 
     @property
-    def is_good(self) -> NDArray[np.bool_]:
+    def is_good(self) -> "NDArray[np.bool_]":
         """Whether the results of each case are there, (count,)."""
+        from tensegrity_codegen.analyses.cases.statuses import is_good
+
         return is_good(self.status)
 
 
 def build_result(
-    arrays: Mapping[str, NDArray[Any]], status: NDArray[np.int8], messages: Iterable[str]
+    arrays: "Mapping[str, NDArray[Any]]", status: "NDArray[np.int8]", messages: Iterable[str]
 ) -> TaskResult:
     """Return the result of a chunk, rows of cases that failed being NAN, -1 in whole numbers."""
+    import numpy as np
+
+    from tensegrity_codegen.analyses.cases.statuses import is_good
+
     is_bad = ~is_good(status)
     kept = dict(arrays)
     if is_bad.any():
@@ -83,44 +102,107 @@ def build_result(
 
 @dataclass(frozen=True)
 class Option:
-    """What is said of an option of an operation, in the annotation of its field.
+    """An option of an analysis, in the annotation of its field.
 
-    help: what it is, for the command line, where it is an option too.
-    flag: name of the option on the command line and the value that it stands for, where it takes no value.
-    in_verb: whether the verb of the operation's name has it too.
+    help: what it is, in the command line, the sweep and the documents.
+    flag: of an option without a value: its name in a sweep, and the value of the field that it stands for.
+    word: its name on the command line and in sweeps, where it is not that of the field.
+    in_verb, in_sweep: whether the verb of the analysis, and the sweep, have it.
     verb_default: what that verb needs stated where this option is not, since its own default is another.
-    name, kind: name and type of the field, which `AnalysisRecord.list_options` fills in.
+    name, type, default: of the field, which `AnalysisRecord.list_options` fills in.
     """
 
     help: str
     flag: tuple[str, Any] | None = None
+    word: str = ""
     in_verb: bool = True
+    in_sweep: bool = True
     verb_default: Any = None
     name: str = ""
-    kind: type = str
+    type: Any = str
+    default: Any = None
 
     @property
     def argument(self) -> str:
-        """Its argument of the command line: its own name, or that of its flag."""
-        return self.flag[0] if self.flag else self.name
+        """Its argument of the command line: its own name, that of its flag, or its word."""
+        return self.flag[0] if self.flag else self.word or self.name
+
+    @property
+    def kind(self) -> type:
+        """Its type, int, float or str, of values that are read from a text."""
+        types = get_args(self.type) if get_origin(self.type) in (Union, UnionType) else (self.type,)
+        return next((kind for kind in (int, float) if kind in types), str)
+
+
+@dataclass(frozen=True)
+class ResultFile:
+    """A file that the verb of an analysis can write.
+
+    name: of the option; endings: allowed, such as ``".toml"``.
+    draws: whether pictures are drawn in it; may_be_scene: whether it may replace the scene.
+    """
+
+    name: str
+    endings: tuple[str, ...]
+    help: str
+    draws: bool = False
+    may_be_scene: bool = False
+
+
+class Result(ABC):
+    """The answer for one case: a record with everything that is known of it."""
+
+    @property
+    @abstractmethod
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about what may be unexpected."""
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the answer is what was asked for: exit code 0, else 3."""
+        return True
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether members exceed limits or buckle, which `--strict` refuses."""
+        return False
+
+    @abstractmethod
+    def as_dict(self) -> dict[str, Any]:
+        """Return the answer, JSON-ready, the status among it."""
+
+    @abstractmethod
+    def describe(self) -> list[Any]:
+        """Return the answer for a reader: sentences and tables."""
+
+    def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
+        """Write the file of an option, and return whether it was written."""
+        raise NotImplementedError(name)
 
 
 @dataclass(frozen=True)
 class AnalysisRecord(ABC):
-    """What is done for every case; the same object serves all cases, and processes hand it on by pickling.
+    """An analysis: options, needs of a library, results, for one case and for many.
 
-    An operation is one module of `analyses/`, which defines one as its `ANALYSIS`. Its fields with
-    an `Option` in their annotations are its options in Python and on the command line.
+    One module of `analyses/` defines each as its `ANALYSIS`. Its fields with an `Option` in their annotations
+    are its options by every door: Python, the verb, the sweep. The docstring of a record with a verb is the
+    help of the verb. The same object serves all cases of a sweep, and processes hand it on by pickling.
 
-    keep: what is kept of each case; empty for the usual results of the operation.
+    keep: what is kept of each case of a sweep; empty for the usual results.
     """
 
     keep: tuple[str, ...] = ()
 
-    name: ClassVar[str]  # as in `--do NAME`
+    name: ClassVar[str]  # as in `--do NAME`, and of the verb
     success_phrase: ClassVar[str] = "are ok"  # what is said of good cases, as in "12 of 12 cases converged"
     has_verb: ClassVar[bool] = True  # whether the command line has a verb of this name, for one case
     needs_scene: ClassVar[bool] = False  # whether a case needs the unchanged scene too, see `prepared`
+    # Of records whose verb is made from them: its place in `--help`, what it takes besides the options, what
+    # it writes.
+    verb_order: ClassVar[int | None] = None
+    takes: ClassVar[tuple[str, ...]] = ()  # of "load", "input", "strict"
+    files: ClassVar[tuple[ResultFile, ...]] = ()
+    settles: ClassVar[bool] = True  # whether the verb looks for the equilibrium first
 
     @property
     def analyses(self) -> tuple[str, ...]:
@@ -132,12 +214,12 @@ class AnalysisRecord(ABC):
         """What the verb says of one case and the sweep does not compute, and what to keep for it; or ""."""
         return ""
 
-    def prepared(self, scene: str | Path | Mapping[str, Any] | Scene) -> "AnalysisRecord":
+    def prepared(self, scene: "str | Path | Mapping[str, Any] | Scene") -> "AnalysisRecord":
         """Return the operation with what it makes of the unchanged scene once, before all cases."""
         return self
 
     @abstractmethod
-    def needs(self, structure: Subject, request: ModelRequest) -> Needs:
+    def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
         """Return what the operation needs of a library besides what the scene requests.
 
         Raises InvalidValueError, UnknownNameError: something that cannot be kept; FormulationError: the
@@ -145,17 +227,17 @@ class AnalysisRecord(ABC):
         """
 
     @abstractmethod
-    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
+    def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
         """Return what is kept of each case, in the order of the stored arrays; raises as `needs`."""
 
     @abstractmethod
     def compute(
-        self, model: CompiledModel, case_arguments: CaseArguments, outcomes: Outcomes, threads: int
-    ) -> Mapping[str, NDArray[Any]]:
+        self, model: "CompiledModel", case_arguments: "CaseArguments", outcomes: "Outcomes", threads: int
+    ) -> "Mapping[str, NDArray[Any]]":
         """Return the arrays of a chunk of cases by the names of outputs, and note how each case ended."""
 
     def run(
-        self, model: CompiledModel, arguments: Mapping[str, Any], count: int, *, threads: int = 1
+        self, model: "CompiledModel", arguments: Mapping[str, Any], count: int, *, threads: int = 1
     ) -> TaskResult:
         """Compute a chunk of cases.
 
@@ -168,10 +250,16 @@ class AnalysisRecord(ABC):
         UnknownNameError: an argument that no case could have: an unknown name, a wrong shape; LibraryError,
         FormulationError: the library does not serve the operation.
         """
+        from tensegrity_codegen.analyses.cases.quantities import read_case_arguments
+
         case_arguments = read_case_arguments(model, arguments, count)
         outcomes = case_arguments.outcomes()
         arrays = self.compute(model, case_arguments, outcomes, threads)
         return build_result(arrays, outcomes.codes, outcomes.messages)
+
+    def solve(self, case: "SceneCase") -> Result:
+        """Return the answer for one scene; raises what its steps raise."""
+        raise NotImplementedError(self.name)
 
     def describe(self) -> dict[str, Any]:
         """Return name and options, JSON-ready; two operations with the same description do the same."""
@@ -179,18 +267,22 @@ class AnalysisRecord(ABC):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Values of its options by name."""
-        return {item.name: getattr(self, item.name) for item in self.list_options()}
+        """Values of its options in sweeps by name."""
+        return {item.name: getattr(self, item.name) for item in self.list_options() if item.in_sweep}
 
     @classmethod
     def list_options(cls) -> tuple[Option, ...]:
         """Return its options in their order."""
         hints = get_type_hints(cls, include_extras=True)
-        found = []
+        options = []
         for item in fields(cls):
             stated = [part for part in get_args(hints[item.name]) if isinstance(part, Option)]
             if stated:
-                kinds = get_args(get_args(hints[item.name])[0]) or get_args(hints[item.name])
-                kind = next((part for part in (int, float) if part in kinds), str)
-                found.append(replace(stated[0], name=item.name, kind=kind))
-        return tuple(found)
+                type_ = get_args(hints[item.name])[0]
+                options.append(replace(stated[0], name=item.name, type=type_, default=item.default))
+        return tuple(options)
+
+    @classmethod
+    def list_sweep_options(cls) -> tuple[Option, ...]:
+        """Return the options that a sweep has."""
+        return tuple(item for item in cls.list_options() if item.in_sweep)

@@ -280,7 +280,7 @@ def simulate(
             repeat = (stiff, given_run | begun)
         motion = _run(output, built, asked, out, overwrite, repeat, **given_run, **start)
         if around.scene_out is not None:
-            from tensegrity_codegen.cli.settle import write_end
+            from tensegrity_codegen.cli.motion_end import write_end
 
             write_end(output, scene, motion, around.scene_out, overwrite=overwrite)
 

@@ -8,7 +8,6 @@ from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, PrintOptions, SceneArgument, parse_loads
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.cli.verbs.equilibrium import FrictionlessOption, LoadOption
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.analysis.stand import Tip
@@ -16,6 +15,11 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
     from tensegrity_codegen.structure.structure import Structure
 
+from tensegrity_codegen.cli.analysis_verb import LoadOption
+
+FrictionlessOption = Annotated[
+    bool, typer.Option("--frictionless", help="On the ground: without friction, whatever the scene says.")
+]
 AsDrawnOption = Annotated[
     bool, typer.Option("--as-drawn", help="Judge the positions in the scene instead of the equilibrium.")
 ]

@@ -28,7 +28,7 @@ PROGRAM, INPUT = "tensegrity-codegen", "input."
 
 def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
     """Return the commands that write the scene of a case and run it alone."""
-    from tensegrity_codegen.analyses.registry import ANALYSES
+    from tensegrity_codegen.analyses.cases.registry import ANALYSES
 
     kind = ANALYSES.get(results.operation)
     file = f"case{case}.toml"
@@ -58,7 +58,7 @@ def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
 def _list_options(kind: "type[AnalysisRecord] | None", options: Mapping[str, Any]) -> list[str]:
     """Return the options of the operation as words of its verb."""
     words = []
-    for item in () if kind is None else kind.list_options():
+    for item in () if kind is None else kind.list_sweep_options():
         value = options.get(item.name)
         value = item.verb_default if value is None else value
         if not item.in_verb or value in (None, ""):

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from tensegrity_codegen.analyses.cases.quantities import BEYOND, LIMIT_USE
+from tensegrity_codegen.analyses.cases.quantities import BEYOND
+from tensegrity_codegen.analyses.cases.record import LIMIT_USE
 from tensegrity_codegen.analyses.cases.statuses import NOT_COMPUTED
 from tensegrity_codegen.report.long_table import LongTable, rank_rows
 from tensegrity_codegen.report.number_text import format_short

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+from tensegrity_codegen.analyses.cases.registry import ANALYSES
 from tensegrity_codegen.analyses.cases.statuses import GOOD, NOT_COMPUTED
-from tensegrity_codegen.analyses.registry import ANALYSES
 from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.system.arrays import FloatArray
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.analyses.cases.record import AnalysisRecord, TaskResult
-from tensegrity_codegen.analyses.registry import build_analysis
+from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.read import read_document

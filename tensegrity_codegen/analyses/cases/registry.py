@@ -1,4 +1,4 @@
-"""Analyses by their names, as `sweep --do` has them: one module of this folder each, with its `ANALYSIS`."""
+"""Analyses by their names, as `sweep --do` has them: one module of `analyses/` each, with its `ANALYSIS`."""
 
 import pkgutil
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,13 +13,9 @@ from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError,
 
 
 def _import_analyses() -> Mapping[str, type[AnalysisRecord]]:
-    """Return the records of all modules beside this one."""
+    """Return the records of all modules of `analyses/`."""
     modules = [item.name for item in pkgutil.iter_modules(analyses.__path__) if not item.ispkg]
-    records = [
-        import_module(f"{analyses.__name__}.{module}").ANALYSIS
-        for module in sorted(modules)
-        if module != "registry"
-    ]
+    records = [import_module(f"{analyses.__name__}.{module}").ANALYSIS for module in sorted(modules)]
     return MappingProxyType({record.name: record for record in records})
 
 
@@ -37,7 +33,7 @@ def build_analysis(do: str, keep: str | Sequence[str] = (), **options: Any) -> A
     check_choice(do, ANALYSES, "operation", "do")
     kind = ANALYSES[do]
     texts = _list_texts(keep)
-    types = {item.name: item.kind for item in kind.list_options()}
+    types = {item.name: item.kind for item in kind.list_sweep_options()}
     known = list(types)
     stated = {name: value for name, value in options.items() if value is not None}
     for name, value in stated.items():

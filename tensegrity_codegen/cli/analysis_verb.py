@@ -1,0 +1,153 @@
+"""Verbs that are made from the records of analyses: options, files, results and exit codes stand there."""
+
+import inspect
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+from typing import Annotated, Any
+
+import typer
+
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, ResultFile
+from tensegrity_codegen.cli.inputs import InputOption, read_inputs
+from tensegrity_codegen.cli.options import (
+    CompilerOption,
+    OverwriteOption,
+    PrintOptions,
+    SceneArgument,
+    StrictOptions,
+    parse_loads,
+)
+from tensegrity_codegen.cli.output import Output, check_result
+from tensegrity_codegen.cli.verb import Verb
+
+PACKAGE = "tensegrity_codegen.analyses"
+LoadOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--load",
+        help="Load NODE=fx,fy,fz [N] added to the scene's (planar scene: two numbers); may be repeated.",
+    ),
+]
+
+
+def list_modules() -> list[str]:
+    """Return the names of the modules of analyses."""
+    return [item.name for item in iter_modules(import_module(PACKAGE).__path__) if not item.ispkg]
+
+
+def read_verb(module: str) -> Verb | None:
+    """Return the verb of an analysis, None where the analysis has none of its own making."""
+    record = getattr(import_module(f"{PACKAGE}.{module}"), "ANALYSIS", None)
+    return None if record is None or record.verb_order is None else build_verb(record)
+
+
+def build_verb(record: type[AnalysisRecord]) -> Verb:
+    """Return the verb of a record, from which Typer makes arguments and options."""
+    parameters = _list_parameters(record)
+
+    def run(**given: Any) -> None:
+        _run(record, given)
+
+    run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
+            for name, (annotation, default) in parameters.items()
+        ]
+    )
+    run.__annotations__ = {name: annotation for name, (annotation, _) in parameters.items()}
+    run.__doc__, run.__name__ = record.__doc__, record.name.replace("-", "_")
+    assert record.verb_order is not None
+    return Verb(run, record.verb_order, record.name)
+
+
+def _list_parameters(record: type[AnalysisRecord]) -> Mapping[str, tuple[Any, Any]]:
+    """Return annotation and default of each argument and option, in the order of the help."""
+    parameters: dict[str, tuple[Any, Any]] = {"scene": (SceneArgument, inspect.Parameter.empty)}
+    shared = {"load": LoadOption, "input": InputOption}
+    options = [item for item in record.list_options() if item.in_verb]
+    flags = [item for item in options if item.flag]
+    for item in flags:
+        parameters[item.name] = _declare(item)
+    for name, annotation in shared.items():
+        if name in record.takes:
+            parameters[name] = (annotation, None)
+    for item in options:
+        parameters[item.name] = _declare(item)
+    for file in record.files:
+        names = [f"--{file.name.replace('_', '-')}", *(["-o"] if file.name == "out" else [])]
+        parameters[file.name] = (Annotated[Path | None, typer.Option(*names, help=file.help)], None)
+    if record.files:
+        parameters["overwrite"] = (OverwriteOption, False)
+    parameters["compiler"] = (CompilerOption, None)
+    parameters["printing"] = (StrictOptions if "strict" in record.takes else PrintOptions, ...)
+    return parameters
+
+
+def _declare(item: Option) -> tuple[Any, Any]:
+    """Return annotation and default of an option; a flag stands for one value of its field."""
+    help = item.help[0].upper() + item.help[1:]
+    option = typer.Option(f"--{item.argument.replace('_', '-')}", help=help)
+    if item.flag:
+        return Annotated[bool, option], False
+    return Annotated[item.type, option], item.default
+
+
+def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
+    """Solve a scene by a record, print and write what it says, and exit with 3 where it is not good."""
+    scene, printing = given["scene"], given["printing"]
+    output = Output(printing.json, printing.all)
+    with output.guard(scene):
+        paths = {file: given[file.name] for file in record.files}
+        overwrite = given.get("overwrite", False)
+        for file, path in paths.items():
+            inputs = [] if file.may_be_scene and overwrite else [scene]
+            check_result(path, *file.endings, inputs=inputs, overwrite=overwrite, draws=file.draws)
+        analysis = _build_record(record, given)
+        result = analysis.solve(_read_case(record, analysis, scene, given, output))
+        output.warn(*result.warnings)
+        written = _write_files(result, paths, overwrite)
+        output.result(result.as_dict() | written, *result.describe())
+        is_refused = getattr(printing, "strict", False) and result.is_beyond
+        if is_refused or not result.is_good:
+            raise typer.Exit(3)
+
+
+def _build_record(record: type[AnalysisRecord], given: Mapping[str, Any]) -> AnalysisRecord:
+    """Return the record with the values of its options."""
+    values = {item.name: (item, given[item.name]) for item in record.list_options() if item.in_verb}
+    return record(
+        **{
+            name: value if not item.flag else item.flag[1] if value else item.default
+            for name, (item, value) in values.items()
+        }
+    )
+
+
+def _read_case(
+    record: type[AnalysisRecord],
+    analysis: AnalysisRecord,
+    scene: Path,
+    given: Mapping[str, Any],
+    output: Output,
+) -> Any:
+    """Return the scene with the values of --load and --input."""
+    from tensegrity_codegen.analyses.cases.scene_case import SceneCase
+
+    subject, request = output.load(scene, settles=analysis.settles)
+    load = parse_loads(given["load"] or [], subject) if "load" in record.takes else None
+    inputs = read_inputs(given["input"], subject, output) if "input" in record.takes else {}
+    return SceneCase(subject, request, inputs, load, given["compiler"], output.warn)
+
+
+def _write_files(
+    result: Any, paths: Mapping[ResultFile, Path | None], overwrite: bool
+) -> dict[str, str | None]:
+    """Write what is asked for; return the path of each file by its option, None where there is none."""
+    return {
+        file.name: str(path)
+        if path is not None and result.write(file.name, path, overwrite=overwrite)
+        else None
+        for file, path in paths.items()
+    }
