@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from scipy import integrate, optimize
 
 from tensegrity_codegen import find_equilibrium, simulate, symbolic_functions
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis
 from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
@@ -53,7 +53,7 @@ class Work:
 
     scene: dict[str, Any]
     options: dict[str, Any]
-    operation: AnalysisRecord
+    operation: CaseAnalysis
     model: Any
     arguments: dict[str, FloatArray]
     count: int
@@ -89,7 +89,7 @@ def main() -> None:
         shutil.rmtree(folder)
 
 
-def make_work(folder: Path, scene: dict[str, Any], operation: AnalysisRecord, **options: Any) -> Work:
+def make_work(folder: Path, scene: dict[str, Any], operation: CaseAnalysis, **options: Any) -> Work:
     """Return the cases of a sweep with their library and arguments."""
     started = time.perf_counter()
     cases = build_cases(**options)
@@ -102,7 +102,7 @@ def make_work(folder: Path, scene: dict[str, Any], operation: AnalysisRecord, **
     return Work(scene, options, operation, library, arguments, cases.count, folder)
 
 
-def prepare_library(group: Any, operation: AnalysisRecord) -> Any:
+def prepare_library(group: Any, operation: CaseAnalysis) -> Any:
     """Return the library of a group of cases."""
     from tensegrity_codegen.pipeline.build_library import build_library
 

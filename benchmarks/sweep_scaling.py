@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from harness.turns import EXAMPLES
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, TaskResult
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis, TaskResult
 from tensegrity_codegen.analyses.equilibrium import FindEquilibrium
 from tensegrity_codegen.analyses.evaluate import Evaluate
 from tensegrity_codegen.analyses.simulate import Simulate
@@ -185,7 +185,7 @@ def measure_calls(run: Callable[[], object], rounds: int) -> tuple[float, float]
     return statistics.median(times), float(np.std(times) / np.mean(times))
 
 
-def prepare_operations() -> Iterator[tuple[str, AnalysisRecord, CompiledModel]]:
+def prepare_operations() -> Iterator[tuple[str, CaseAnalysis, CompiledModel]]:
     """Yield name, operation and library of the example prism."""
     structure, request = load_scene(EXAMPLES / "prism.toml")
     for name, operation in (
@@ -199,7 +199,7 @@ def prepare_operations() -> Iterator[tuple[str, AnalysisRecord, CompiledModel]]:
 
 
 def measure_operation(
-    operation: AnalysisRecord,
+    operation: CaseAnalysis,
     model: CompiledModel,
     sizes: Sequence[int],
     rounds: int,
@@ -224,7 +224,7 @@ def measure_operation(
 
 
 def measure_write(
-    operation: AnalysisRecord, model: CompiledModel, result: TaskResult, size: int, path: Path
+    operation: CaseAnalysis, model: CompiledModel, result: TaskResult, size: int, path: Path
 ) -> float:
     """Return the least wall time [s] to write the results of a task of this size to a new store.
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Output
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis, Option, Output
 from tensegrity_codegen.analyses.cases.unchanged_loop import SweptPlant, UnchangedLoop
 from tensegrity_codegen.control.embedded.parts import (
     SIMULATED_LOOP_NAME,
@@ -80,7 +80,7 @@ DEFAULT_RESULTS = ("end_error", "peak_error", "least_tension", "end_tension", "w
 
 
 @dataclass(frozen=True)
-class SweptControl(AnalysisRecord):
+class SweptControl(CaseAnalysis):
     """Closed loops under one controller: that of the unchanged scene, while cases change what it controls.
 
     keep: names of RESULTS; by default DEFAULT_RESULTS.

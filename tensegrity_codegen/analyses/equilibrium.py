@@ -8,7 +8,7 @@ from tensegrity_codegen.analyses.cases.record import (
     COORDINATE,
     LIMIT_USE,
     LIMIT_USE_RESULT,
-    AnalysisRecord,
+    CaseAnalysis,
     Option,
     Output,
     Result,
@@ -77,7 +77,7 @@ SEARCH_QUANTITIES = (POSITION, "member_tension", "member_length")
 
 
 @dataclass(frozen=True)
-class FindEquilibrium(AnalysisRecord):
+class FindEquilibrium(CaseAnalysis):
     """Find the stable equilibrium of a scene, and report how far the nodes moved.
 
     On the ground weights and loads grow from zero, and friction holds feet from where they first touch.
@@ -145,7 +145,7 @@ class FindEquilibrium(AnalysisRecord):
         self, model: "CompiledModel", case_arguments: "CaseArguments", outcomes: "Outcomes", threads: int
     ) -> "Mapping[str, NDArray[Any]]":
         """Find the equilibria; a case without one has the status that `find_equilibrium` gives it."""
-        from tensegrity_codegen.analyses.cases.at_point import find_case_equilibria
+        from tensegrity_codegen.analyses.cases.case_equilibria import find_case_equilibria
         from tensegrity_codegen.analyses.cases.quantities import compute_limit_use
 
         count = case_arguments.count

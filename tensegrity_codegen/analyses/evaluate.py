@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Output
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis, Output
 from tensegrity_codegen.system.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Evaluate(AnalysisRecord):
+class Evaluate(CaseAnalysis):
     """Quantities and expressions at the state of each case; by default all that the scene requests."""
 
     name: ClassVar[str] = "evaluate"

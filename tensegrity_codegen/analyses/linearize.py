@@ -1,19 +1,23 @@
-"""The operation `linearize`: the linear model of every case, its frequencies and damping ratios."""
+"""The analysis `linearize`: the linear model of a scene or of many cases, its frequencies and damping."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from tensegrity_codegen.analyses.cases.at_point import AtPoint, Point, Result
-from tensegrity_codegen.analyses.cases.record import Output
-from tensegrity_codegen.runtime.linear.linearize import LinearModel
-from tensegrity_codegen.runtime.linear.linearize import linearize as linearize_one
-from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.analyses.cases.at_point import AtPoint, Point, ResultColumn
+from tensegrity_codegen.analyses.cases.record import COORDINATE, Output, Result, ResultFile
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tensegrity_codegen.analyses.cases.scene_case import SceneCase
+    from tensegrity_codegen.runtime.linear.linearize import LinearModel
+    from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.tables.manifest import Manifest
 
 DEFAULT_RESULTS = ("natural_frequency", "damping_ratio", "A", "B")
 # Results of each linear model: axes, type, unit, sentence.
-RESULTS: Mapping[str, Result] = {
+RESULTS: Mapping[str, ResultColumn] = {
     "natural_frequency": (("mode",), "float64", "Hz", "Undamped natural frequencies."),
     "damping_ratio": (("mode",), "float64", "1", "Damping ratios of these modes."),
     "A": (("state", "state_column"), "float64", "", "Jacobian dx'/dx."),
@@ -28,37 +32,121 @@ RESULTS: Mapping[str, Result] = {
 
 @dataclass(frozen=True)
 class Linearize(AtPoint):
-    """Linear models x' = A (x - x0) + B (u - u0) + r of every case.
+    """Linearize the equations of motion: x' = A (x - x0) + B (u - u0) + r, exact sparse derivatives.
 
-    keep: names of RESULTS; by default DEFAULT_RESULTS; about: see `AtPoint`.
+    r is the state derivative at (x0, u0): zero at an equilibrium, up to its tolerance. The file has x0, u0
+    and r as `state`, `input` and `residual_rate`; its `c` belongs to the same model as x' = A x + B u + c.
+    In .npz files matrices are rows, columns and values, in .mat files sparse; .csv files have the columns
+    matrix, row, column, value, with names of states and inputs.
+
+    Example: tensegrity-codegen linearize prism.toml --settle --json
     """
 
     name: ClassVar[str] = "linearize"
     success_phrase: ClassVar[str] = "were linearized"
+    verb_order: ClassVar[int | None] = 220
+    takes: ClassVar[tuple[str, ...]] = ("input",)
+    files: ClassVar[tuple[ResultFile, ...]] = (
+        ResultFile("out", (".npz", ".mat", ".csv"), "Write A, B, vectors and names (.npz, .mat or .csv)."),
+    )
     analysis: ClassVar[str] = "linearize"
-    results: ClassVar[Mapping[str, Result]] = RESULTS
+    results: ClassVar[Mapping[str, ResultColumn]] = RESULTS
     default_results: ClassVar[tuple[str, ...]] = DEFAULT_RESULTS
 
-    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
+    def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
         """Return one array for each thing that is kept; without inputs B only where it is named."""
-        found = super().outputs(manifest)
-        return tuple(item for item in found if manifest.input_name or item.name != "B" or "B" in self.keep)
+        outputs = super().outputs(manifest)
+        return tuple(item for item in outputs if manifest.input_name or item.name != "B" or "B" in self.keep)
 
     def compute_case(
         self,
-        model: CompiledModel,
+        model: "CompiledModel",
         point: Point,
         arguments: Mapping[str, Any],
         names: Collection[str],
     ) -> Mapping[str, Any]:
         """Return what is kept of the linear model of one case."""
+        from tensegrity_codegen.runtime.linear.linearize import linearize
+
         coordinate, velocity = point
         settled, start = (coordinate, None) if self.about == "equilibrium" else (None, coordinate)
-        linear = linearize_one(model, settled, coordinate=start, velocity=velocity, arguments=arguments)
+        linear = linearize(model, settled, coordinate=start, velocity=velocity, arguments=arguments)
         return {name: _read(linear, name) for name in names}
 
+    def solve(self, case: "SceneCase") -> "LinearResult":
+        """Return the linear model of a scene about its own state or the equilibrium."""
+        from tensegrity_codegen.pipeline.analyses import find_needs
+        from tensegrity_codegen.pipeline.settle import (
+            has_statics,
+            is_corrected,
+            settle_structure,
+            with_statics,
+        )
+        from tensegrity_codegen.runtime.linear.linearize import linearize
+        from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance, find_equilibrium
+        from tensegrity_codegen.structure.structure import Structure
+        from tensegrity_codegen.system.progress import work_pass
 
-def _read(linear: LinearModel, name: str) -> Any:
+        structure, request = case.subject, case.request
+        if isinstance(structure, Structure) and is_corrected(request):
+            request = with_statics(structure, request)  # springs are exact, and cost nothing here if stiff
+        searches = self.settles
+        if self.settles and isinstance(structure, Structure) and not has_statics(request):
+            # The equilibrium is found in node positions, the linear model in the coordinates of the scene.
+            structure = settle_structure(
+                structure, request, compiler=case.compiler, warn=case.warn, arguments=case.inputs
+            )
+            structure, searches = structure.with_changes(node_velocity=0 * structure.node_velocity), False
+        needs = find_needs("linearize", structure, request).alone(request)
+        if searches:
+            needs = find_needs("equilibrium", structure, request).besides(needs)
+        model = case.build(structure, needs)
+        about: Any = model.nominal(COORDINATE) if self.settles else None
+        if searches:
+            # What is left of the forces turns neutral motions into slow ones.
+            about = find_equilibrium(model, arguments=case.inputs, tolerance=choose_tolerance(structure))
+            case.warn(*about.warnings)
+        with work_pass("linearizing"):
+            return LinearResult(linearize(model, about, arguments=case.inputs))
+
+
+@dataclass(frozen=True, eq=False)
+class LinearResult(Result):
+    """The linear model of a scene."""
+
+    linear: "LinearModel"
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about what may be unexpected."""
+        return tuple(self.linear.warnings)
+
+    def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
+        """Write matrices, vectors and names."""
+        self.linear.write(path, overwrite=overwrite)
+        return True
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return frequencies, eigenvalues and sizes."""
+        return {"status": "ok", **self.linear.as_evidence()}
+
+    def describe(self) -> list[Any]:
+        """Return what the linear model says: modes, spectrum, what is left of the forces."""
+        from tensegrity_codegen.report.result_tables import modes_table, say_finding, say_spectrum
+
+        linear, facts = self.linear, self.linear.as_evidence()
+        return [
+            say_finding(linear.natural_frequency, linear.spectrum),
+            f"{facts['n_states']} states, {facts['n_inputs']} inputs; A has {linear.A.nnz} non-zeros, "
+            f"B {linear.B.nnz}",
+            modes_table(linear.natural_frequency, linear.damping_ratio),
+            *say_spectrum(linear.spectrum),
+            "x' = A (x - x0) + B (u - u0) + r; largest entry of r, the state derivative at x0: "
+            f"{facts['largest_residual_rate']:.3g}",
+        ]
+
+
+def _read(linear: "LinearModel", name: str) -> Any:
     """Return one result of a linear model."""
     if name in ("A", "B"):
         return getattr(linear, name).toarray()

@@ -18,7 +18,7 @@ from tensegrity_codegen.analyses.cases.quantities import (
 from tensegrity_codegen.analyses.cases.record import (
     LIMIT_USE,
     LIMIT_USE_RESULT,
-    AnalysisRecord,
+    CaseAnalysis,
     Option,
     Output,
 )
@@ -71,7 +71,7 @@ WORDS = {
 
 
 @dataclass(frozen=True)
-class Simulate(AnalysisRecord):
+class Simulate(CaseAnalysis):
     """Motions from time 0 on.
 
     keep: expressions with a reduction over time (sweep/tasks/keep_text.py), names of RESULTS; by default

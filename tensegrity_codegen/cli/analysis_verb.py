@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import Annotated, Any
+from typing import Annotated, Any, get_origin
 
 import typer
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, ResultFile
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Result, ResultFile
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import (
     CompilerOption,
@@ -20,7 +20,7 @@ from tensegrity_codegen.cli.options import (
     parse_loads,
 )
 from tensegrity_codegen.cli.output import Output, check_result
-from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.cli.verb import Verb, quote_command
 
 PACKAGE = "tensegrity_codegen.analyses"
 LoadOption = Annotated[
@@ -91,6 +91,8 @@ def _declare(item: Option) -> tuple[Any, Any]:
     option = typer.Option(f"--{item.argument.replace('_', '-')}", help=help)
     if item.flag:
         return Annotated[bool, option], False
+    if get_origin(item.type) is tuple:
+        return Annotated[list[str] | None, option], None
     return Annotated[item.type, option], item.default
 
 
@@ -105,6 +107,7 @@ def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
             inputs = [] if file.may_be_scene and overwrite else [scene]
             check_result(path, *file.endings, inputs=inputs, overwrite=overwrite, draws=file.draws)
         analysis = _build_record(record, given)
+        analysis.check_files({file.name: path for file, path in paths.items()})
         result = analysis.solve(_read_case(record, analysis, scene, given, output))
         output.warn(*result.warnings)
         written = _write_files(result, paths, overwrite)
@@ -116,13 +119,15 @@ def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
 
 def _build_record(record: type[AnalysisRecord], given: Mapping[str, Any]) -> AnalysisRecord:
     """Return the record with the values of its options."""
-    values = {item.name: (item, given[item.name]) for item in record.list_options() if item.in_verb}
-    return record(
-        **{
-            name: value if not item.flag else item.flag[1] if value else item.default
-            for name, (item, value) in values.items()
-        }
-    )
+    values: dict[str, Any] = {}
+    for item in record.list_options():
+        if not item.in_verb:
+            continue
+        value = given[item.name]
+        if item.flag:
+            value = item.flag[1] if value else item.default
+        values[item.name] = tuple(value or ()) if get_origin(item.type) is tuple else value
+    return record(**values)
 
 
 def _read_case(
@@ -138,16 +143,17 @@ def _read_case(
     subject, request = output.load(scene, settles=analysis.settles)
     load = parse_loads(given["load"] or [], subject) if "load" in record.takes else None
     inputs = read_inputs(given["input"], subject, output) if "input" in record.takes else {}
-    return SceneCase(subject, request, inputs, load, given["compiler"], output.warn)
+    return SceneCase(subject, request, inputs, load, given["compiler"], output.warn, quote_command())
 
 
 def _write_files(
-    result: Any, paths: Mapping[ResultFile, Path | None], overwrite: bool
+    result: Result, paths: Mapping[ResultFile, Path | None], overwrite: bool
 ) -> dict[str, str | None]:
-    """Write what is asked for; return the path of each file by its option, None where there is none."""
-    return {
-        file.name: str(path)
-        if path is not None and result.write(file.name, path, overwrite=overwrite)
-        else None
-        for file, path in paths.items()
-    }
+    """Write what is asked for; return the path of each file by its key, None where there is none."""
+    written: dict[str, str | None] = {}
+    for file, path in paths.items():
+        is_written = path is not None and result.write(file.name, path, overwrite=overwrite)
+        key = file.name if file.key is None else file.key
+        if key:
+            written[key] = str(path) if is_written else None
+    return written

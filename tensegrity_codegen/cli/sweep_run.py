@@ -16,7 +16,7 @@ from tensegrity_codegen.cli.sweep_options import (
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+    from tensegrity_codegen.analyses.cases.record import CaseAnalysis
     from tensegrity_codegen.sweeps.cases.cases import Cases
     from tensegrity_codegen.sweeps.engines.cluster import Cluster
     from tensegrity_codegen.sweeps.run import SweepOutcome, SweepProgress
@@ -145,7 +145,7 @@ class SweepCall:
         """The file of --format: the folder's name with another ending, beside it."""
         return (self.results.out or Path("sweep.zarr")).with_suffix(f".{self.results.format}")
 
-    def _prepare(self, cases: "Cases", operation: "AnalysisRecord") -> "PreparedSweep":
+    def _prepare(self, cases: "Cases", operation: "CaseAnalysis") -> "PreparedSweep":
         from tensegrity_codegen.sweeps.sweep import prepare_sweep
 
         return prepare_sweep(

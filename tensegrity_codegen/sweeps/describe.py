@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.analyses.cases.quantities import GUST, GUST_TIME
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.schema.schema import Scene
@@ -32,7 +32,7 @@ OF_SHAPES = {"nodes": "node_", "members": ""}
 OF_GUSTS = {GUST: ("force of a gust on the node", "N"), GUST_TIME: ("when gusts push", "s")}
 
 
-def identify_sweep(scene: SceneSource, cases: Cases, operation: AnalysisRecord) -> dict[str, Any]:
+def identify_sweep(scene: SceneSource, cases: Cases, operation: CaseAnalysis) -> dict[str, Any]:
     """Return what the results of a sweep follow from, JSON-ready: the same on every machine.
 
     Two sweeps of equal identity have equal results; the keys of an identity say what differs in others.
@@ -48,7 +48,7 @@ def identify_sweep(scene: SceneSource, cases: Cases, operation: AnalysisRecord) 
     }
 
 
-def describe_facts(scene: SceneSource, plan: SweepPlan, operation: AnalysisRecord) -> dict[str, Any]:
+def describe_facts(scene: SceneSource, plan: SweepPlan, operation: CaseAnalysis) -> dict[str, Any]:
     """Return what else is kept with the results: attributes of the data set, JSON-ready."""
     structure, (document, _) = plan.groups[0].structure, read_scene_document(scene)
     return {

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.analyses.cases.quantities import OF_LOOPS
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Output
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis, Output
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.apply.group_cases import find_groups
@@ -112,7 +112,7 @@ class PlannedSweep:
 def plan_sweep(
     scene: str | Path | Mapping[str, Any] | Scene,
     cases: Cases,
-    operation: AnalysisRecord,
+    operation: CaseAnalysis,
     *,
     task_size: int | None = None,
     workers: int = 1,
@@ -181,7 +181,7 @@ def format_bytes(size: int) -> str:
     return f"{size / 1000**step:.3g} {('B', 'kB', 'MB', 'GB', 'TB')[step]}"
 
 
-def _measure(cases: Cases, group: CaseGroup, libraries: Libraries, operation: AnalysisRecord) -> float:
+def _measure(cases: Cases, group: CaseGroup, libraries: Libraries, operation: CaseAnalysis) -> float:
     """Return the mean time of a case of the first group on one core [s], its arguments included.
 
     Of this process: what else a machine does makes no task smaller.
@@ -221,7 +221,7 @@ def _assembly_seconds(cases: Cases, group: CaseGroup) -> float:
 
 
 def _find_outputs(
-    operation: AnalysisRecord, groups: tuple[CaseGroup, ...], libraries: Libraries
+    operation: CaseAnalysis, groups: tuple[CaseGroup, ...], libraries: Libraries
 ) -> tuple[tuple[Output, ...], bool]:
     """Return the outputs of all cases, and whether libraries with other nodes or members share them."""
     first = groups[0].structure
@@ -251,7 +251,7 @@ def _note_sample(cases: Cases) -> Iterator[str]:
         yield f"a Sobol' sequence is balanced for n = 2, 4, 8, ...: choose {power} or {2 * power}, not {n}"
 
 
-def _note_accuracy(operation: AnalysisRecord) -> Iterator[str]:
+def _note_accuracy(operation: CaseAnalysis) -> Iterator[str]:
     if operation.describe().get("control", "samples") is None:
         yield (
             "tolerances bound the error of each step, as for batches; "

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis
 from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.cases.build_cases import Stated, build_cases
@@ -73,7 +73,7 @@ class PreparedSweep:
 def prepare_sweep(
     scene: SceneSource,
     cases: Cases,
-    operation: AnalysisRecord,
+    operation: CaseAnalysis,
     *,
     out: str | Path | None = None,
     workers: int | Cluster | None = None,

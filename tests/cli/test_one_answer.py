@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import analyse, compile_scene, find_equilibrium, linearize, simulate
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis
 from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.analyses.equilibrium import RESULTS
 from tensegrity_codegen.pipeline.build_library import build_library
@@ -174,7 +174,7 @@ def to_json(value: Any) -> Any:
     return json.loads(text, parse_constant=lambda _: None)
 
 
-def compute_row(scene: Document, operation: AnalysisRecord) -> tuple[str, dict[str, Any]]:
+def compute_row(scene: Document, operation: CaseAnalysis) -> tuple[str, dict[str, Any]]:
     """Return status and results of the only case of a sweep."""
     structure, request = load_scene(scene)
     request = choose_request(structure, request, operation.analyses)

@@ -140,6 +140,7 @@ class ResultFile:
 
     name: of the option; endings: allowed, such as ``".toml"``.
     draws: whether pictures are drawn in it; may_be_scene: whether it may replace the scene.
+    key: of its path in the JSON; None: its name; empty: the result names it elsewhere.
     """
 
     name: str
@@ -147,15 +148,16 @@ class ResultFile:
     help: str
     draws: bool = False
     may_be_scene: bool = False
+    key: str | None = None
 
 
 class Result(ABC):
     """The answer for one case: a record with everything that is known of it."""
 
     @property
-    @abstractmethod
     def warnings(self) -> tuple[str, ...]:
         """Sentences about what may be unexpected."""
+        return ()
 
     @property
     def is_good(self) -> bool:
@@ -167,42 +169,73 @@ class Result(ABC):
         """Whether members exceed limits or buckle, which `--strict` refuses."""
         return False
 
+    def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
+        """Write the file of an option, before the answer is printed; return whether it was written."""
+        raise NotImplementedError(name)
+
     @abstractmethod
     def as_dict(self) -> dict[str, Any]:
-        """Return the answer, JSON-ready, the status among it."""
+        """Return the answer, JSON-ready, the status among it; paths of files are added."""
 
     @abstractmethod
     def describe(self) -> list[Any]:
         """Return the answer for a reader: sentences and tables."""
 
-    def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
-        """Write the file of an option, and return whether it was written."""
-        raise NotImplementedError(name)
-
 
 @dataclass(frozen=True)
 class AnalysisRecord(ABC):
-    """An analysis: options, needs of a library, results, for one case and for many.
+    """An analysis: its options, and its answer for one scene.
 
     One module of `analyses/` defines each as its `ANALYSIS`. Its fields with an `Option` in their annotations
     are its options by every door: Python, the verb, the sweep. The docstring of a record with a verb is the
-    help of the verb. The same object serves all cases of a sweep, and processes hand it on by pickling.
+    help of the verb.
+    """
+
+    name: ClassVar[str]  # of the verb, and as in `--do NAME`
+    has_verb: ClassVar[bool] = True  # whether the command line has a verb of this name, for one case
+    # Of records whose verb is made from them: its place in `--help`, what it takes besides the options, what
+    # it writes.
+    verb_order: ClassVar[int | None] = None
+    takes: ClassVar[tuple[str, ...]] = ()  # of "load", "input", "strict"
+    files: ClassVar[tuple[ResultFile, ...]] = ()
+
+    @property
+    def settles(self) -> bool:
+        """Whether the equilibrium is looked for first."""
+        return True
+
+    def check_files(self, paths: "Mapping[str, Path | None]") -> None:
+        """Raise InvalidValueError where options and files do not belong together."""
+        return
+
+    def solve(self, case: "SceneCase") -> Result:
+        """Return the answer for one scene; raises what its steps raise."""
+        raise NotImplementedError(self.name)
+
+    @classmethod
+    def list_options(cls) -> tuple[Option, ...]:
+        """Return its options in their order."""
+        hints = get_type_hints(cls, include_extras=True)
+        options = []
+        for item in fields(cls):
+            stated = [part for part in get_args(hints[item.name]) if isinstance(part, Option)]
+            if stated:
+                type_ = get_args(hints[item.name])[0]
+                options.append(replace(stated[0], name=item.name, type=type_, default=item.default))
+        return tuple(options)
+
+
+@dataclass(frozen=True)
+class CaseAnalysis(AnalysisRecord):
+    """An analysis that serves many cases too: one object serves all, and processes hand it on by pickling.
 
     keep: what is kept of each case of a sweep; empty for the usual results.
     """
 
     keep: tuple[str, ...] = ()
 
-    name: ClassVar[str]  # as in `--do NAME`, and of the verb
     success_phrase: ClassVar[str] = "are ok"  # what is said of good cases, as in "12 of 12 cases converged"
-    has_verb: ClassVar[bool] = True  # whether the command line has a verb of this name, for one case
     needs_scene: ClassVar[bool] = False  # whether a case needs the unchanged scene too, see `prepared`
-    # Of records whose verb is made from them: its place in `--help`, what it takes besides the options, what
-    # it writes.
-    verb_order: ClassVar[int | None] = None
-    takes: ClassVar[tuple[str, ...]] = ()  # of "load", "input", "strict"
-    files: ClassVar[tuple[ResultFile, ...]] = ()
-    settles: ClassVar[bool] = True  # whether the verb looks for the equilibrium first
 
     @property
     def analyses(self) -> tuple[str, ...]:
@@ -214,7 +247,7 @@ class AnalysisRecord(ABC):
         """What the verb says of one case and the sweep does not compute, and what to keep for it; or ""."""
         return ""
 
-    def prepared(self, scene: "str | Path | Mapping[str, Any] | Scene") -> "AnalysisRecord":
+    def prepared(self, scene: "str | Path | Mapping[str, Any] | Scene") -> "CaseAnalysis":
         """Return the operation with what it makes of the unchanged scene once, before all cases."""
         return self
 
@@ -257,10 +290,6 @@ class AnalysisRecord(ABC):
         arrays = self.compute(model, case_arguments, outcomes, threads)
         return build_result(arrays, outcomes.codes, outcomes.messages)
 
-    def solve(self, case: "SceneCase") -> Result:
-        """Return the answer for one scene; raises what its steps raise."""
-        raise NotImplementedError(self.name)
-
     def describe(self) -> dict[str, Any]:
         """Return name and options, JSON-ready; two operations with the same description do the same."""
         return {"do": self.name, "keep": list(self.keep), **self.options}
@@ -269,18 +298,6 @@ class AnalysisRecord(ABC):
     def options(self) -> dict[str, Any]:
         """Values of its options in sweeps by name."""
         return {item.name: getattr(self, item.name) for item in self.list_options() if item.in_sweep}
-
-    @classmethod
-    def list_options(cls) -> tuple[Option, ...]:
-        """Return its options in their order."""
-        hints = get_type_hints(cls, include_extras=True)
-        options = []
-        for item in fields(cls):
-            stated = [part for part in get_args(hints[item.name]) if isinstance(part, Option)]
-            if stated:
-                type_ = get_args(hints[item.name])[0]
-                options.append(replace(stated[0], name=item.name, type=type_, default=item.default))
-        return tuple(options)
 
     @classmethod
     def list_sweep_options(cls) -> tuple[Option, ...]:

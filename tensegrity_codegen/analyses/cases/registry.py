@@ -1,4 +1,4 @@
-"""Analyses by their names, as `sweep --do` has them: one module of `analyses/` each, with its `ANALYSIS`."""
+"""Analyses of many cases by their names, as `sweep --do` has them: a module of `analyses/` each."""
 
 import pkgutil
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,21 +8,22 @@ from types import MappingProxyType
 from typing import Any
 
 from tensegrity_codegen import analyses
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, check_choice, suggest
 
 
-def _import_analyses() -> Mapping[str, type[AnalysisRecord]]:
-    """Return the records of all modules of `analyses/`."""
+def _import_analyses() -> Mapping[str, type[CaseAnalysis]]:
+    """Return the records of the modules of `analyses/` that serve many cases."""
     modules = [item.name for item in pkgutil.iter_modules(analyses.__path__) if not item.ispkg]
-    records = [import_module(f"{analyses.__name__}.{module}").ANALYSIS for module in sorted(modules)]
+    imported = [import_module(f"{analyses.__name__}.{module}").ANALYSIS for module in sorted(modules)]
+    records = [record for record in imported if issubclass(record, CaseAnalysis)]
     return MappingProxyType({record.name: record for record in records})
 
 
 ANALYSES = _import_analyses()
 
 
-def build_analysis(do: str, keep: str | Sequence[str] = (), **options: Any) -> AnalysisRecord:
+def build_analysis(do: str, keep: str | Sequence[str] = (), **options: Any) -> CaseAnalysis:
     """Return an operation.
 
     do: one of ANALYSES; keep: what is kept of each case; empty for the usual results of the operation;

@@ -24,6 +24,7 @@ class SceneCase:
     inputs: values of inputs by name, where they differ from the scene.
     load (n_nodes, 3) [N]: added to the loads of the scene.
     warn: called with sentences about what may be unexpected.
+    command: the command that asks, for pages that name it.
     """
 
     subject: "Subject"
@@ -32,6 +33,7 @@ class SceneCase:
     load: NDArray[np.float64] | None = None
     compiler: str | None = None
     warn: Callable[..., None] = lambda *texts: None
+    command: str = ""
 
     def build(self, subject: "Subject", request: "ModelRequest") -> "CompiledModel":
         """Return the library for a few evaluations; raises as `build_library`."""

@@ -19,7 +19,7 @@ from tensegrity_codegen.cli.sweep_options import (
 from tensegrity_codegen.cli.verb import OptionGroup, Verb, VerbWithSubCommands, quote_command
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+    from tensegrity_codegen.analyses.cases.record import CaseAnalysis
     from tensegrity_codegen.sweeps.summary.results import SweepResults
 
 
@@ -55,7 +55,7 @@ def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
     return (shlex.join(write), shlex.join(words))
 
 
-def _list_options(kind: "type[AnalysisRecord] | None", options: Mapping[str, Any]) -> list[str]:
+def _list_options(kind: "type[CaseAnalysis] | None", options: Mapping[str, Any]) -> list[str]:
     """Return the options of the operation as words of its verb."""
     words = []
     for item in () if kind is None else kind.list_sweep_options():

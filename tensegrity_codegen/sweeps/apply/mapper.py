@@ -57,7 +57,7 @@ class CaseGroup:
     hash: hash of the structure without what varies, and of the request: equal groups, equal libraries.
     structure: the structure of the first good case of the group, from which the library is built.
     request: the request of the scene, with the run-time parameters that the keys need; without what
-        operations need, which `AnalysisRecord.needs` adds.
+        operations need, which `CaseAnalysis.needs` adds.
     rows: numbers of its cases, ascending.
     mapper: from values to arguments.
     """

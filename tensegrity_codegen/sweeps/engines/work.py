@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Output, TaskResult
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis, Output, TaskResult
 from tensegrity_codegen.analyses.cases.statuses import encode_status
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -32,12 +32,12 @@ class SweepWork:
     """
 
     plan: SweepPlan
-    operation: AnalysisRecord
+    operation: CaseAnalysis
     outputs: tuple[Output, ...]
     is_joint: bool = False
 
 
-def library_request(group: CaseGroup, operation: AnalysisRecord) -> ModelRequest:
+def library_request(group: CaseGroup, operation: CaseAnalysis) -> ModelRequest:
     """Return the request for the library of a group: what the operation needs and no more.
 
     Where anchors move, a quantity is added that depends on each of them, so that the library has their
@@ -103,7 +103,7 @@ class Libraries:
     operation: what the libraries are for; models: those that are loaded; a forked process has them too.
     """
 
-    operation: AnalysisRecord
+    operation: CaseAnalysis
     models: dict[int, CompiledModel] = field(default_factory=dict)
 
     def load(self, group: CaseGroup) -> CompiledModel:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis
 from tensegrity_codegen.analyses.cases.registry import ANALYSES
 from tensegrity_codegen.analyses.cases.statuses import GOOD, NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.results import SweepResults
@@ -106,7 +106,7 @@ def describe_count(results: SweepResults) -> str:
     """Return the finding in a few words: "9,987 of 10,000 cases converged, 13 did not"."""
     good, left = int(results.is_good.sum()), int((~results.is_computed).sum())
     failed = results.count - good - left
-    verb = ANALYSES.get(results.operation, AnalysisRecord).success_phrase
+    verb = ANALYSES.get(results.operation, CaseAnalysis).success_phrase
     text = f"{good:,} of {results.count:,} cases {verb}"
     if failed:
         text += f", {failed:,} {'failed' if verb.startswith(('were', 'are')) else 'did not'}"

@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, TaskResult
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis, TaskResult
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 
 
-def compile_for(scene: dict[str, Any], operation: AnalysisRecord) -> CompiledModel:
+def compile_for(scene: dict[str, Any], operation: CaseAnalysis) -> CompiledModel:
     structure, request = load_scene(scene)
     return build_library(structure, operation.needs(structure, request).alone(request)).load()
 
@@ -25,7 +25,7 @@ def vary(model: CompiledModel, count: int, seed: int, scale: float = 1e-3) -> di
     }
 
 
-def check_alike(result: TaskResult, operation: AnalysisRecord, model: CompiledModel, count: int) -> None:
+def check_alike(result: TaskResult, operation: CaseAnalysis, model: CompiledModel, count: int) -> None:
     """Check that arrays are as the operation says."""
     outputs = operation.outputs(model.manifest)
     assert list(result.arrays) == [output.name for output in outputs]

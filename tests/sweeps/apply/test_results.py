@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, TaskResult
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis, TaskResult
 from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -30,7 +30,7 @@ def thorough(name: str) -> Any:
 
 
 def run_both(
-    name: str, over: list[str], operation: AnalysisRecord
+    name: str, over: list[str], operation: CaseAnalysis
 ) -> tuple[Cases, TaskResult, list[TaskResult]]:
     """Return the results of all cases by one library, and of some by a library of their own scene."""
     document: dict[str, Any] = read_document(EXAMPLES / f"{name}.toml")
@@ -45,7 +45,7 @@ def run_both(
     return cases, together, alone
 
 
-def load_alone(assembler: Any, values: np.ndarray, operation: AnalysisRecord) -> CompiledModel:
+def load_alone(assembler: Any, values: np.ndarray, operation: CaseAnalysis) -> CompiledModel:
     case = assembler.assemble(values)
     needs = operation.needs(case.subject, case.request)
     return build_library(case.subject, needs.alone(case.request)).load()

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Output, TaskResult
+from tensegrity_codegen.analyses.cases.record import CaseAnalysis, Output, TaskResult
 from tensegrity_codegen.analyses.cases.statuses import encode_status
 from tensegrity_codegen.pipeline.analyses import Needs
 from tensegrity_codegen.pipeline.compile_scene import load_scene
@@ -27,7 +27,7 @@ SCENE = Path(__file__).resolve().parents[3] / "tensegrity_codegen/scene/examples
 
 
 @dataclass(frozen=True)
-class Square(AnalysisRecord):
+class Square(CaseAnalysis):
     """The square of a number; the value `deadly` ends its process `lives` times, by files in `folder`."""
 
     name: ClassVar[str] = "square"

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.cli.options import PRESTRESS
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
+PRESTRESS = "--prestress"
 LEAST_WORD = "least"
 NO_FORCE = 1e-10  # of the largest force: a member of the self-stress with less has none
 BALANCE_TOLERANCE = 1e-6  # of the largest force: residual up to which the written scene is in balance
