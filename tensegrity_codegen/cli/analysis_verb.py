@@ -88,7 +88,7 @@ def _list_parameters(record: type[AnalysisRecord]) -> Mapping[str, tuple[Any, An
 def _declare(item: Option) -> tuple[Any, Any]:
     """Return annotation and default of an option; a flag stands for one value of its field."""
     help = item.help[0].upper() + item.help[1:]
-    option = typer.Option(f"--{item.argument.replace('_', '-')}", help=help)
+    option = typer.Option(f"--{item.argument.replace('_', '-')}", help=help, min=item.least)
     if item.flag:
         return Annotated[bool, option], False
     if get_origin(item.type) is tuple:
@@ -108,7 +108,7 @@ def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
             check_result(path, *file.endings, inputs=inputs, overwrite=overwrite, draws=file.draws)
         analysis = _build_record(record, given)
         analysis.check_files({file.name: path for file, path in paths.items()})
-        result = analysis.solve(_read_case(record, analysis, scene, given, output))
+        result = analysis.solve(_read_case(analysis, scene, given, output))
         output.warn(*result.warnings)
         written = _write_files(result, paths, overwrite)
         output.result(result.as_dict() | written, *result.describe())
@@ -130,20 +130,23 @@ def _build_record(record: type[AnalysisRecord], given: Mapping[str, Any]) -> Ana
     return record(**values)
 
 
-def _read_case(
-    record: type[AnalysisRecord],
-    analysis: AnalysisRecord,
-    scene: Path,
-    given: Mapping[str, Any],
-    output: Output,
-) -> Any:
+def _read_case(analysis: AnalysisRecord, scene: Path, given: Mapping[str, Any], output: Output) -> Any:
     """Return the scene with the values of --load and --input."""
     from tensegrity_codegen.analyses.cases.scene_case import SceneCase
 
     subject, request = output.load(scene, settles=analysis.settles)
-    load = parse_loads(given["load"] or [], subject) if "load" in record.takes else None
-    inputs = read_inputs(given["input"], subject, output) if "input" in record.takes else {}
-    return SceneCase(subject, request, inputs, load, given["compiler"], output.warn, quote_command())
+    texts = given.get("load") or ()
+    return SceneCase(
+        subject,
+        request,
+        inputs=read_inputs(given.get("input"), subject, output),
+        load=parse_loads(list(texts), subject),
+        load_texts=tuple(texts),
+        compiler=given["compiler"],
+        warn=output.warn,
+        command=quote_command(),
+        whole=output.whole,
+    )
 
 
 def _write_files(

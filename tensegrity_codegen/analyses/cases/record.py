@@ -107,6 +107,7 @@ class Option:
     help: what it is, in the command line, the sweep and the documents.
     flag: of an option without a value: its name in a sweep, and the value of the field that it stands for.
     word: its name on the command line and in sweeps, where it is not that of the field.
+    least: smallest value of a whole number.
     in_verb, in_sweep: whether the verb of the analysis, and the sweep, have it.
     verb_default: what that verb needs stated where this option is not, since its own default is another.
     name, type, default: of the field, which `AnalysisRecord.list_options` fills in.
@@ -115,6 +116,7 @@ class Option:
     help: str
     flag: tuple[str, Any] | None = None
     word: str = ""
+    least: int | None = None
     in_verb: bool = True
     in_sweep: bool = True
     verb_default: Any = None

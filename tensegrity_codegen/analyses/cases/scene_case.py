@@ -22,9 +22,10 @@ class SceneCase:
     """One case of an analysis, from its scene.
 
     inputs: values of inputs by name, where they differ from the scene.
-    load (n_nodes, 3) [N]: added to the loads of the scene.
+    load (n_nodes, 3) [N]: added to the loads of the scene; load_texts: how the command states it.
     warn: called with sentences about what may be unexpected.
     command: the command that asks, for pages that name it.
+    whole: whether tables are printed with all their rows.
     """
 
     subject: "Subject"
@@ -34,6 +35,8 @@ class SceneCase:
     compiler: str | None = None
     warn: Callable[..., None] = lambda *texts: None
     command: str = ""
+    load_texts: tuple[str, ...] = ()
+    whole: bool = False
 
     def build(self, subject: "Subject", request: "ModelRequest") -> "CompiledModel":
         """Return the library for a few evaluations; raises as `build_library`."""

@@ -1,9 +1,9 @@
 """The loads that grow along a load path: added ones, those of the scene, gravity, or all of them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from tensegrity_codegen.cli.options import parse_loads
 from tensegrity_codegen.system.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ class LoadRamp:
     pattern: "dict[str, NDArray[np.float64]]"
     parameters: dict[str, tuple[int, ...]]
 
-    def check_moves(self, path: "ModelPath", words: list[str]) -> None:
+    def check_moves(self, path: "ModelPath", words: Sequence[str]) -> None:
         """Raise InvalidValueError where a growing load acts on what is held only."""
         held = path.find_held() if words else ()
         if held:
@@ -38,16 +38,19 @@ class LoadRamp:
             )
 
 
-def build_ramp(subject: "Subject", kind: RampKind | None, words: list[str]) -> LoadRamp:
-    """Return what grows and what stays; words: the values of --load. Raises InvalidValueError for no load.
+def build_ramp(
+    subject: "Subject", kind: RampKind | None, load: "NDArray[np.float64]", words: Sequence[str]
+) -> LoadRamp:
+    """Return what grows and what stays. Raises InvalidValueError for no load.
 
+    load (n_nodes, 3) [N]: added to the loads of the scene; words: the values of --load that state it.
     kind: "load": the added loads; "loads": these and the scene's own; "gravity": gravity alone, while all
     loads stay; "all": all of them; None: the added loads, without these the scene's own, or its gravity.
     """
     import numpy as np
 
     axes = list(subject.axes)
-    own, added = subject.node_load[:, axes], parse_loads(words, subject)[:, axes]
+    own, added = subject.node_load[:, axes], load[:, axes]
     weight = np.array(subject.gravity, dtype=float)[axes]
     if kind is None:
         kind = "load" if words else "loads" if own.any() else "gravity" if weight.any() else "all"
@@ -61,7 +64,7 @@ def build_ramp(subject: "Subject", kind: RampKind | None, words: list[str]) -> L
     return LoadRamp(base, pattern, parameters)
 
 
-def _no_load(kind: RampKind, words: list[str]) -> InvalidValueError:
+def _no_load(kind: RampKind, words: Sequence[str]) -> InvalidValueError:
     if kind == "gravity":
         return InvalidValueError(
             "the scene has no gravity", where="--ramp", given=kind, allowed="a scene with the key gravity"

@@ -1,32 +1,27 @@
-"""`tensegrity-codegen load-path`: equilibria under a growing load, and what happens on the way."""
+"""The analysis `load-path`: equilibria under a growing load, and what happens on the way."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-import typer
-
-from tensegrity_codegen.cli.inputs import InputOption, read_inputs
-from tensegrity_codegen.cli.load_ramp import RampKind, build_ramp
-from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
-from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.analyses.cases.load_ramp import RampKind, build_ramp
+from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Result, ResultFile
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
-from tensegrity_codegen.system.files import check_output
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
 
+    from tensegrity_codegen.analyses.cases.scene_case import SceneCase
     from tensegrity_codegen.runtime.paths.load_path import LoadPath
     from tensegrity_codegen.runtime.paths.model_path import ModelPath
     from tensegrity_codegen.runtime.paths.path_problem import Watch
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.structure.member_limits import MemberFlaws
-    from tensegrity_codegen.tables.request import ModelRequest
-
 
 # Words of --events and the kinds of events that they stand for.
 EVENTS = {
@@ -40,73 +35,15 @@ EVENTS = {
     "feet": ("lift", "touch", "slip", "stick", "slides", "tips", "lifts_off"),
 }
 ALL_EVENTS = ",".join(EVENTS)
-FORMATS = (".csv", ".json")
 DIGITS_ON_GROUND = 6  # of load factors, which are located to 1e-7 of the largest there
-
-MostOption = Annotated[float, typer.Option("--most", help="Load factor to reach.")]
-LoadOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--load",
-        help="Load NODE=fx,fy,fz [N] at load factor 1 (planar scene: two numbers); may be repeated.",
-        show_default=False,
-    ),
-]
-RampOption = Annotated[
-    RampKind | None,
-    typer.Option(
-        "--ramp",
-        help="What increases: load (--load only), loads (and the scene's own), gravity, all. Default: load, "
-        "without --load the scene's loads, or its gravity where it has none.",
-    ),
-]
-FloorOption = Annotated[
-    float | None,
-    typer.Option(
-        "--floor",
-        help="Load factor at which a path that turned back ends; 0: at its start; default -10 x --most.",
-        show_default=False,
-    ),
-]
-EventsOption = Annotated[
-    str, typer.Option("--events", help=f"What to report, separated by commas: {', '.join(EVENTS)}.")
-]
-PastContactOption = Annotated[
-    bool,
-    typer.Option("--past-contact", help="Continue after contact; bars then pass through each other."),
-]
-StepOption = Annotated[float, typer.Option("--step", help="Largest step; a straight path is about 1.4 long.")]
-OutOption = Annotated[
-    Path | None, typer.Option("--out", "-o", help="Write the path as a table (.csv or .json).")
-]
 
 
 @dataclass(frozen=True)
-class LoadOptions:
-    """Loads and inputs of a path, and which of them increase."""
-
-    load: LoadOption = None
-    input: InputOption = None
-    ramp: RampOption = None
-
-
-def load_path(
-    scene: SceneArgument,
-    most: MostOption = 1.0,
-    *,
-    loading: LoadOptions,
-    floor: FloorOption = None,
-    events: EventsOption = ALL_EVENTS,
-    past_contact: PastContactOption = False,
-    step: StepOption = 0.1,
-    out: OutOption = None,
-    overwrite: OverwriteOption = False,
-    compiler: CompilerOption = None,
-    printing: PrintOptions,
-) -> None:
+class FollowLoadPath(AnalysisRecord):
     """Follow the equilibrium under increasing loads, through limit points, and locate events.
 
-    A path that turns back continues through zero load to the far branch.
+    Loads of --load act at load factor 1. A path that turns back continues through zero load to the far
+    branch.
 
     Events: cables that go slack or taut, switches of member laws, the first contact of bars (which ends the
     path), limit points (where the load factor turns back), bifurcations, members that buckle or exceed a
@@ -116,42 +53,125 @@ def load_path(
 
     Example: tensegrity-codegen load-path prism.toml --load t1=0,0,-1 --most 20 --json
     """
-    output = Output(printing.json, printing.all)
-    with output.guard(scene):
-        kinds = _parse_events(events)
-        _check_options(most, floor, step, out, scene, overwrite)
-        from tensegrity_codegen.report.result_tables import events_table, tabulate_path, write_path
 
-        subject, request = output.load(scene, settles=True)
-        _check_ground(subject, floor, past_contact)
-        values = read_inputs(loading.input, subject, output)
-        model = _build(subject, request, loading.ramp, loading.load or [], compiler, values)
-        watches = _find_watches(model, subject, past_contact)
-        with output.progress("load path") as show:
-            path = _follow(
-                model, watches, most, -10 * most if floor is None else floor, step, show, output.warn
-            )
-        shown = tuple(event for event in path.events if event.kind in kinds)
-        columns = tabulate_path(path, model)
-        if out is not None and len(path.load_factor):
-            write_path(columns, path, out, overwrite=overwrite)
-        data = path.as_evidence() | {
-            "events": [event.as_dict() for event in shown],
+    name: ClassVar[str] = "load-path"
+    verb_order: ClassVar[int | None] = 130
+    takes: ClassVar[tuple[str, ...]] = ("load", "input")
+    files: ClassVar[tuple[ResultFile, ...]] = (
+        ResultFile("out", (".csv", ".json"), "Write the path as a table (.csv or .json)."),
+    )
+
+    most: Annotated[float, Option("load factor to reach.")] = 1.0
+    ramp: Annotated[
+        RampKind | None,
+        Option(
+            "what increases: load (--load only), loads (and the scene's own), gravity, all. Default: load, "
+            "without --load the scene's loads, or its gravity where it has none."
+        ),
+    ] = None
+    floor: Annotated[
+        float | None,
+        Option("load factor at which a path that turned back ends; 0: at its start; default -10 x --most."),
+    ] = None
+    events: Annotated[str, Option(f"what to report, separated by commas: {', '.join(EVENTS)}.")] = ALL_EVENTS
+    past_contact: Annotated[bool, Option("continue after contact; bars then pass through each other.")] = (
+        False
+    )
+    step: Annotated[float, Option("largest step; a straight path is about 1.4 long.")] = 0.1
+
+    def check_files(self, paths: "Mapping[str, Path | None]") -> None:
+        """Raise the error of an event, a step or a load factor that cannot be, before the work begins."""
+        _parse_events(self.events)
+        _check_options(self.most, self.floor, self.step)
+
+    def solve(self, case: "SceneCase") -> "LoadPathResult":
+        """Return the path of a scene from its equilibrium without the growing load."""
+        from tensegrity_codegen.system.progress import work_pass
+
+        _check_ground(case.subject, self.floor, self.past_contact)
+        model = self._build(case)
+        watches = _find_watches(model, case.subject, self.past_contact)
+        floor = -10 * self.most if self.floor is None else self.floor
+        with work_pass("load path") as show:
+            path = _follow(model, watches, self.most, floor, self.step, show, case.warn)
+        return LoadPathResult(case, model, path, _parse_events(self.events))
+
+    def _build(self, case: "SceneCase") -> "ModelPath":
+        """Return the problem of a scene under its loads and inputs, with all that a path needs."""
+        from tensegrity_codegen.pipeline.analyses import find_needs
+        from tensegrity_codegen.pipeline.settle import with_statics
+        from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+        from tensegrity_codegen.runtime.paths.bar_path import build_path
+        from tensegrity_codegen.runtime.paths.member_watch import MEMBER_WATCH_QUANTITIES
+
+        subject, texts = case.subject, case.load_texts
+        ramp = build_ramp(subject, self.ramp, case.added_load, texts)
+        statics = with_statics(subject, case.request)
+        needs = find_needs("load_path", subject, statics).alone(statics)
+        needs = needs.wanting(*needs.quantities, *MEMBER_WATCH_QUANTITIES, parameters=ramp.parameters)
+        model = case.build(subject, needs)
+        path = build_path(model, ramp.pattern, {**ramp.base, **merge_inputs(model.manifest, case.inputs)})
+        ramp.check_moves(path, texts)
+        return path
+
+
+@dataclass(frozen=True, eq=False)
+class LoadPathResult(Result):
+    """A load path, and which kinds of events are reported."""
+
+    case: "SceneCase"
+    model: "ModelPath"
+    path: "LoadPath"
+    kinds: tuple[str, ...]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the load factor or an end of the path was reached."""
+        return self.path.is_followed
+
+    @cached_property
+    def columns(self) -> "dict[str, NDArray[np.float64]]":
+        """The path as a table: load factor, places, lengths, tensions."""
+        from tensegrity_codegen.report.result_tables import tabulate_path
+
+        return tabulate_path(self.path, self.model)
+
+    @property
+    def events(self) -> tuple[Any, ...]:
+        """The events of the kinds that are reported."""
+        return tuple(event for event in self.path.events if event.kind in self.kinds)
+
+    def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
+        """Write the table where the path has points."""
+        from tensegrity_codegen.report.result_tables import write_path
+
+        if len(self.path.load_factor):
+            write_path(self.columns, self.path, path, overwrite=overwrite)
+        return bool(len(self.path.load_factor))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return load factors, stability, events and members against their limits."""
+        path = self.path
+        return path.as_evidence() | {
+            "events": [event.as_dict() for event in self.events],
             "load_factor": path.load_factor,
             "smallest_eigenvalue": path.smallest_eigenvalue,
-            "inputs": values,
-            "out": str(out) if out is not None and len(path.load_factor) else None,
+            "inputs": dict(self.case.inputs),
             "hint": _advise(path),
+            "limits": _find_flaws(self.case.subject, self.columns).as_evidence(),
         }
-        flaws = _find_flaws(subject, columns)
-        data["limits"] = flaws.as_evidence()
-        digits = DIGITS_ON_GROUND if model.model.manifest.contact_name else 10
-        finding = "; but ".join([f"{path.status}: {path.message}", *flaws.describe()])
-        said = [text for text in (finding, data["hint"], _summary(path, digits)) if text]
-        listed = events_table(shown, output.whole, digits) if shown else "no event"
-        output.result(data, *said, listed)
-        if not path.is_followed:
-            raise typer.Exit(3)
+
+    def describe(self) -> list[Any]:
+        """Return how the path ended, its points and its events."""
+        from tensegrity_codegen.report.result_tables import events_table
+
+        path = self.path
+        digits = DIGITS_ON_GROUND if self.model.model.manifest.contact_name else 10
+        flaws = _find_flaws(self.case.subject, self.columns).describe()
+        finding = "; but ".join([f"{path.status}: {path.message}", *flaws])
+        sentences = [text for text in (finding, _advise(path), _summary(path, digits)) if text]
+        events = self.events
+        return [*sentences, events_table(events, self.case.whole, digits) if events else "no event"]
 
 
 def _parse_events(text: str) -> tuple[str, ...]:
@@ -162,10 +182,8 @@ def _parse_events(text: str) -> tuple[str, ...]:
     return tuple(kind for word in words for kind in EVENTS[word])
 
 
-def _check_options(
-    most: float, floor: float | None, step: float, out: Path | None, scene: Path, overwrite: bool
-) -> None:
-    """Raise the error of a load factor, a step or an output that cannot be, before the work begins."""
+def _check_options(most: float, floor: float | None, step: float) -> None:
+    """Raise the error of a load factor or a step that cannot be."""
     if not 1e-4 <= step <= 1:
         raise InvalidValueError(
             "the step is out of range",
@@ -174,12 +192,6 @@ def _check_options(
             allowed="0.0001 to 1",
             hint="0.1 is the default",
         )
-    if out is not None:
-        if out.suffix.lower() not in FORMATS:
-            raise InvalidValueError(
-                "unknown file ending", where="--out", given=out.name, allowed=" or ".join(FORMATS)
-            )
-        check_output(out, inputs=[scene], overwrite=overwrite)
     if not math.isfinite(most) or most == 0:
         raise InvalidValueError(
             "not a valid load factor" if most else "the path has no length",
@@ -205,32 +217,6 @@ def _check_ground(subject: "Subject", floor: float | None, past_contact: bool) -
     for name, is_given in (("--floor", floor is not None), ("--past-contact", past_contact)):
         if is_given:
             require_no_ground(subject, f"{name} of load-path")
-
-
-def _build(
-    subject: "Subject",
-    request: "ModelRequest",
-    kind: RampKind | None,
-    load: list[str],
-    compiler: str | None,
-    inputs: Mapping[str, float],
-) -> "ModelPath":
-    """Return the problem of a scene under these loads and inputs, its library with all that a path needs."""
-    from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
-    from tensegrity_codegen.pipeline.settle import with_statics
-    from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-    from tensegrity_codegen.runtime.paths.bar_path import build_path
-    from tensegrity_codegen.runtime.paths.member_watch import MEMBER_WATCH_QUANTITIES
-
-    ramp = build_ramp(subject, kind, load)
-    request = with_statics(subject, request)
-    wanted = find_needs("load_path", subject, request).alone(request)
-    wanted = wanted.wanting(*wanted.quantities, *MEMBER_WATCH_QUANTITIES, parameters=ramp.parameters)
-    model = build_library(subject, wanted, compiler=compiler, calls=FEW_CALLS).load()
-    path = build_path(model, ramp.pattern, {**ramp.base, **merge_inputs(model.manifest, inputs)})
-    ramp.check_moves(path, load)
-    return path
 
 
 def _find_watches(path: "ModelPath", subject: "Subject", past_contact: bool) -> "list[Watch]":
@@ -329,4 +315,4 @@ def _summary(path: "LoadPath", digits: int) -> str:
     )
 
 
-VERB = Verb(load_path, order=130, name="load-path")
+ANALYSIS = FollowLoadPath
