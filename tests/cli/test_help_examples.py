@@ -11,7 +11,7 @@ from tests.cases import thorough
 from tests.cli.conftest import Run
 from tests.control.feedback.standing_prism import SCENE as STANDING
 
-VERBS = Path(__file__).resolve().parents[2] / "tensegrity_codegen" / "cli" / "verbs"
+PACKAGE = Path(__file__).resolve().parents[2] / "tensegrity_codegen"
 MARK = "Example: tensegrity-codegen "
 TABLES = {
     "nodes.csv": "node,x,y,z,mass,anchored\na,0,0,0,,yes\nb,1,0,0,1,no\n",
@@ -49,9 +49,9 @@ LONG = (
 def list_of_help() -> dict[str, str]:
     """Return the examples by verb and sub-command."""
     found = {}
-    for path in sorted(VERBS.glob("*.py")):
+    for path in sorted([*PACKAGE.glob("cli/verbs/*.py"), *PACKAGE.glob("analyses/*.py")]):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            text = (ast.get_docstring(node) or "") if isinstance(node, ast.FunctionDef) else ""
+            text = (ast.get_docstring(node) or "") if isinstance(node, ast.FunctionDef | ast.ClassDef) else ""
             if MARK in text:
                 words = " ".join(text.partition(MARK)[2].split())
                 verb, sub = [*words.split(), ""][:2]

@@ -182,7 +182,7 @@ def test_a_scene_of_one_cable(run: Run, folder: Path) -> None:
         (("--load", "t1=0,0,0", "--most", "5"), "the load is zero"),
         (("--load", "t1=0,0,1", "--most", "5", "--events", "slack,touch"), "unknown event"),
         (("--load", "t1=0,0,1", "--most", "5", "--step", "0"), "the step is out of range"),
-        (("--load", "t1=0,0,1", "--most", "5", "--out", "path.txt"), "unknown file ending"),
+        (("--load", "t1=0,0,1", "--most", "5", "--out", "path.txt"), "cannot have the ending"),
         (("--load", "t1=0,0,1", "--most", "5", "--out", "none/path.csv"), "no folder"),
         (("--most", "5", "--ramp", "load"), "--load"),
     ],

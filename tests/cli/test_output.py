@@ -11,9 +11,14 @@ import pytest
 import scipy.sparse
 from rich.table import Table
 
-from tensegrity_codegen.cli import settle
+from tensegrity_codegen.analyses.analyse import Analyse, AnalyseResult
+from tensegrity_codegen.analyses.cases.record import Result
+from tensegrity_codegen.analyses.cases.scene_case import SceneCase
+from tensegrity_codegen.analyses.equilibrium import EquilibriumResult
+from tensegrity_codegen.analyses.linearize import LinearResult
+from tensegrity_codegen.analyses.sensitivity import FindSensitivity, SensitivityResult
 from tensegrity_codegen.cli.output import MOST_WARNINGS, Output
-from tensegrity_codegen.cli.verbs import analyse, linearize, plan, sensitivity
+from tensegrity_codegen.cli.verbs import plan
 from tensegrity_codegen.control.pages import control_studies
 from tensegrity_codegen.report.long_table import LongTable
 from tensegrity_codegen.report.result_tables import events_table
@@ -31,6 +36,7 @@ from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_limits import check_members
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.summary.finding import list_tables
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.reference import ReferenceModel
 from tests.runtime.build import make_structure, prism
 
@@ -76,12 +82,17 @@ def settle_net(net: Structure) -> Equilibrium:
     )  # fmt: skip
 
 
+def case_of(net: Structure) -> SceneCase:
+    return SceneCase(net, ModelRequest(()))
+
+
+def print_result(output: Output, result: Result) -> None:
+    """Print an answer as verbs do."""
+    output.result(result.as_dict(), *result.describe())
+
+
 def report_equilibrium(output: Output, net: Structure) -> None:
-    found = settle_net(net)
-    data = found.as_evidence() | {
-        "member_tension": dict(zip(net.member_name, found.member_tension.tolist(), strict=True))
-    }
-    settle._report(output, net, found, data)
+    print_result(output, EquilibriumResult(case_of(net), settle_net(net)))
 
 
 def report_analysis(output: Output, net: Structure) -> None:
@@ -97,7 +108,7 @@ def report_analysis(output: Output, net: Structure) -> None:
         prestress=Prestress(False, tension, 0.0, 90.0), certificate=proof, certificate_displacement=motion,
         members=check_members(replace(net, limits=limits), tension, found.member_length),
     )  # fmt: skip
-    analyse._report(output, net, whole, {"out": None, "page": None}, None, None)
+    print_result(output, AnalyseResult(case_of(net), Analyse(), whole, None))
 
 
 def report_sensitivity(output: Output, net: Structure) -> None:
@@ -108,7 +119,7 @@ def report_sensitivity(output: Output, net: Structure) -> None:
         tension, tension, np.repeat(tension[:, None], 3, axis=1), names, names, names, net.member_name, (),
         np.zeros((rows, 0)), net.member_name[:4322], (), 1.0, 1e-12, 1e-12, 90.0,
     )  # fmt: skip
-    sensitivity._report(output, found, [], [], 5, None)
+    print_result(output, SensitivityResult(FindSensitivity(), found))
 
 
 def report_linear_model(output: Output, net: Structure) -> None:
@@ -120,7 +131,7 @@ def report_linear_model(output: Output, net: Structure) -> None:
     matrix = scipy.sparse.csr_array((n, n))
     kinks = dict.fromkeys(net.member_name, True)
     linear = LinearModel(matrix, matrix, zero, zero, zero, np.zeros(0), names, (), spectrum, None, kinks)
-    linearize._report(output, linear, None)
+    print_result(output, LinearResult(linear))
 
 
 def report_load_path(output: Output, net: Structure) -> None:
