@@ -150,13 +150,23 @@ def make_belt(speed: float, mass: float = 1.0, **ground: Any) -> Structure:
 
 
 def move(
-    structure: Structure, method: str, times: Any, *, rtol: float = 1e-12, atol: float = 1e-14, **more: Any
+    structure: Structure,
+    method: str,
+    times: Any,
+    *,
+    rtol: float = 1e-12,
+    atol: float = 1e-14,
+    integrators: tuple[str, ...] = METHODS,
+    **more: Any,
 ) -> tuple[CompiledModel, Trajectory]:
-    """Return the library and the motion over these times, with errors of steps alone."""
+    """Return the library and the motion over these times, with errors of steps alone.
+
+    integrators: those of the library, one for all tests of a structure.
+    """
     rigid = bool(structure.is_rigid.any())
     names = ("contact_force", "penetration") + (("stick_margin",) if structure.ground.friction else ())
     formulation = "rigid_bar" if rigid else "node_position"
-    model = simulator(structure, method, more=names, formulation=formulation)
+    model = simulator(structure, *integrators, more=names, formulation=formulation)
     stepping = Stepping(atol=atol, control="steps")
     samples = np.array(times, dtype=float)
     end = float(samples[-1])

@@ -21,9 +21,12 @@ from tests.runtime.integrate.test_ground import rotate
 Array = NDArray[np.float64]
 
 
-def build(structure: Structure, method: str) -> CompiledModel:
+METHODS = ("rk54", "rk853")
+
+
+def build(structure: Structure, *methods: str) -> CompiledModel:
     formulation = "rigid_bar" if structure.is_rigid.any() else "node_position"
-    request = ModelRequest(("contact_force",), formulation=formulation, integrators=(method,))
+    request = ModelRequest(("contact_force",), formulation=formulation, integrators=methods)
     needs = find_needs("simulate_batch", structure, request)
     return build_library(structure, needs.besides(request)).load()
 
@@ -44,10 +47,10 @@ def run(model: CompiledModel, method: str, t_end: float, coordinate: Array, **mo
     return found
 
 
-@pytest.mark.parametrize("method", ["rk54", "rk853"])
+@pytest.mark.parametrize("method", METHODS)
 def test_balls_bounce_side_by_side(method: str) -> None:
     """The first from 0.5 m: z(0.9 s) = 0.077226660238; the others rest, fall freely, and go up."""
-    model = build(make_block([0.0, 0.0, 0.5], dissipation=0.311252583112), method)
+    model = build(make_block([0.0, 0.0, 0.5], dissipation=0.311252583112), *METHODS)
     heights = np.array([0.5, -GRAVITY / 1e5, 50.0, 0.5, 0.3, 0.2, 0.1, 0.7, 0.4, 0.9])
     start = np.stack([0 * heights, 0 * heights, heights], axis=1)
     velocity = np.zeros_like(start)
@@ -60,11 +63,11 @@ def test_balls_bounce_side_by_side(method: str) -> None:
     assert found[3] == pytest.approx(0.5 + 9.0 - GRAVITY * 0.9**2 / 2, rel=1e-12)
 
 
-@pytest.mark.parametrize("method", ["rk54", "rk853"])
+@pytest.mark.parametrize("method", METHODS)
 def test_lanes_have_bristles_of_their_own(method: str) -> None:
     """On 30 degrees a block slips 1.3266802926541 m in 2 s; one that starts with its bristle bent, less."""
     slope, down = make_slope(np.radians(30.0))
-    model = build(slope, method)
+    model = build(slope, *METHODS)
     start = np.tile(model.nominal("coordinate"), (3, 1))
     bent = 0.5 * GRAVITY * np.cos(np.radians(30.0)) / 1e5  # mu N / kt: slips at once
     internal = np.array([[0.0, 0.0], [bent, 0.0], [0.0, 0.0]])

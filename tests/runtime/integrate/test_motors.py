@@ -67,7 +67,7 @@ def test_a_motor_without_a_rate_lags_alone() -> None:
 
 def test_commands_may_follow_a_profile_with_a_step() -> None:
     """The command steps from 0 to 0.02 at 0.1 s: the same motion, a tenth of a second later."""
-    model = simulator(make_winch(), "rk853")
+    model = simulator(make_winch(), *METHODS)
     profile = Profile(np.array([0.0, 0.1, 0.1 + 1e-9, 0.6]), {"winch": np.array([0.0, 0.0, 0.02, 0.02])})
     motion = move(model, [0.0, 0.4, 0.6], "rk853", schedule=profile)
     assert motion.internal[:, 0] == pytest.approx([0.0, 0.015, LATE], abs=1e-9)
@@ -119,7 +119,7 @@ def test_at_rest_motors_are_at_their_commands() -> None:
     found = find_equilibrium(model, arguments={"winch": 0.02})
     assert found.coordinate == pytest.approx([1.02], abs=1e-12)
     assert found.internal_argument["internal"] == pytest.approx([0.02])
-    moving = simulator(structure, "rk853")
+    moving = simulator(structure, *METHODS)
     rest = simulate(
         moving,
         0.1,
@@ -213,4 +213,4 @@ def test_what_does_not_know_lagging_motors_is_refused(request_of: dict[str, Any]
     with pytest.raises(FormulationError, match=word):
         simulator(make_winch(), "rk54", **request_of)
     with pytest.raises(FormulationError, match="motors with a time constant"):
-        simulate(simulator(make_winch(), "rk54"), 0.01, method="scipy_dop853")
+        simulate(simulator(make_winch(), *METHODS), 0.01, method="scipy_dop853")

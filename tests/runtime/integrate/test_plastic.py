@@ -28,9 +28,14 @@ def move(model: CompiledModel, times: Any, method: str, rtol: float, **more: Any
     return simulate(model, samples[-1], samples=samples, method=method, rtol=rtol, stepping=stepping, **more)
 
 
+def load_mass(*law: float) -> CompiledModel:
+    """Return one library a law, for all tests."""
+    return simulator(make_mass(*law), *METHODS, "rk4", more=("state_jacobian", "yield_margin"))
+
+
 @pytest.fixture(scope="module")
 def mass() -> CompiledModel:
-    return simulator(make_mass(), *METHODS, "rk4", more=("state_jacobian", "yield_margin"))
+    return load_mass()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -53,7 +58,7 @@ def test_a_mass_on_a_plastic_spring_yields_and_turns_where_it_should(
 def test_the_motion_is_that_of_the_closed_form(method: str, hardening: float, isotropic: float) -> None:
     times = np.linspace(0.0, 0.1, 21)
     exact = follow_mass(times, hardening, isotropic)[0]
-    model = simulator(make_mass(hardening, isotropic), *METHODS)
+    model = load_mass(hardening, isotropic)
     motion = move(model, times, method, 1e-11)
     assert motion.coordinate[-1, 0] - 1.0 == pytest.approx(exact[-1, 0], abs=2e-10)
     assert motion.coordinate[:, 0] - 1.0 == pytest.approx(exact[:, 0], abs=1e-9)  # dense output
@@ -69,7 +74,7 @@ def test_orders_hold_through_yield_and_unloading(method: str, least: float) -> N
     """Error over the number of steps, with the tolerance; 26 events of flow in a net would hide nothing."""
     end = 0.1
     exact = follow_mass([0.0, end], 0.3, 0.4)[0][-1, 0]
-    model = simulator(make_mass(0.3, 0.4), *METHODS)
+    model = load_mass(0.3, 0.4)
     runs = [move(model, [0.0, end], method, rtol) for rtol in (1e-7, 1e-9, 1e-11, 3e-13)]
     errors = [abs(run.coordinate[-1, 0] - 1.0 - exact) for run in runs]
     steps = [run.n_steps for run in runs]

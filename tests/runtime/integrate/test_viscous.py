@@ -49,6 +49,10 @@ def hold(x: float, kind: Any = cable) -> Structure:
 
 
 @functools.cache
+def load_mass() -> CompiledModel:
+    return simulator(make_mass(), "rk853", batch_width=4, parameters={"rest_length": (0,)})
+
+
 def load_hold(x: float) -> CompiledModel:
     """One library for all methods."""
     return simulator(hold(x), *METHODS)
@@ -204,8 +208,7 @@ def test_many_motions_go_side_by_side() -> None:
 
 def test_a_motion_starts_relaxed_where_it_starts() -> None:
     """Of another place and rest length too, alone and in a batch; unless `internal` says otherwise."""
-    request: dict[str, Any] = {"parameters": {"rest_length": (0,)}}
-    model = simulator(make_mass(), "rk853", batch_width=4, **request)
+    model = load_mass()
     rests, places = np.array([[1.01], [0.98], [1.2]]), np.array([[1.05], [1.07], [1.05]])
     batch = simulate_batch(
         model, 0.1, coordinate=places, arguments={"rest_length": rests}, samples=3, method="rk853", rtol=1e-9
@@ -290,7 +293,7 @@ def test_viscous_and_plastic_members_stand_side_by_side() -> None:
     pair = with_viscous(with_plastic(pair, [50.0, 0.0]), [0.0, TIME], FRACTION)
     pair = pair.with_changes(node_velocity=np.array([[0.0] * 3, [2.0, 0, 0], [0.0] * 3, [0.0] * 3]))
     motion = move(simulator(pair, "rk853"), [0.0, 0.1], "rk853", 1e-12)
-    alone = move(simulator(make_mass(), "rk853"), [0.0, 0.1], "rk853", 1e-12)
+    alone = move(load_mass(), [0.0, 0.1], "rk853", 1e-12)
     assert motion.log.kind.count("yield") == 4
     assert motion.coordinate[-1] - 1.0 == pytest.approx(
         [follow_mass([0.0, 0.1])[0][-1, 0], alone.coordinate[-1, 0] - 1.0], abs=1e-9
@@ -318,7 +321,7 @@ def test_what_does_not_know_viscous_members_is_refused(request_of: dict[str, Any
 
 def test_methods_of_scipy_are_refused() -> None:
     with pytest.raises(FormulationError, match="members with memory"):
-        simulate(simulator(make_mass(), "rk54"), 0.01, method="scipy_dop853")
+        simulate(load_mass(), 0.01, method="scipy_dop853")
 
 
 @pytest.mark.thorough
