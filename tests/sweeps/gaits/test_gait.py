@@ -29,8 +29,8 @@ def structure() -> Structure:
 
 @pytest.fixture(scope="module")
 def gait() -> Gait:
-    """Rolls after a few iterations, which cost more than the best and bring it as far."""
-    return design_gait(SCENE, max_iterations=6)
+    """Rolls after two iterations, which cost more than the best and bring it as far."""
+    return design_gait(SCENE, max_iterations=2)
 
 
 def write_scene(folder: Path, old: str, new: str) -> Path:
