@@ -14,6 +14,7 @@ from tensegrity_codegen.control.feedback import time_motion as motions
 from tensegrity_codegen.control.feedback.study.read_files import read_weights
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.system.errors import SceneSyntaxError
+from tests.cases import thorough
 from tests.cli.conftest import Run
 
 TWIST = 'twist("bar*_B", "base_*")=157'
@@ -339,8 +340,11 @@ def test_a_scene_without_actuators_masses_or_with_rigid_bars_is_refused(
     assert "give the class of the bars a spring_constant" in ended.err
 
 
-def test_model_predictive_control_is_simulated_and_written_in_c(run: Run, folder: Path, lift: Path) -> None:
-    words = ("control", lift, "--t-end", 3, "--draws", 2, "--no-estimator", "--mpc", "--horizon", 8)
+@pytest.mark.parametrize(("t_end", "draws"), [(3, 1), *thorough((3, 2))])
+def test_model_predictive_control_is_simulated_and_written_in_c(
+    run: Run, folder: Path, lift: Path, t_end: int, draws: int
+) -> None:
+    words = ("control", lift, "--t-end", t_end, "--draws", draws, "--no-estimator", "--mpc", "--horizon", 8)
     ended = run.good(*words, "--build", "ahead", "--json")
     assert ended.data["mpc"] == {"horizon": 8, "blocks": [1, 1, 2, 4], "substeps": 1}
     assert ended.data["status"] == "holds"
