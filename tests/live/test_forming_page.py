@@ -15,6 +15,7 @@ from tensegrity_codegen.live.forming import add_forming
 from tensegrity_codegen.live.live_scene import build_live_scene
 from tensegrity_codegen.pipeline.forming.formed import Form
 from tensegrity_codegen.system.errors import InvalidValueError
+from tests.cases import thorough
 from tests.live.pages import GALLERY, write_page
 from tests.report.browser import find_browser
 from tests.report.driver import Browser, Tab, running_browser
@@ -79,10 +80,12 @@ def change(height: float, load: float) -> dict[str, Any]:
     ("sliders", "factors", "height", "load"),
     [
         ({}, {}, 1.0, 1.0),
-        ({"edge": 0.7, "sagging": -0.4}, {"edge": 10**0.7, "sagging": 10**-0.4}, 1.0, 1.0),
         ({"hogging": -1, "heights": 2.5, "loads": 0}, {"hogging": 0.1}, 2.5, 0.0),
         ({"prestress": -0.5, "loads": 3, "edge1": 0.2}, {"all": 10**-0.5, "edge1": 10**0.2}, 1.0, 3.0),
-        ({"heights": 0, "sagging": 1}, {"sagging": 10.0}, 0.0, 1.0),
+        *thorough(
+            ({"edge": 0.7, "sagging": -0.4}, {"edge": 10**0.7, "sagging": 10**-0.4}, 1.0, 1.0),
+            ({"heights": 0, "sagging": 1}, {"sagging": 10.0}, 0.0, 1.0),
+        ),
     ],
 )
 def test_the_page_finds_the_shapes_of_form(

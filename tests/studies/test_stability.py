@@ -29,6 +29,7 @@ from tensegrity_codegen.studies.stability.methods import CaseModels, Ending, run
 from tensegrity_codegen.studies.stability.report import StabilityReport, run_case, write_stability
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 from tensegrity_codegen.system.forked import can_fork
+from tests.cases import thorough
 from tests.common_prism import common_prism
 from tests.ground_cases import make_slope
 from tests.report.browser import find_browser, open_page
@@ -197,20 +198,23 @@ def test_essential_cases_are_run_first(tmp_path: Path, monkeypatch: pytest.Monke
     assert "tolerance: rtol 1e-300" not in first
 
 
-def test_the_method_auto_has_the_integrators_that_simulate_would_compile() -> None:
+@pytest.mark.parametrize(
+    ("name", "rtol", "wanted"),
+    [
+        ("1e+03", 1e-6, {"rk853", "radau"}),
+        *thorough(("1e+01", 1e-6, {"rk853"}), ("1e+01", 1.0, {"rk54"}), ("rigid", 1e-6, {"rk853"})),
+    ],
+)
+def test_the_method_auto_has_the_integrators_that_simulate_would_compile(
+    name: str, rtol: float, wanted: set[str]
+) -> None:
     """For bars ten times as stiff as cables that is rk853, for a thousand times radau too."""
     compiled = models(prism())
-    for name, rtol, wanted in (
-        ("1e+01", 1e-6, {"rk853"}),
-        ("1e+03", 1e-6, {"rk853", "radau"}),
-        ("1e+01", 1.0, {"rk54"}),
-        ("rigid", 1e-6, {"rk853"}),
-    ):
-        (item,) = (item for item in generate_cases(prism(), 0.1) if item.name == name)
-        model = compiled.of(replace(item, rtol=rtol), "auto")
-        assert {spec.name for spec in model.manifest.integrators} == wanted
-        everything = {spec.name for spec in compiled.of(item, "rk54").manifest.integrators}
-        assert everything >= {"rk853", "rk54", "rk4"}
+    (item,) = (item for item in generate_cases(prism(), 0.1) if item.name == name)
+    model = compiled.of(replace(item, rtol=rtol), "auto")
+    assert {spec.name for spec in model.manifest.integrators} == wanted
+    everything = {spec.name for spec in compiled.of(item, "rk54").manifest.integrators}
+    assert everything >= {"rk853", "rk54", "rk4"}
 
 
 def test_velocities_are_held_to_what_the_run_says_and_positions_never() -> None:

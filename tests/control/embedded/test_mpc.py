@@ -148,14 +148,17 @@ def test_without_active_limits_a_linear_system_gets_the_command_of_lqr(
         )
 
 
-def test_loops_hold_the_errors_of_the_regulator(model: CompiledModel, motion: Motion, mpc: Mpc) -> None:
+@pytest.mark.parametrize("count", [1, *thorough(2)])
+def test_loops_hold_the_errors_of_the_regulator(
+    model: CompiledModel, motion: Motion, mpc: Mpc, count: int
+) -> None:
     """Draws of the acceptance table of feedback: 1.2 deg, stiffness by 5 %, gusts of 5 N, noise of 0.5 mm."""
-    draws = [draw_errors(model, seed, seed) for seed in range(2)]
+    draws = [draw_errors(model, seed, seed) for seed in range(count)]
     estimator = design_kalman(model, motion, sample=SAMPLE)
     for seen, most in ((None, 0.012), (estimator, 0.1)):
         runs = simulate_control_batch(model, motion, mpc, draws=draws, estimator=seen, t_end=3.0)
         last = [np.degrees(np.abs(run.coordinate[-100:] - motion.at(3.0).coordinate).max()) for run in runs]
-        assert [run.status for run in runs] == ["ok"] * 2
+        assert [run.status for run in runs] == ["ok"] * count
         assert max(last) < most
 
 

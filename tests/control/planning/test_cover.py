@@ -411,7 +411,7 @@ def test_a_shape_that_gives_way_has_no_cell() -> None:
 SHAPES = ("height", "twist", "tilt", "t1.z", 'member_length["opposite1"]')
 
 
-@pytest.mark.parametrize("seed", [*range(4), *thorough(*range(4, 30))])
+@pytest.mark.parametrize("seed", [*range(2), *thorough(*range(2, 30))])
 def test_what_motors_reach_is_never_proved_to_be_out_of_reach(seed: int) -> None:
     """Of shapes that random walks within the limits lead to, no value has a proof."""
     draw = np.random.default_rng(seed)

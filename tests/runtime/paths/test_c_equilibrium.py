@@ -281,7 +281,7 @@ def test_what_the_solver_cannot_serve_is_refused() -> None:
     assert caught.value.given == "66 coordinates"
 
 
-@pytest.mark.parametrize("ratio", [1e3, 1e7, *thorough(1e2, 1e5)])
+@pytest.mark.parametrize("ratio", [1e7, *thorough(1e2, 1e3, 1e5)])
 def test_iterations_do_not_grow_with_the_stiffness_of_bars(ratio: float, tmp_path: Path) -> None:
     """The shipped tower on held feet, from its stated shape and from far away (decision 0068)."""
     text = (EXAMPLES / "tower.toml").read_text(encoding="utf-8")
