@@ -99,7 +99,8 @@ def test_wrong_columns_are_refused(
         identify(PRISM, {**exact, **columns}, KEYS[:1])
 
 
-def test_shapes_on_the_ground_are_data_too() -> None:
+@pytest.mark.parametrize("stiffness", [1.7e3, *thorough(1.6e3)])
+def test_shapes_on_the_ground_are_data_too(stiffness: float) -> None:
     """A frame on its feet: the stiffness of a strut from how far its top sinks and shifts under loads."""
     frame: dict[str, Any] = {
         "name": "frame",
@@ -126,7 +127,7 @@ def test_shapes_on_the_ground_are_data_too() -> None:
         rows["top.x"].append(found.node_position[2, 0])
         rows["top.z"].append(found.node_position[2, 2])
     frame["loads"][0]["force"] = [1.0, 0.0]
-    start = change(frame, classes__strut__spring_constant=1.6e3)
+    start = change(frame, classes__strut__spring_constant=stiffness)
     fitted = identify(start, {down: [0.0, -10.0], **rows}, ["classes.strut.spring_constant"], noise=1e-4)
     assert fitted.status == "ok"
     assert fitted.value[0] == pytest.approx(2e3, rel=1e-6)
