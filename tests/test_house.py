@@ -158,7 +158,7 @@ BREAKS = (
     ),
     (
         "codegen/table/members/model.py",
-        "import tensegrity_codegen.codegen.table.modules.loops",
+        "import tensegrity_codegen.codegen.table.members.member_loops",
         "No import circle",
     ),
 )

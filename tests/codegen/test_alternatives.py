@@ -15,7 +15,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
-from tests.codegen.table.modules import tower
+from tests.codegen.table.long_structures import tower
 from tests.runtime.build import bar, cable, make_structure, prism
 from tests.test_golden import EXAMPLES
 

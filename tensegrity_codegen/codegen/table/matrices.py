@@ -13,7 +13,6 @@ from tensegrity_codegen.codegen.table.mass import (
     check_mass,
     pairs_of_coordinates,
 )
-from tensegrity_codegen.codegen.table.member_stages import block_stages
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.block_pattern import (
     BlockPattern,
@@ -29,8 +28,7 @@ from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, Statements, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.mix_rows import MixRows
-from tensegrity_codegen.codegen.table.modules.columns import ModuleBlocks
-from tensegrity_codegen.structure.assembly import ABSENT
+from tensegrity_codegen.structure.assembly import ABSENT, MemberGroup
 from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.manifest import Pattern
 
@@ -41,12 +39,11 @@ from tensegrity_codegen.tables.manifest import Pattern
 class ClearBlocks:
     """Clears the diagonal blocks of free nodes block by block, and what is left entry by entry.
 
-    sink: adds the blocks of `modules` and of `loops` to a matrix that begins with its pattern.
+    sink: adds the blocks of `loops` to a matrix that begins with its pattern.
     """
 
     sink: AddBlocks
     loops: tuple[MemberLoop, ...]
-    modules: ModuleBlocks
     arguments: frozenset[str] = frozenset()
     operations: int = 0
     repeats: int = 1
@@ -86,7 +83,6 @@ class ClearBlocks:
         pattern = self.sink.pattern
         is_left = np.ones(len(pattern.flat_index), dtype=bool)
         is_left[cleared] = False
-        is_left[self.modules.entries_set()] = False
         coordinate = pattern.model.coordinate
         for row, column in pattern.block_nodes(self.written)[1::2]:
             is_left[pattern.entry(coordinate[row][:, None, :], coordinate[column][:, :, None])] = False
@@ -98,8 +94,12 @@ def _at(c: int, r: int) -> str:
     return " + ".join(terms) or "0"
 
 
+def _is_damped(group: MemberGroup) -> bool:
+    return group.member_class.damping != ABSENT
+
+
 def _damped(model: TableModel) -> IntArray:
-    groups = [group.member for group in model.plan.groups if group.member_class.damping != ABSENT]
+    groups = [group.member for group in model.plan.groups if _is_damped(group)]
     return np.concatenate([np.zeros(0, dtype=np.int64), *groups])
 
 
@@ -119,16 +119,14 @@ def _member_matrix(quantity: str, kernel: str, damped: bool = False) -> Callable
         count = model.n_coordinates
         pattern = BlockPattern(model, _damped(model) if damped else model.plan.member)
         sink = AddBlocks(quantity, pattern, size="size")
-        modules, loops = block_stages(
-            model, kernel, sink, lambda group: not damped or group.member_class.damping != ABSENT
-        )
+        loops = member_loops(model, kernel, sink, _is_damped if damped else lambda group: True)
         return Recipe(
             (count, count),
-            (ClearBlocks(sink, tuple(loops), modules), modules, *loops, _is_finite(quantity, pattern)),
+            (ClearBlocks(sink, tuple(loops)), *loops, _is_finite(quantity, pattern)),
             before=("@REAL@ size = @ZERO@;",),
             is_checked=True,
             find_pattern=lambda: make_pattern((count, count), pattern.row, pattern.column_start),
-            is_empty=not (loops or modules.loops),
+            is_empty=not loops,
         )
 
     return build
@@ -187,16 +185,10 @@ def _state_jacobian(model: TableModel) -> Recipe:
         return make_pattern((2 * count, 2 * count), np.concatenate([stiff.row + count, identity]), start)
 
     one = f"{name}[{model.name}_{name}_column_start[{count} + k]] = @ONE@;"
-    positions, position_loops = block_stages(model, "position_block", added)
-    speeds, rate_loops = block_stages(
-        model, "rate_block", rates, lambda group: group.member_class.damping != ABSENT
-    )
     stages: tuple[Stage, ...] = (
         _fill_zero(name, lambda: len(stiff.flat_index) + len(damped.flat_index) + count),
-        positions,
-        *position_loops,
-        speeds,
-        *rate_loops,
+        *member_loops(model, "position_block", added),
+        *member_loops(model, "rate_block", rates, _is_damped),
         ScaleRows(model, name, (0, count), turn=True),
         ScaleRows(model, name, (count, 2 * count), turn=True, skip=1),
         *_mix_blocks(groups, added, "position"),

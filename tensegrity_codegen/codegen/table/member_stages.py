@@ -1,34 +1,25 @@
-"""Stages that sum up what members do: repeated modules side by side, then loops over the others."""
+"""Stages that sum up the forces on nodes: the external ones, then those of members in loops."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from tensegrity_codegen.codegen.table.members.access import AddToNodes
-from tensegrity_codegen.codegen.table.members.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.members.external import ExternalForce
-from tensegrity_codegen.codegen.table.members.member_loops import MemberLoop, member_loops
+from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import Stage, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
-from tensegrity_codegen.codegen.table.modules.columns import ModuleBlocks
-from tensegrity_codegen.codegen.table.modules.forces import ModuleForces
-from tensegrity_codegen.structure.assembly import MemberGroup
 
 # The stage that sets an array to the external force on nodes.
 
 
 @dataclass(frozen=True)
 class FillForces:
-    """Sets the entries of the array `target` to the external force on their components.
-
-    modules: the stage that begins the sums of some nodes with it, if there is one.
-    """
+    """Sets the entries of the array `target` to the external force on their components."""
 
     external: ExternalForce
     target: str
-    modules: ModuleForces | None = None
 
     @property
     def arguments(self) -> frozenset[str]:
@@ -48,17 +39,11 @@ class FillForces:
     def write(self, writer: Writer) -> list[str]:
         """Return the loop over entries, or over nodes where forces are not all constant."""
         external = self.external
+        if not self.arguments and not len(external.values):
+            return []
         if not self.arguments:
-            # Entries that no other stage sets.
-            is_left = np.ones(len(self.external.values), dtype=bool)
-            if self.modules is not None:
-                is_left[self.external.index[self.modules.nodes_started]] = False
-            left = np.flatnonzero(is_left)
-            if not len(left):
-                return []
-            text = writer.real_at("external_constant", external.values[left], "k")
-            at = writer.index_at(f"external_{self.target}", left, "k")
-            return loop("k", len(left), [f"{self.target}[{at}] = {text};"])
+            text = writer.real_at("external_constant", external.values, "k")
+            return loop("k", len(external.values), [f"{self.target}[k] = {text};"])
         node = np.flatnonzero(external.wanted.any(axis=1))
         n_axes, entry = external.model.n_axes, external.index[node]
         lines = [f"{writer.real} external[{n_axes}];"]
@@ -76,18 +61,6 @@ class FillForces:
 
 
 def force_stages(model: TableModel, kernel: str, sink: AddToNodes) -> list[Stage]:
-    """Return the stages that sum up external forces and a kernel's pulls: in modules, then in loops."""
-    inside = member_loops(model, kernel, sink, lambda group: group.in_module)
+    """Return the stages that sum up external forces and a kernel's pulls."""
     external = ExternalForce(model, sink.index)
-    modules = ModuleForces(tuple(inside), kernel, sink, external) if inside else None
-    others = member_loops(model, kernel, sink, lambda group: not group.in_module)
-    return [FillForces(external, sink.target, modules), *([modules] if modules else []), *others]
-
-
-def block_stages(
-    model: TableModel, kernel: str, sink: AddBlocks, keep: Callable[[MemberGroup], bool] = lambda group: True
-) -> tuple[ModuleBlocks, list[MemberLoop]]:
-    """Return what writes a kernel's blocks to a matrix: first those in modules, then loops of the others."""
-    inside = member_loops(model, kernel, sink, lambda group: group.in_module and keep(group))
-    others = member_loops(model, kernel, sink, lambda group: not group.in_module and keep(group))
-    return ModuleBlocks(tuple(inside), kernel, sink), others
+    return [FillForces(external, sink.target), *member_loops(model, kernel, sink)]

@@ -19,7 +19,7 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests import random_structures
 from tests.cases import draws, thorough
-from tests.codegen.table.modules import spine, tower, twisted
+from tests.codegen.table.long_structures import spine, tower, twisted
 from tests.codegen.table.subjects import assert_equal_to_casadi
 from tests.codegen.test_generated_c import arguments_near
 from tests.comparison import dense

@@ -26,7 +26,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
-from tests.codegen.table.modules import tower
+from tests.codegen.table.long_structures import tower
 from tests.runtime.build import cable, make_structure, prism, spring
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "tensegrity_codegen/scene/examples"

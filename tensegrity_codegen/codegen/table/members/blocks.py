@@ -61,12 +61,6 @@ class AddBlocks(OfFreeMembers):
         """Return whether a loop sets the blocks off the diagonal, which no loop has added to before."""
         return access.group.is_interior and bool(self.pattern.is_first[access.member].all())
 
-    def places(self, row: IntArray, column: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the first entries of blocks of free nodes, and the lengths of their columns."""
-        coordinate = self.pattern.model.coordinate
-        length = np.diff(self.pattern.column_start) + (self.before is not None)
-        return self.entry(coordinate[row, 0], coordinate[column, 0]), length[coordinate[column, 0]]
-
     def starts(self, writer: Writer, access: MemberAccess, counter: str) -> tuple[list[str], list[str]]:
         """Return C expressions of the first entries of the four blocks, and of the lengths of columns."""
         coordinate, pattern = self.pattern.model.coordinate, self.pattern

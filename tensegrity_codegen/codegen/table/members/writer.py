@@ -5,13 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.codegen.lanes.kernel import DensityKernel, KernelKind, build_kernel, build_row_kernel
+from tensegrity_codegen.codegen.lanes.kernel import DensityKernel, KernelKind, build_kernel
 from tensegrity_codegen.codegen.lanes.text import emit_kernels
 from tensegrity_codegen.codegen.print.printer import print_body, print_number, print_numbers
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.structure.assembly import MemberClass
-from tensegrity_codegen.structure.repeated_modules import MAX_SHIFT_GAP
 from tensegrity_codegen.symbolic.members.member_kernel import VECTORS, MemberKernel, build_member_kernel
 from tensegrity_codegen.tables.precision import Precision
 
@@ -31,16 +30,11 @@ class Writer:
         self.model = model
         self.precision = precision
         self.real = precision.c_type
-        self.widest = (
-            64 // precision.dtype.itemsize
-        )  # values of the widest row: it may reach so far beyond lines
         self._arrays: dict[tuple[str, bytes], str] = {}
         self._values: dict[str, tuple[str, Array]] = {}
         self._texts: dict[str, str] = {}
         self._kernels: dict[tuple[str, MemberClass], str] = {}
         self._densities: dict[KernelKind, DensityKernel] = {}
-        self._rows: dict[KernelKind, DensityKernel] = {}
-        self.uses_columns = False  # whether loops over modules write columns of matrices
 
     def number(self, value: float) -> str:
         """Return a number as an operand in C."""
@@ -92,13 +86,6 @@ class Writer:
             self._densities[kind] = build_kernel(kind, f"lanes_density{len(self._densities)}")
         return self._densities[kind]
 
-    def row_kernel(self, kind: KernelKind) -> DensityKernel:
-        """Return the kernel of the force densities of members of a kind, over rows of repetitions."""
-        if kind not in self._rows:
-            name = f"row_density{len(self._rows)}"
-            self._rows[kind] = build_row_kernel(kind, name, self.model.n_axes, self.precision)
-        return self._rows[kind]
-
     def helper(self, name: str, template: str, **context: Any) -> str:
         """Return the C name of a helper function rendered from a template that takes its `symbol`."""
         return self._define(
@@ -113,23 +100,7 @@ class Writer:
         if self._densities:
             kernels = list(self._densities.values())
             lanes = emit_kernels(kernels, in_loops=True)
-        return [*text.splitlines(), *lanes, *self._row_lines()]
-
-    def _row_lines(self) -> list[str]:
-        """Return what loops over repeated modules call."""
-        if not self._rows:
-            return []
-        context = {
-            "real": self.real,
-            "suffix": self.precision.suffix,
-            "zero": self.number(0.0),
-            "n_axes": self.model.n_axes,
-            "near": MAX_SHIFT_GAP,
-            "beyond": self.widest,
-            "has_columns": self.uses_columns,
-            "kernels": list(self._rows.values()),
-        }
-        return render("rows.c", context).splitlines()
+        return [*text.splitlines(), *lanes]
 
     def parameters(self, kernel: MemberKernel) -> list[str]:
         """Return the scalar arguments of a kernel, in order."""

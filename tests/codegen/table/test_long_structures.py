@@ -1,22 +1,19 @@
-"""Loops over repeated modules: found whatever they are, with the bits of the virtual machine."""
+"""Loops over long structures have the bits of the virtual machine, whatever the order of their nodes."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.prune import prune
 from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.structure.assembly import plan_assembly
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.subjects import all_parameters
-from tests.codegen.table.modules import grid, shuffled, spine, tower, twisted
+from tests.codegen.table.long_structures import grid, shuffled, spine, tower, twisted
 from tests.codegen.test_generated_c import arguments_near, assert_same_bits, raw_call
 from tests.comparison import run_in_casadi
 from tests.models import load
@@ -48,10 +45,8 @@ def assert_equal_to_casadi(structure: Structure, request: ModelRequest, **build:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", SUBJECTS)
-def test_forces_over_modules_have_the_virtual_machine_s_bits(name: str) -> None:
-    structure = SUBJECTS[name]
-    assert plan_assembly(structure, {}).modules
-    assert_equal_to_casadi(structure, REQUEST)
+def test_forces_have_the_virtual_machine_s_bits(name: str) -> None:
+    assert_equal_to_casadi(SUBJECTS[name], REQUEST)
 
 
 @pytest.mark.thorough
@@ -65,15 +60,8 @@ def test_every_compiler_and_both_flag_sets_agree(family: str, flags: str) -> Non
 
 
 @pytest.mark.parametrize("name", ["flat", *thorough("spine", "damped", "grid", "shuffled")])
-def test_matrices_over_modules_have_the_virtual_machine_s_bits(name: str) -> None:
+def test_matrices_have_the_virtual_machine_s_bits(name: str) -> None:
     assert_equal_to_casadi(SUBJECTS[name], MATRICES)
-
-
-@pytest.mark.parametrize(("name", "in_runs"), [("tower", 1), ("grid", 3), ("flat", 1), ("shuffled", 0)])
-def test_columns_of_matrices_are_written_in_runs_where_repetitions_are_alike(name: str, in_runs: int) -> None:
-    source = emit(SUBJECTS[name], ModelRequest(("tangent_stiffness",), emitter="table"))
-    calls = re.findall(r"lines_to_columns\(part", "".join(source.files.values()))
-    assert len(calls) == in_runs
 
 
 @pytest.mark.thorough
@@ -85,22 +73,11 @@ def test_values_that_are_arguments_or_changed_by_inputs_are_brought_in() -> None
     assert_equal_to_casadi(pulled, REQUEST)
 
 
-def test_coincident_nodes_are_reported_from_within_a_module() -> None:
+def test_coincident_nodes_are_reported() -> None:
     structure = SUBJECTS["tower"]
     model = load(structure, "node_residual", emitter="table")
     position = model.nominal("coordinate").reshape(-1, 3)
-    plan = plan_assembly(structure, {})
-    i, j = structure.connectivity[plan.modules[0].member[1, 7]] - 3  # three anchored nodes come first
+    i, j = structure.connectivity[9 * 7] - 3  # three anchored nodes come first
     position[j] = position[i]
     status, result = raw_call(model, "node_residual", coordinate=position.ravel())
     assert (status, np.isnan(result).all()) == ("non_finite_result", True)
-
-
-@pytest.mark.parametrize("structure", [tower(60), spine(40), grid(60, 4)], ids=["tower", "spine", "grid"])
-def test_modules_are_found_whatever_the_order_of_nodes_members_and_ends(structure: Structure) -> None:
-    found = [
-        sum(module.member.size for module in plan_assembly(item, {}).modules)
-        for item in (structure, shuffled(structure, 1), shuffled(structure, 2))
-    ]
-    assert found[0] > 0.6 * structure.n_members
-    assert min(found[1:]) > 0.8 * found[0]

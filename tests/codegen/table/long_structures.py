@@ -1,4 +1,4 @@
-"""Structures that repeat themselves, for tests of loops over modules."""
+"""Long structures that repeat themselves, for tests of loops over many members."""
 
 import numpy as np
 

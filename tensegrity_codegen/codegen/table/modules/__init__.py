@@ -1,1 +1,0 @@
-"""Loops over repeated modules, equal members side by side."""
