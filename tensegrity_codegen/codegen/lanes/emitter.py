@@ -13,8 +13,13 @@ from tensegrity_codegen.codegen.batch import write_lanes
 from tensegrity_codegen.codegen.emitter import Bodies, Emitter
 from tensegrity_codegen.codegen.lanes.columns import write_columns
 from tensegrity_codegen.codegen.lanes.force import ForceLines, Kernels
-from tensegrity_codegen.codegen.lanes.kernel import BLOCKS, DensityKernel, KernelKind, build_kernel
-from tensegrity_codegen.codegen.lanes.text import emit_kernels
+from tensegrity_codegen.codegen.lanes.kernel import (
+    BLOCKS,
+    DensityKernel,
+    KernelKind,
+    build_kernel,
+    emit_kernels,
+)
 from tensegrity_codegen.codegen.print.identifiers import name_local
 from tensegrity_codegen.codegen.print.printer import print_body
 from tensegrity_codegen.codegen.prune import PrunedFunction, is_offered, prune

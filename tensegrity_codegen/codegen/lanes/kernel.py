@@ -1,7 +1,7 @@
 """Force densities and stiffness blocks of members as C over packs of four members: one lane each."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import casadi as ca
 from tensegrity_codegen.codegen.print.instructions import read_instructions
 from tensegrity_codegen.codegen.print.operations import ARITHMETIC
 from tensegrity_codegen.codegen.print.printer import print_number
+from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.system.errors import FormulationError
@@ -142,3 +143,28 @@ def _results(kind: KernelKind, member: Member) -> list[Scalar]:
         block = BLOCKS[kind.result](member).entries
         return [block[r][c] for r in range(len(block)) for c in range(r, len(block))]
     return [member.static_density if kind.is_static else member.density]
+
+
+# C text of vectors of four members: the plain C of `templates/c/lanes.h`, then kernels of members.
+
+
+def emit_kernels(kernels: Sequence[DensityKernel], *, in_loops: bool) -> list[str]:
+    """Return the lines that stand before functions that use kernels of four members.
+
+    kernels: the kernels, each with a name of its own.
+    in_loops: whether they stand in loops, which add to arrays in memory and have a form without vectors; else
+        in straight-line code, whose vectors are single numbers where a machine has no vectors.
+    """
+    context = {
+        "kernels": list(kernels),
+        "name": "",
+        "NAME": "",
+        "real": "double",
+        "suffix": "",
+        "settings": {
+            "WITH_FLOAT": False,
+            "WITH_LOOPS": in_loops,
+            "WITH_BLOCKS": any(kernel.stores for kernel in kernels) and in_loops,
+        },
+    }
+    return render("lanes.c", context).splitlines()

@@ -15,13 +15,13 @@ from tensegrity_codegen.codegen.table.mass import (
 )
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.block_pattern import (
+    AddBlocks,
     BlockPattern,
     MassGroups,
     check_entries,
     find_groups,
     make_pattern,
 )
-from tensegrity_codegen.codegen.table.members.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.members.columns import MemberColumns, StoreColumns, store_recipe
 from tensegrity_codegen.codegen.table.members.member_loops import MemberLoop, member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel

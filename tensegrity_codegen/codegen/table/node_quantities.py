@@ -9,9 +9,8 @@ import casadi as ca
 import numpy as np
 
 from tensegrity_codegen.codegen.table.contacts import contact_forces
-from tensegrity_codegen.codegen.table.member_stages import force_stages
 from tensegrity_codegen.codegen.table.members.access import AddToNodes, held_arguments, vector_texts
-from tensegrity_codegen.codegen.table.members.external import ExternalForce, mass_text
+from tensegrity_codegen.codegen.table.members.external import ExternalForce, force_stages, mass_text
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Statements, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer

@@ -20,7 +20,6 @@ from tensegrity_codegen.codegen.table.contacts import (
 from tensegrity_codegen.codegen.table.coupled_mass import SolveCoupled
 from tensegrity_codegen.codegen.table.mass import DivideByMass, KineticEnergy, check_mass
 from tensegrity_codegen.codegen.table.matrices import MATRICES
-from tensegrity_codegen.codegen.table.member_stages import force_stages
 from tensegrity_codegen.codegen.table.members.access import (
     AddToNodes,
     AddUp,
@@ -32,7 +31,7 @@ from tensegrity_codegen.codegen.table.members.access import (
     vector_texts,
 )
 from tensegrity_codegen.codegen.table.members.columns import MemberColumns, StoreColumns, store_recipe
-from tensegrity_codegen.codegen.table.members.external import ExternalForce
+from tensegrity_codegen.codegen.table.members.external import ExternalForce, force_stages
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, Statements, loop, only_where

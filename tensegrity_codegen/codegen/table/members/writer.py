@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.codegen.lanes.kernel import DensityKernel, KernelKind, build_kernel
-from tensegrity_codegen.codegen.lanes.text import emit_kernels
+from tensegrity_codegen.codegen.lanes.kernel import DensityKernel, KernelKind, build_kernel, emit_kernels
 from tensegrity_codegen.codegen.print.printer import print_body, print_number, print_numbers
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.codegen.table.members.model import TableModel
