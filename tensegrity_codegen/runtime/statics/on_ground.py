@@ -34,6 +34,7 @@ MOST_UPDATES = 3  # of the limits of friction
 MOST_HALVINGS = 12  # of one step of Newton's method
 LIFT = 10.0  # times the structure's size: height at which it settles before it touches
 FARTHEST = 10.0  # times the structure's size: way in a step of the load, beyond which a structure slides away
+OUT_OF_ITERATIONS = ("iteration_limit", "work_limit")
 MOST_TILT = float(np.radians(15.0))  # turn about an axis along the plane, beyond which a structure has tipped
 
 Search = Callable[[Point], Outcome]
@@ -114,6 +115,8 @@ def _judge(problem: StaticProblem, begun: FloatArray, outcome: Outcome) -> Outco
         if contacts.friction and contacts.slide is not None and not outcome.message:
             return replace(outcome, message="at rest on the belt, which carries it along")
         return outcome
+    if outcome.status in OUT_OF_ITERATIONS:
+        return outcome  # where a search has come to says nothing of where it would end
     pressed = contacts.forces(after)
     for place, force in ((after, pressed if pressed.any() else None), (before, None)):
         verdict = judge_stand(structure, place, contacts.external, force=force, friction=mu)
@@ -245,6 +248,7 @@ class _Loading:
         self.size = float(np.ptp(problem.node_position(touching), axis=0).max())
         self.iterations = 0
         self.status, self.message = "no_equilibrium", ""
+        self.ran_out: Outcome | None = None  # the last search that ended at a limit of its iterations
         self.slips = np.zeros(self.contacts.ground.n_contacts, dtype=bool)
 
     def refine(self) -> Outcome:
@@ -254,7 +258,7 @@ class _Loading:
         while True:
             found = self._grow(count)
             if found is None:
-                return Outcome(self.status, self.last, self.iterations, self.message)
+                return self._fail()
             self.contacts.load_steps = count
             if last is not None:
                 moved = found.coordinate - last.coordinate
@@ -285,8 +289,14 @@ class _Loading:
         found = self._balance(self.touching)
         if found is None:
             self._explain(None, 1.0)
-            return Outcome(self.status, self.last, self.iterations, self.message)
+            return self._fail()
         return self._conclude(found, "")
+
+    def _fail(self) -> Outcome:
+        """Return the outcome of a way that ended early: for a reason, or since a search ran out of steps."""
+        if self.ran_out and self.status != "tips":
+            return Outcome(self.ran_out.status, self.last, self.iterations, self.ran_out.message)
+        return Outcome(self.status, self.last, self.iterations, self.message)
 
     def _conclude(self, found: Point, message: str) -> Outcome:
         stability = find_stability(self.problem, found)
@@ -360,6 +370,7 @@ class _Loading:
             self.problem.forget()
             stuck = self.search(_find_point(self.problem, start))
             self.iterations += stuck.iterations
+            self.ran_out = stuck if stuck.status in OUT_OF_ITERATIONS else self.ran_out
             self.problem.forget()
             if self._is_upright(stuck.point):
                 slid = self._slide(stuck.point.coordinate, self.search)

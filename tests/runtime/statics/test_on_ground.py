@@ -94,6 +94,19 @@ def test_stiff_frames_stand_on_stiff_ground(spring_constant: float, stiffness: f
     assert feet.force[:2, 0] == pytest.approx([thrust, -thrust], rel=50.0 / spring_constant)  # strains
 
 
+def test_a_search_that_runs_out_of_iterations_does_not_say_that_the_structure_tips() -> None:
+    """With its three feet a millimetre apart in height it touches with one at first, and stands in the end."""
+    prism = make_elastic(make_prism())
+    place = prism.node_position + np.outer([0.0, 1e-3, 2e-3, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    model = build(prism.with_changes(node_position=place))
+    short = find_equilibrium(model, max_iterations=1, raise_on_failure=False)
+    assert (short.status, short.message) == (
+        "iteration_limit",
+        "no convergence within the allowed iterations",
+    )
+    assert find_equilibrium(model, raise_on_failure=False).is_found
+
+
 def test_a_block_above_the_ground_rests_on_it() -> None:
     found, feet = settle(make_block([0.3, 0.2, 0.5]))
     assert feet.penetration[0] == pytest.approx(GRAVITY / 1e5, rel=1e-12)
