@@ -7,7 +7,6 @@ import numpy as np
 
 from tensegrity_codegen.runtime.accuracy.choice import (
     MAX_STEPS_AT_RINGS,
-    RING_INTEGRATOR,
     Choice,
     choose_method,
 )
@@ -30,7 +29,7 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import follows_in_c
 from tensegrity_codegen.tables.formulations import find_formulation
-from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
+from tensegrity_codegen.tables.integrators import DAMPED_INTEGRATOR, STIFF_INTEGRATOR
 
 MAX_DISTANCE_RATIO = 1e5  # from the origin, over the size of the structure
 
@@ -53,7 +52,7 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
     if options.control == "steps":
         return replace(_run_once(motion, options, choice), why=choice.why)
     # Explicit method: refine until the error holds.
-    if choice.name != STIFF_INTEGRATOR and _may_take_rodas(motion.model):
+    if choice.name != STIFF_INTEGRATOR and _has_damped_integrator(motion.model):
         return _run_at_rings(motion, options, choice)
     if choice.name != STIFF_INTEGRATOR:
         trajectory = _name_auto(integrate_explicit_to_samples(motion, replace(options, method=choice.name)))
@@ -76,10 +75,10 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
     return _add_hint_of_origin(report_vibration(replace(trajectory, why=choice.why), options), motion.model)
 
 
-def _may_take_rodas(model: CompiledModel) -> bool:
+def _has_damped_integrator(model: CompiledModel) -> bool:
     """Return whether a library of a structure with rings with friction holds the method for these."""
     return bool(model.manifest.ring_name) and any(
-        spec.name == RING_INTEGRATOR for spec in model.manifest.integrators
+        spec.name == DAMPED_INTEGRATOR for spec in model.manifest.integrators
     )
 
 
@@ -90,10 +89,13 @@ def _run_at_rings(motion: Motion, options: RunOptions, choice: Choice) -> RawTra
     found = integrate_explicit_to_samples(motion, replace(explicit, max_steps=most))
     why = choice.why
     if found.status not in ("ok", "unstable"):
-        why = f"{why}; {choice.name} did not do it within {most:,} steps, so {RING_INTEGRATOR}"
-        first, found = found, integrate_explicit_to_samples(motion, replace(options, method=RING_INTEGRATOR))
+        why = f"{why}; {choice.name} did not do it within {most:,} steps, so {DAMPED_INTEGRATOR}"
+        first, found = (
+            found,
+            integrate_explicit_to_samples(motion, replace(options, method=DAMPED_INTEGRATOR)),
+        )
         if found.status != "ok":
-            why = f"{choice.why}; {RING_INTEGRATOR} failed too"
+            why = f"{choice.why}; {DAMPED_INTEGRATOR} failed too"
             found = first if most == options.max_steps else integrate_explicit_to_samples(motion, explicit)
     return replace(_name_auto(found), why=why)
 

@@ -20,7 +20,7 @@ from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, find_cha
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.formulations import find_formulation
-from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
+from tensegrity_codegen.tables.integrators import DAMPED_INTEGRATOR, STIFF_INTEGRATOR
 
 EXPLICIT = ("rk853", "rk54")
 MAX_CHEAP_STEPS = 5_000  # steps that resolve every vibration in hundredths of a second
@@ -29,9 +29,9 @@ LOOSE_RTOL_WITH_JUMPS = 1e-7  # the same where forces jump: steps end there, and
 CABLE_SHARE = 0.8  # of the explicit steps, that cables alone need where not bars limit them
 IMPLICIT_STEP_COST = 1.5  # time of an implicit step over that of one of rk853
 MAX_EXPLICIT_STEPS = 100_000  # steps, at most, where the implicit method misses the tolerance
-# The method for rings with friction where a strand goes slack and gives its material away in no time, and the
-# explicit steps of one run, from which on it has its turn.
-RING_INTEGRATOR, MAX_STEPS_AT_RINGS = "rodas", 20_000
+# Explicit steps of a run over rings with friction, from which on DAMPED_INTEGRATOR has its turn: a strand that
+# goes slack gives its material away in no time.
+MAX_STEPS_AT_RINGS = 20_000
 MIN_TOLD_RATIO = 1.5  # stiffness over that of cables, below which it is worth no word
 MIN_STIFF_RATIO = 100.0  # stiffness over that of cables, from which on a library shall hold both methods
 UNLIMITED = 2**62
@@ -80,7 +80,7 @@ def _wanted_by_auto(structure: Structure | None, formulation: str, rtol: float) 
     jumps = bool(np.any(structure.tension_only & (structure.damping > 0)))
     explicit = _explicit_for(rtol, jumps)
     if structure.sliding:
-        return (explicit, RING_INTEGRATOR)
+        return (explicit, DAMPED_INTEGRATOR)
     if structure.ground is not None or structure.collision is not None or structure.internal_name:
         return (explicit,)
     mu = structure.mu

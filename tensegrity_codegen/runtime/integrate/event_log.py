@@ -1,5 +1,6 @@
 """Events that integrators in C cut their steps at: what to watch, and the log of what happened."""
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -105,6 +106,6 @@ def choose_watch(spec: IntegratorSpec, manifest: Manifest, watch: Watch | None) 
             where=f"{manifest.name}: {spec.name}",
             given=", ".join(missing),
             allowed=", ".join(spec.events) or "none",
-            hint=f"build the model with events = {sorted({*spec.events, *missing})}",
+            hint=f"state events = {json.dumps(sorted({*spec.events, *missing}))} under [model] in the scene",
         )
     return watch

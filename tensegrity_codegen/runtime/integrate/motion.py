@@ -6,11 +6,10 @@ from typing import Any
 
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.profiles.jumps import Schedule as Schedule
 from tensegrity_codegen.system.arrays import FloatArray
 
 Progress = Callable[[float], None]
-# Time [s] -> run-time parameters and inputs by name.
-Schedule = Callable[[float], Mapping[str, Any]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, judge_end
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
+from tensegrity_codegen.runtime.profiles.jumps import SCHEDULE_SAMPLES, locate_jumps
 from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, FormulationError, NonFiniteError
@@ -114,12 +115,16 @@ def integrate_scipy(motion: Motion, options: RunOptions, longest: float = np.inf
     def finish(status: str, message: str) -> RawTrajectory:
         kept = np.array(states) if states else motion.state[None, :]  # the first one is there in any case
         name = f"scipy {method}"
-        return RawTrajectory(times[: len(kept)], kept, status, message, name, steps.count, count)
+        return RawTrajectory(times[: len(kept)], kept, status, message + seen, name, steps.count, count)
 
     kinks: list[float] = []
+    seen = ""
     if isinstance(motion.schedule, DrivenArguments):
         pieces = motion.schedule.pieces
         kinks = [time for time in pieces.time[pieces.is_kink].tolist() if time < motion.t_end]
+    elif motion.schedule is not None:
+        kinks = locate_jumps(motion.schedule, motion.t_end)
+        seen = f"; pulses of the schedule shorter than {motion.t_end / SCHEDULE_SAMPLES:.3g} s are not seen"
     for start, end in pairwise((0.0, *kinks, motion.t_end)):
         is_last = end == motion.t_end
         inside = times[(times >= start) & ((times < end) | is_last)]

@@ -41,6 +41,12 @@ INTEGRATORS = _find_integrators()
 
 # The one for stiff members, which `auto` weighs against explicit ones.
 STIFF_INTEGRATOR = next(name for name, item in INTEGRATORS.items() if item.kind == "implicit")
+# The one with error control whose steps solve linear systems with the Jacobian, for much damping.
+DAMPED_INTEGRATOR = next(
+    name
+    for name, item in INTEGRATORS.items()
+    if item.kind == "adaptive" and "state_jacobian" in item.quantities
+)
 
 
 def find_row(name: str, needs_state_jacobian: bool) -> Integrator:

@@ -129,3 +129,17 @@ def test_anchors_do_not_move() -> None:
     model = load(structure, *SIMULATION_QUANTITIES, parameters={"anchor_position": (0,)})
     with pytest.raises(InvalidValueError, match="anchor positions cannot change"):
         simulate(model, 1.0, method="scipy_rk45", schedule=lambda t: {"anchor_position": [[t, 0, 0]]})
+
+
+def test_a_short_pulse_of_a_function_is_located_as_in_a_table(model: CompiledModel) -> None:
+    """A rest length that is 0.1 m longer for 5 ms of 10 s: l'' = -w^2 (l - rho) after two steps of rho."""
+    begin, width = 4.0117, 0.005
+
+    def pulse(time: float) -> dict[str, Any]:
+        return {"rest_length": np.array([1.1 if begin <= time < begin + width else 1.0])}
+
+    run = simulate(model, 10.0, rtol=1e-9, stepping=Stepping(atol=1e-11), schedule=pulse)
+    exact = 1.0 + 0.1 * (np.cos(RATE * (10.0 - begin - width)) - np.cos(RATE * (10.0 - begin)))
+    assert run.status == "ok"
+    assert float(np.diff(run.node_position[-1, :, 0])[0]) == pytest.approx(exact, abs=1e-9)
+    assert "pulses of the schedule shorter than 0.0025 s are not seen" in run.message

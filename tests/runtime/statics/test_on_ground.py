@@ -95,7 +95,7 @@ def test_stiff_frames_stand_on_stiff_ground(spring_constant: float, stiffness: f
 
 
 def test_a_search_that_runs_out_of_iterations_does_not_say_that_the_structure_tips() -> None:
-    """With its three feet a millimetre apart in height it touches with one at first, and stands in the end."""
+    """Its three feet are a millimetre apart in height: one touches first, and it stands in the end."""
     prism = make_elastic(make_prism())
     place = prism.node_position + np.outer([0.0, 1e-3, 2e-3, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
     model = build(prism.with_changes(node_position=place))
