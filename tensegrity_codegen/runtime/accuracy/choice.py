@@ -29,8 +29,8 @@ LOOSE_RTOL_WITH_JUMPS = 1e-7  # the same where forces jump: steps end there, and
 CABLE_SHARE = 0.8  # of the explicit steps, that cables alone need where not bars limit them
 IMPLICIT_STEP_COST = 1.5  # time of an implicit step over that of one of rk853
 MAX_EXPLICIT_STEPS = 100_000  # steps, at most, where the implicit method misses the tolerance
-# Explicit steps of a run over rings with friction, from which on DAMPED_INTEGRATOR has its turn: a strand that
-# goes slack gives its material away in no time.
+# Explicit steps of a run over rings with friction, from which on DAMPED_INTEGRATOR has its turn: a strand
+# that goes slack gives its material away in no time.
 MAX_STEPS_AT_RINGS = 20_000
 MIN_TOLD_RATIO = 1.5  # stiffness over that of cables, below which it is worth no word
 MIN_STIFF_RATIO = 100.0  # stiffness over that of cables, from which on a library shall hold both methods
