@@ -187,7 +187,7 @@ extern ICOSAHEDRON_API const double icosahedron_nominal_velocity[36];
  *   coordinate (36,) [m]: Free node coordinates, node by node.
  *   velocity (36,) [m/s]: Rates of the free node coordinates.
  *   returns member_tension (30,) [N]
- *   666 operations. Source: S&K 2.
+ *   690 operations. Source: S&K 2.
  */
 ICOSAHEDRON_API int icosahedron_compute_member_tension(
     const double coordinate[36],
@@ -199,7 +199,7 @@ ICOSAHEDRON_API int icosahedron_compute_member_tension(
  *   coordinate (36,) [m]: Free node coordinates, node by node.
  *   velocity (36,) [m/s]: Rates of the free node coordinates.
  *   returns acceleration (36,) [m/s2]
- *   1046 operations. Source: S&K 2.
+ *   1070 operations. Source: S&K 2.
  */
 ICOSAHEDRON_API int icosahedron_compute_acceleration(
     const double coordinate[36],
@@ -211,7 +211,7 @@ ICOSAHEDRON_API int icosahedron_compute_acceleration(
  *   coordinate (36,) [m]: Free node coordinates, node by node.
  *   velocity (36,) [m/s]: Rates of the free node coordinates.
  *   returns total_energy scalar [J]
- *   607 operations. Source: S&K 2.
+ *   631 operations. Source: S&K 2.
  */
 ICOSAHEDRON_API int icosahedron_compute_total_energy(
     const double coordinate[36],
@@ -224,7 +224,7 @@ ICOSAHEDRON_API int icosahedron_compute_total_energy(
  *   coordinate (36,) [m]: Free node coordinates, node by node.
  *   velocity (36,) [m/s]: Rates of the free node coordinates.
  *   returns cable_margin (24,) [m]
- *   528 operations. Source: S&K 2.
+ *   552 operations. Source: S&K 2.
  */
 ICOSAHEDRON_API int icosahedron_compute_cable_margin(
     const double coordinate[36],

@@ -155,7 +155,7 @@ PINNED_PRISM_API int pinned_prism_compute_member_length(
  *   coordinate (6,) [m, rad]: Positions and angles of the bodies, body by body.
  *   input (9,) [m, N or N m]: Rest-length changes, forces and torques of the actuated inputs.
  *   returns member_tension (9,) [N]
- *   152 operations. Source: S&K 2.
+ *   161 operations. Source: S&K 2.
  */
 PINNED_PRISM_API int pinned_prism_compute_member_tension(
     const double coordinate[6],
@@ -168,7 +168,7 @@ PINNED_PRISM_API int pinned_prism_compute_member_tension(
  *   velocity (6,) [m/s, rad/s]: Rates of the positions and angles of the bodies.
  *   input (9,) [m, N or N m]: Rest-length changes, forces and torques of the actuated inputs.
  *   returns acceleration (6,) [m/s2, rad/s2]
- *   441 operations. Source: S&K 2.
+ *   450 operations. Source: S&K 2.
  */
 PINNED_PRISM_API int pinned_prism_compute_acceleration(
     const double coordinate[6],
@@ -182,7 +182,7 @@ PINNED_PRISM_API int pinned_prism_compute_acceleration(
  *   coordinate (6,) [m, rad]: Positions and angles of the bodies, body by body.
  *   input (9,) [m, N or N m]: Rest-length changes, forces and torques of the actuated inputs.
  *   returns cable_margin (9,) [m]
- *   116 operations. Source: S&K 2.
+ *   125 operations. Source: S&K 2.
  */
 PINNED_PRISM_API int pinned_prism_compute_cable_margin(
     const double coordinate[6],

@@ -122,7 +122,7 @@ extern PLANAR_API const double planar_nominal_velocity[5];
  *   coordinate (5,) [m]: Free node coordinates, node by node.
  *   velocity (5,) [m/s]: Rates of the free node coordinates.
  *   returns member_tension (6,) [N]
- *   52 operations. Source: S&K 2.
+ *   57 operations. Source: S&K 2.
  */
 PLANAR_API int planar_compute_member_tension(
     const double coordinate[5],
@@ -134,7 +134,7 @@ PLANAR_API int planar_compute_member_tension(
  *   coordinate (5,) [m]: Free node coordinates, node by node.
  *   velocity (5,) [m/s]: Rates of the free node coordinates.
  *   returns acceleration (5,) [m/s2]
- *   91 operations. Source: S&K 2.
+ *   96 operations. Source: S&K 2.
  */
 PLANAR_API int planar_compute_acceleration(
     const double coordinate[5],
@@ -146,7 +146,7 @@ PLANAR_API int planar_compute_acceleration(
  *   coordinate (5,) [m]: Free node coordinates, node by node.
  *   velocity (5,) [m/s]: Rates of the free node coordinates.
  *   returns total_energy scalar [J]
- *   76 operations. Source: S&K 2.
+ *   81 operations. Source: S&K 2.
  */
 PLANAR_API int planar_compute_total_energy(
     const double coordinate[5],
@@ -159,7 +159,7 @@ PLANAR_API int planar_compute_total_energy(
  *   coordinate (5,) [m]: Free node coordinates, node by node.
  *   velocity (5,) [m/s]: Rates of the free node coordinates.
  *   returns cable_margin (4,) [m]
- *   28 operations. Source: S&K 2.
+ *   33 operations. Source: S&K 2.
  */
 PLANAR_API int planar_compute_cable_margin(
     const double coordinate[5],

@@ -149,7 +149,7 @@ PRISM_API int prism_compute_member_length(
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns member_tension (12,) [N]
- *   132 operations. Source: S&K 2.
+ *   141 operations. Source: S&K 2.
  */
 PRISM_API int prism_compute_member_tension(
     const double coordinate[15],
@@ -159,7 +159,7 @@ PRISM_API int prism_compute_member_tension(
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns node_residual (15,) [N]
- *   225 operations. Source: S&K 2.
+ *   234 operations. Source: S&K 2.
  */
 PRISM_API int prism_compute_node_residual(
     const double coordinate[15],
@@ -169,7 +169,7 @@ PRISM_API int prism_compute_node_residual(
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns potential_energy scalar [J]
- *   161 operations. Source: S&K 2.
+ *   170 operations. Source: S&K 2.
  */
 PRISM_API int prism_compute_potential_energy(
     const double coordinate[15],
@@ -180,7 +180,7 @@ PRISM_API int prism_compute_potential_energy(
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   velocity (15,) [m/s]: Rates of the free node coordinates.
  *   returns total_energy scalar [J]
- *   224 operations. Source: S&K 2.
+ *   233 operations. Source: S&K 2.
  */
 PRISM_API int prism_compute_total_energy(
     const double coordinate[15],
@@ -197,7 +197,7 @@ extern PRISM_API const int prism_tangent_stiffness_column_start[16];
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns tangent_stiffness (15, 15) [N/m], the non-zeros column by column
- *   456 operations. Source: S&K 5.
+ *   465 operations. Source: S&K 5.
  */
 PRISM_API int prism_compute_tangent_stiffness(
     const double coordinate[15],
@@ -207,7 +207,7 @@ PRISM_API int prism_compute_tangent_stiffness(
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns acceleration (15,) [m/s2]
- *   264 operations. Source: S&K 2.
+ *   273 operations. Source: S&K 2.
  */
 PRISM_API int prism_compute_acceleration(
     const double coordinate[15],
@@ -218,7 +218,7 @@ PRISM_API int prism_compute_acceleration(
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns cable_margin (9,) [m]
- *   78 operations. Source: S&K 2.
+ *   87 operations. Source: S&K 2.
  */
 PRISM_API int prism_compute_cable_margin(
     const double coordinate[15],

@@ -158,7 +158,7 @@ extern PRISM12_API const double prism12_nominal_input[6];
  *   coordinate (18,) [m]: Free node coordinates, node by node.
  *   input (6,) [m or N]: Rest-length changes and forces of the actuated inputs.
  *   returns member_tension (15,) [N]
- *   195 operations. Source: S&K 2.
+ *   207 operations. Source: S&K 2.
  */
 PRISM12_API int prism12_compute_member_tension(
     const double coordinate[18],
@@ -170,7 +170,7 @@ PRISM12_API int prism12_compute_member_tension(
  *   coordinate (18,) [m]: Free node coordinates, node by node.
  *   input (6,) [m or N]: Rest-length changes and forces of the actuated inputs.
  *   returns acceleration (18,) [m/s2]
- *   345 operations. Source: S&K 2.
+ *   357 operations. Source: S&K 2.
  */
 PRISM12_API int prism12_compute_acceleration(
     const double coordinate[18],
@@ -183,7 +183,7 @@ PRISM12_API int prism12_compute_acceleration(
  *   velocity (18,) [m/s]: Rates of the free node coordinates.
  *   input (6,) [m or N]: Rest-length changes and forces of the actuated inputs.
  *   returns total_energy scalar [J]
- *   278 operations. Source: S&K 2.
+ *   290 operations. Source: S&K 2.
  */
 PRISM12_API int prism12_compute_total_energy(
     const double coordinate[18],

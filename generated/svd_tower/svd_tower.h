@@ -183,7 +183,7 @@ SVD_TOWER_API int svd_tower_compute_member_length(
  *   coordinate (18,) [m, rad]: Positions and angles of the bodies, body by body.
  *   rest_length (18,) [m]: Rest lengths of the changeable members.
  *   returns member_tension (18,) [N]
- *   337 operations. Source: S&K 2.
+ *   355 operations. Source: S&K 2.
  */
 SVD_TOWER_API int svd_tower_compute_member_tension(
     const double coordinate[18],
@@ -197,7 +197,7 @@ SVD_TOWER_API int svd_tower_compute_member_tension(
  *   input (6,) [m, N or N m]: Rest-length changes, forces and torques of the actuated inputs.
  *   rest_length (18,) [m]: Rest lengths of the changeable members.
  *   returns acceleration (18,) [m/s2, rad/s2]
- *   3641 operations. Source: S&K 2.
+ *   3659 operations. Source: S&K 2.
  */
 SVD_TOWER_API int svd_tower_compute_acceleration(
     const double coordinate[18],
@@ -212,7 +212,7 @@ SVD_TOWER_API int svd_tower_compute_acceleration(
  *   velocity (18,) [m/s, rad/s]: Rates of the positions and angles of the bodies.
  *   rest_length (18,) [m]: Rest lengths of the changeable members.
  *   returns total_energy scalar [J]
- *   593 operations. Source: S&K 2.
+ *   611 operations. Source: S&K 2.
  */
 SVD_TOWER_API int svd_tower_compute_total_energy(
     const double coordinate[18],
@@ -236,7 +236,7 @@ SVD_TOWER_API int svd_tower_compute_chart_margin(
  *   coordinate (18,) [m, rad]: Positions and angles of the bodies, body by body.
  *   rest_length (18,) [m]: Rest lengths of the changeable members.
  *   returns cable_margin (18,) [m]
- *   265 operations. Source: S&K 2.
+ *   283 operations. Source: S&K 2.
  */
 SVD_TOWER_API int svd_tower_compute_cable_margin(
     const double coordinate[18],

@@ -236,7 +236,7 @@ extern TOWER_API const double tower_nominal_gravity[3];
  *   input (2,) [m or N]: Rest-length changes and forces of the actuated inputs.
  *   rest_length (12,) [m]: Rest lengths of the changeable members.
  *   returns member_tension (48,) [N]
- *   1091 operations. Source: S&K 2.
+ *   1130 operations. Source: S&K 2.
  */
 TOWER_API int tower_compute_member_tension(
     const double coordinate[51],
@@ -253,7 +253,7 @@ TOWER_API int tower_compute_member_tension(
  *   rest_length (12,) [m]: Rest lengths of the changeable members.
  *   gravity (3,) [m/s2]: Gravity vector.
  *   returns acceleration (51,) [m/s2]
- *   1706 operations. Source: S&K 2.
+ *   1745 operations. Source: S&K 2.
  */
 TOWER_API int tower_compute_acceleration(
     const double coordinate[51],
@@ -271,7 +271,7 @@ TOWER_API int tower_compute_acceleration(
  *   rest_length (12,) [m]: Rest lengths of the changeable members.
  *   gravity (3,) [m/s2]: Gravity vector.
  *   returns total_energy scalar [J]
- *   1040 operations. Source: S&K 2.
+ *   1079 operations. Source: S&K 2.
  */
 TOWER_API int tower_compute_total_energy(
     const double coordinate[51],
@@ -289,7 +289,7 @@ TOWER_API int tower_compute_total_energy(
  *   input (2,) [m or N]: Rest-length changes and forces of the actuated inputs.
  *   rest_length (12,) [m]: Rest lengths of the changeable members.
  *   returns cable_margin (39,) [m]
- *   855 operations. Source: S&K 2.
+ *   894 operations. Source: S&K 2.
  */
 TOWER_API int tower_compute_cable_margin(
     const double coordinate[51],

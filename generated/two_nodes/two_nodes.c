@@ -142,9 +142,9 @@ static void member_tension_kernel(
 {
   const double t5 = coordinate[0] * coordinate[0] + coordinate[1] * coordinate[1];
   /* member1: n1 to n2 */
-  const double length_member1 = sqrt(t5 + coordinate[2] * coordinate[2]);
-  const double t13 = 80.0 * (length_member1 - 1.0);
-  member_tension[0] = (1.0 < length_member1) ? t13 : 0.0; /* member1 */
+  const double length_member1 = sqrt(t5 + coordinate[2] * coordinate[2] + 1.1754943508222875e-38);
+  const double t15 = 80.0 * (length_member1 - 1.0);
+  member_tension[0] = (1.0 < length_member1) ? t15 : 0.0; /* member1 */
 }
 
 int two_nodes_compute_member_tension(
@@ -172,9 +172,9 @@ static void acceleration_kernel(
 {
   const double t5 = coordinate[0] * coordinate[0] + coordinate[1] * coordinate[1];
   /* member1: n1 to n2 */
-  const double length_member1 = sqrt(t5 + coordinate[2] * coordinate[2]);
-  const double t13 = 80.0 * (length_member1 - 1.0);
-  const double tension_member1 = (1.0 < length_member1) ? t13 : 0.0;
+  const double length_member1 = sqrt(t5 + coordinate[2] * coordinate[2] + 1.1754943508222875e-38);
+  const double t15 = 80.0 * (length_member1 - 1.0);
+  const double tension_member1 = (1.0 < length_member1) ? t15 : 0.0;
   const double force_density_member1 = tension_member1 / length_member1;
   acceleration[0] = 2.0 * (-(force_density_member1 * coordinate[0])); /* n2_x */
   acceleration[1] = 2.0 * (-(force_density_member1 * coordinate[1])); /* n2_y */
@@ -208,11 +208,11 @@ static void total_energy_kernel(
   const double t7 = 0.25 * velocity[0] * velocity[0] + 0.25 * velocity[1] * velocity[1];
   const double t17 = coordinate[0] * coordinate[0] + coordinate[1] * coordinate[1];
   /* member1: n1 to n2 */
-  const double length_member1 = sqrt(t17 + coordinate[2] * coordinate[2]);
-  const double t24 = length_member1 - 1.0;
-  const double t26 = 40.0 * t24 * t24;
-  const double t30 = ((1.0 < length_member1) ? t26 : 0.0) - (-4.905) * coordinate[2];
-  total_energy[0] = t7 + 0.25 * velocity[2] * velocity[2] + t30;
+  const double length_member1 = sqrt(t17 + coordinate[2] * coordinate[2] + 1.1754943508222875e-38);
+  const double t26 = length_member1 - 1.0;
+  const double t28 = 40.0 * t26 * t26;
+  const double t32 = ((1.0 < length_member1) ? t28 : 0.0) - (-4.905) * coordinate[2];
+  total_energy[0] = t7 + 0.25 * velocity[2] * velocity[2] + t32;
 }
 
 int two_nodes_compute_total_energy(
@@ -241,7 +241,7 @@ static void cable_margin_kernel(
 {
   const double t4 = coordinate[0] * coordinate[0] + coordinate[1] * coordinate[1];
   /* member1: n1 to n2 */
-  const double length_member1 = sqrt(t4 + coordinate[2] * coordinate[2]);
+  const double length_member1 = sqrt(t4 + coordinate[2] * coordinate[2] + 1.1754943508222875e-38);
   cable_margin[0] = length_member1 - 1.0; /* member1 */
 }
 

@@ -113,7 +113,7 @@ extern TWO_NODES_API const double two_nodes_nominal_velocity[3];
  *
  *   coordinate (3,) [m]: Free node coordinates, node by node.
  *   returns member_tension (1,) [N]
- *   10 operations. Source: S&K 2.
+ *   11 operations. Source: S&K 2.
  */
 TWO_NODES_API int two_nodes_compute_member_tension(
     const double coordinate[3],
@@ -123,7 +123,7 @@ TWO_NODES_API int two_nodes_compute_member_tension(
  *
  *   coordinate (3,) [m]: Free node coordinates, node by node.
  *   returns acceleration (3,) [m/s2]
- *   20 operations. Source: S&K 2.
+ *   21 operations. Source: S&K 2.
  */
 TWO_NODES_API int two_nodes_compute_acceleration(
     const double coordinate[3],
@@ -134,7 +134,7 @@ TWO_NODES_API int two_nodes_compute_acceleration(
  *   coordinate (3,) [m]: Free node coordinates, node by node.
  *   velocity (3,) [m/s]: Rates of the free node coordinates.
  *   returns total_energy scalar [J]
- *   22 operations. Source: S&K 2.
+ *   23 operations. Source: S&K 2.
  */
 TWO_NODES_API int two_nodes_compute_total_energy(
     const double coordinate[3],
@@ -146,7 +146,7 @@ TWO_NODES_API int two_nodes_compute_total_energy(
  *
  *   coordinate (3,) [m]: Free node coordinates, node by node.
  *   returns cable_margin (1,) [m]
- *   7 operations. Source: S&K 2.
+ *   8 operations. Source: S&K 2.
  */
 TWO_NODES_API int two_nodes_compute_cable_margin(
     const double coordinate[3],

@@ -59,7 +59,7 @@ static inline void member_locate(
   }
   at->length[member] = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
   for (k = 0; k < 3; ++k) {
-    at->unit[3 * member + k] = v[k] / at->length[member];
+    at->unit[3 * member + k] = at->length[member] > 0.0 ? v[k] / at->length[member] : 0.0;
   }
 }
 
@@ -259,7 +259,8 @@ static inline void member_change_damping(int is_taken, double far, equilibrium_m
   int k;
   m->shift *= is_taken ? 0.25 : 1.0;
   for (k = 0; k < EQUILIBRIUM_MEMBERS; ++k) {
-    const double old = m->damping[k], need = m->need[k], unit = m->largest_force / m->here.length[k];
+    const double length = m->here.length[k] > 0.0 ? m->here.length[k] : 0.1 * m->longest;
+    const double old = m->damping[k], need = m->need[k], unit = m->largest_force / length;
     if (is_taken) {
       m->damping[k] = old > 4e-6 * unit ? 0.25 * old : 0.0;
     } else if (far > 0.0) {

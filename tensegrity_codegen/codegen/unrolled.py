@@ -51,6 +51,9 @@ class NamedValues:
             for item in instructions:
                 if item.operation == ca.OP_OUTPUT and instructions[item.operands[0]].is_operation:
                     self._add(keys[item.operands[0]], prefixes, item.place[1])
+                    divisor = instructions[item.operands[0]].operands[-1]
+                    if quantity == "force_density" and instructions[divisor].operation == ca.OP_SQRT:
+                        self._add(keys[divisor], ("length",), item.place[1])
 
     def annotate(self, function: PrunedFunction) -> Annotations:
         """Return names, headings and comments of the body of a function."""

@@ -63,6 +63,12 @@ class Strands:
         with np.errstate(over="ignore", under="ignore"):
             return np.asarray(np.linalg.norm(self.vectors(position), axis=-1))
 
+    def directions(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return unit vectors (n_strands, 3) and lengths (n_strands,) [m]: 0 and 1 where ends coincide."""
+        length = self.strand_lengths(position)
+        length = np.where(length > 0.0, length, 1.0)
+        return self.vectors(position) / length[:, None], length
+
 
 def list_strands(ends: IntArray, ring_nodes: Sequence[Sequence[int]]) -> Strands:
     """Return the strands of members.

@@ -17,6 +17,7 @@ from tensegrity_codegen.codegen.lanes.kernel import BLOCKS, KernelKind, build_ke
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import draws, thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
@@ -24,7 +25,7 @@ from tests.codegen.subjects import all_parameters, everything, offered
 from tests.codegen.test_generated_c import arguments_near, assert_same_bits, raw_call
 from tests.comparison import dense, run_in_casadi
 from tests.random_structures import make_structure, structures
-from tests.runtime.build import cable, prism
+from tests.runtime.build import bar, cable, prism
 from tests.runtime.build import make_structure as node_structure
 
 SLOW = draws(2)
@@ -121,6 +122,25 @@ def test_every_status_is_that_of_the_unrolled_code(flags: str) -> None:
                 expected, values = raw_call(plain, spec.quantity, **{name: changed})
                 assert status == expected, (spec.quantity, name, entry, value)
                 np.testing.assert_array_equal(result, values)
+
+
+@pytest.mark.parametrize("precision", ["double", *thorough("single")])
+@pytest.mark.parametrize("emitter", ["unrolled", "lanes", "table"])
+def test_a_slack_cable_between_coincident_nodes_does_not_pull(emitter: str, precision: str) -> None:
+    place = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    members = [cable(1, 2, 0.5, damping=2.0), cable(0, 1, 0.9, damping=2.0), bar(2, 3, 1.5, mu=100.0)]
+    structure = node_structure(place, members)
+    request = ModelRequest(("node_force", "state_jacobian"), emitter=emitter, precision=precision)
+    model = build(structure, request)
+    push = 100.0 * (1.5 - np.sqrt(2.0)) / np.sqrt(2.0)
+    force = [[10.0, 0, 0], [-10.0, 0, 0], [push, -push, 0], [-push, push, 0]]
+    found = model.compute("node_force")
+    np.testing.assert_allclose(found.reshape(4, 3), force, atol=1e-4 if precision == "single" else 1e-13)
+    assert np.isfinite(dense(model.compute("state_jacobian", velocity=list(range(12))))).all()
+    coordinate = np.array(place, dtype=model.dtype)
+    coordinate[2] = coordinate[3]
+    with pytest.raises(NonFiniteError, match="the result is not finite"):  # of the bar
+        model.compute("node_force", coordinate=coordinate.ravel())
 
 
 @pytest.mark.parametrize("flags", ["reference", *thorough("native")])

@@ -270,13 +270,27 @@ def test_a_taut_cable_fills_its_blocks() -> None:
         assert evaluator(name)[6:9].any()
 
 
-def test_a_slack_cable_between_coincident_nodes_has_tension_and_energy_but_no_direction() -> None:
-    structure = make_structure([[0, 0, 0], [1, 0, 0]], [cable(0, 1, 0.5)])
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_a_slack_cable_between_coincident_nodes_does_not_pull(damping: float) -> None:
+    structure = make_structure([[0, 0, 0], [1, 0, 0]], [cable(0, 1, 0.5, damping=damping)])
     evaluator = Evaluator(structure)
     together = np.zeros(6)
     assert evaluator("member_tension", coordinate=together) == [0.0]
     assert evaluator("elastic_energy", coordinate=together) == [0.0]
-    assert np.isnan(evaluator("acceleration", coordinate=together)).all()
+    assert evaluator("member_length", coordinate=together) == [0.0]
+    at = {"coordinate": together, "velocity": np.arange(6.0)}
+    for name in (
+        "acceleration",
+        "force_density",
+        "tangent_stiffness",
+        "equilibrium_matrix",
+        "tension_jacobian",
+    ):
+        assert not evaluator(name, **at).any()
+    jacobian = evaluator("state_jacobian", **at)
+    assert jacobian.sum() == 6.0
+    assert not jacobian[6:].any()
+    assert not evaluator("rest_length_jacobian", **at).any()
 
 
 def test_a_spring_between_coincident_nodes_has_no_direction() -> None:

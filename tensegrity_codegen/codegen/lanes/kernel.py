@@ -11,6 +11,7 @@ from tensegrity_codegen.codegen.print.instructions import read_instructions
 from tensegrity_codegen.codegen.print.operations import ARITHMETIC
 from tensegrity_codegen.codegen.print.printer import print_number
 from tensegrity_codegen.codegen.print.render import render
+from tensegrity_codegen.symbolic.geometry import LEAST_SQUARE
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.system.errors import FormulationError
@@ -120,18 +121,22 @@ def build_kernel(kind: KernelKind, name: str) -> DensityKernel:
     if sizes:
         lines.append(f"return {' + '.join(sizes)};")
     stores = 0 if kind.result == "density" else result
-    parameters = (*parameters, "two_sided") if kind.is_mixed else parameters
     return DensityKernel(name, parameters, tuple(lines), stores)
 
 
 def _build(kind: KernelKind, name: str) -> tuple[ca.Function, tuple[str, ...]]:
     """Return what a kernel computes as a function of its parameters."""
-    names = (*AXES, *RATES, *MEMBER_VALUES)
+    names = (*AXES, *RATES, *MEMBER_VALUES, "two_sided")
     symbols = {key: ca.SX.sym(key) for key in names}
     zero = ca.SX(0.0)
     values = {key: symbols[key] if key in kind.values else zero for key in MEMBER_VALUES}
+    of_cable = 1.0 - symbols["two_sided"] if kind.is_mixed else 1.0
     member = Member(
-        [symbols[axis] for axis in AXES], [symbols[rate] for rate in RATES], values, kind.tension_only
+        [symbols[axis] for axis in AXES],
+        [symbols[rate] for rate in RATES],
+        values,
+        kind.tension_only,
+        least_square=LEAST_SQUARE * of_cable,
     )
     result = ca.cse(ca.vertcat(*_results(kind, member)))
     parameters = tuple(key for key in names if ca.depends_on(result, symbols[key]))

@@ -280,7 +280,7 @@ def compute_slopes(
         plan_model.model, at.model_coordinate, arguments, columns=plan_model.columns
     )
     strands = manifest.strands
-    unit = strands.vectors(at.position) / strands.strand_lengths(at.position)[:, None]
+    unit, _ = strands.directions(at.position)
     apart = found.node[strands.ends[:, 0]] - found.node[strands.ends[:, 1]]
     length = strands.add_up(np.einsum("ea,eak->ke", unit, apart)).T
     count = len(at.change)

@@ -293,5 +293,5 @@ def _check_lengths(problem: StaticProblem, coordinate: FloatArray) -> None:
             where=f"{manifest.name}: members.{manifest.member_name[member]}",
             given=f"nodes {first} and {second} at the same place",
             allowed="two places",
-            hint="move one of the nodes",
+            hint="move one of the nodes, or leave out the member: a tension in it has no direction",
         )

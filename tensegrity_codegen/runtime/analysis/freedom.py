@@ -36,9 +36,8 @@ def count_freedom(structure: Structure) -> Freedom | None:
         return None
     strands = structure.strands
     first, second = strands.ends.T
-    vector = strands.vectors(structure.node_position)
     matrix = np.zeros((structure.n_nodes, m, 3))
-    unit = vector / np.linalg.norm(vector, axis=1)[:, None]
+    unit, _ = strands.directions(structure.node_position)
     for node, sign in ((first, 1.0), (second, -1.0)):
         np.add.at(matrix, (node, strands.member), sign * unit)
     matrix = matrix[free[:, 0], :, free[:, 1]]

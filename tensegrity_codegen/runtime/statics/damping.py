@@ -59,6 +59,7 @@ def locate_members(position: FloatArray, strands: Strands, point: Any) -> Member
     force = np.maximum(point.largest_force, point.node_force)[..., None]
     longest = np.asarray(point.longest)[..., None]
     length = np.sqrt((vector**2).sum(axis=-1))
+    length = np.where(length > 0.0, length, LEAST_LENGTH * longest)
     return Members(vector, length, strands.spread(point.tension), force, longest)
 
 

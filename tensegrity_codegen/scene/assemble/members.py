@@ -36,7 +36,8 @@ def build_member_arrays(
     _check_needed(given, names, is_bar, where)
     connectivity, ring_nodes = _find_nodes(names, rows, node_name, where)
     strands = list_strands(connectivity, ring_nodes)
-    check_connectivity(strands, names, node_name, node_position, where)
+    slack_length = np.where(tension_only & ~(given["segments"] > 1), given["rest_length"], np.nan)
+    check_connectivity(strands, names, node_name, node_position, slack_length, where)
     length = strands.lengths(node_position)
     stiffness = {key: _or_zero(given[key]) for key in STIFFNESS}
     laws = _find_laws(given, names, is_bar, where)
@@ -226,7 +227,7 @@ def _rest_length(
         chosen = {key: values[mask] for key, values in given.items()}
         by_tension[mask] = law.find_rest_length(length[mask], tension[mask], chosen)
     rest = np.where(np.isnan(given["prestress"]), length, by_tension)
-    bad = ~((rest > 0) & np.isfinite(rest))
+    bad = ~((rest > 0) & np.isfinite(rest)) & np.isnan(given["rest_length"])
     refuse_prestress(
         bad,
         InvalidValueError,

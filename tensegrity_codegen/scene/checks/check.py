@@ -57,7 +57,12 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
     _check_laws(structure, where)
     _check_rings(structure, where)
     check_connectivity(
-        structure.strands, structure.member_name, structure.node_name, structure.node_position, where
+        structure.strands,
+        structure.member_name,
+        structure.node_name,
+        structure.node_position,
+        np.where(structure.tension_only, structure.rest_length, np.nan),
+        where,
     )
     check_freedom(structure.strands.ends, structure.node_anchored, structure.axes, structure.node_name, where)
     _check_rigid_bars(structure, where)

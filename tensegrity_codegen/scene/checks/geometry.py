@@ -26,9 +26,13 @@ def check_connectivity(
     member_name: tuple[str, ...],
     node_name: tuple[str, ...],
     node_position: FloatArray,
+    rest_length: FloatArray,
     where: str,
 ) -> None:
-    """Raise unless every strand joins two different, not coincident nodes, and no two members the same pair.
+    """Raise unless every strand joins two different nodes, and no two members the same pair.
+
+    Nodes may coincide where a cable joins them that is slack there. rest_length (n_members,) [m]: NaN of
+    members that cannot go slack.
 
     Raises StructureError or DuplicateNameError (two members on one pair, in either order).
     """
@@ -65,7 +69,7 @@ def check_connectivity(
     )
     extent = float(np.ptp(node_position, axis=0).max()) if len(node_position) else 0.0
     refuse(
-        length <= COINCIDENT * extent,
+        (length <= COINCIDENT * extent) & ~(rest_length > strands.add_up(length))[strands.member],
         StructureError,
         "the member joins two nodes at one place",
         section="members",
@@ -73,8 +77,8 @@ def check_connectivity(
         where=where,
         key="nodes",
         given=place,
-        allowed="nodes at different positions",
-        hint="move one of the nodes, or make the two one node",
+        allowed="nodes at different positions, or a cable that is slack there",
+        hint="move one of the nodes, make the two one node, or give a cable a rest_length",
     )
 
 

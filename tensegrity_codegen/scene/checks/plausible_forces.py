@@ -183,16 +183,9 @@ def warn_of_jump(structure: Structure) -> list[str]:
     ]
 
 
-def _directions(structure: Structure) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors (n_strands, 3) from the second node to the first, and lengths (n_strands,)."""
-    vector = structure.strands.vectors(structure.node_position)
-    length = np.linalg.norm(vector, axis=1)
-    return vector / length[:, None], length
-
-
 def find_unbalanced(structure: Structure) -> FloatArray:
     """Return the force that nothing balances at each node (n_nodes, 3) [N], zero where it is held."""
-    unit, _ = _directions(structure)
+    unit, _ = structure.strands.directions(structure.node_position)
     strands = structure.strands
     pull = strands.spread(structure.static_tension())[:, None] * unit
     mass = structure.node_mass.copy()
@@ -220,7 +213,7 @@ def find_unbalanced(structure: Structure) -> FloatArray:
 
 def _find_stiffness(structure: Structure) -> FloatArray:
     """Return each node's stiffness with the others held, (n_nodes, 3, 3) [N/m]: of bars and tight cables."""
-    unit, length = _directions(structure)
+    unit, length = structure.strands.directions(structure.node_position)
     tension, strands = structure.static_tension(), structure.strands
     slack = structure.tension_only & (structure.member_length() <= structure.rest_length)
     mu, tension = (strands.spread(values) for values in (np.where(slack, 0.0, structure.mu), tension))

@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.symbolic.geometry import member_length, member_rate
+from tensegrity_codegen.symbolic.geometry import LEAST_SQUARE, dot, member_length, member_rate
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks, stiffness_block, tangent_block
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw, build_law
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
@@ -21,7 +21,8 @@ class Member:
     """Expressions of one member; every intermediate is built once, when first needed.
 
     vector, vector_rate: d_e [m] and d_e' [m/s] over the modelled axes; values: those of MEMBER_VALUES, and
-    the internal states of a law with memory; section: those of SECTION_VALUES.
+    the internal states of a law with memory; section: those of SECTION_VALUES; least_square: what a member
+    that pulls only adds to the square of its length [m2].
     """
 
     vector: Vector
@@ -29,6 +30,7 @@ class Member:
     values: Mapping[str, Scalar]
     tension_only: bool
     section: Mapping[str, Scalar] = field(default_factory=dict)
+    least_square: Scalar = LEAST_SQUARE
     fmax = staticmethod(ca.fmax)
 
     @property
@@ -56,10 +58,21 @@ class Member:
         """Extension l - rho [m]."""
         return self.law.extension
 
+    @property
+    def plain_length(self) -> Scalar:
+        """Length l_e [m], exactly 0 where the ends coincide."""
+        return member_length(self.vector)
+
     @cached_property
     def length(self) -> Scalar:
-        """Length l_e [m]."""
-        return member_length(self.vector)
+        """Length l_e [m], of a cable never 0, see LEAST_SQUARE."""
+        return ca.sqrt(self.square)
+
+    @cached_property
+    def square(self) -> Scalar:
+        """Square of that length [m2]."""
+        square = dot(self.vector, self.vector)
+        return square + self.least_square if self.tension_only else square
 
     @property
     def is_damped(self) -> bool:
@@ -156,16 +169,18 @@ class Member:
 
     def material_block(self) -> MemberBlocks:
         """Return the material stiffness without damping, (n_axes, n_axes) [N/m]."""
-        return stiffness_block(self.vector, self.length, self.law.static_tension_by_length(), ca.SX(0.0))
+        return stiffness_block(
+            self.vector, self.length, self.square, self.law.static_tension_by_length(), ca.SX(0.0)
+        )
 
     def geometric_block(self) -> MemberBlocks:
         """Return the geometric stiffness without damping, (n_axes, n_axes) [N/m]."""
-        return stiffness_block(self.vector, self.length, ca.SX(0.0), self.static_density)
+        return stiffness_block(self.vector, self.length, self.square, ca.SX(0.0), self.static_density)
 
     def tangent_block(self) -> MemberBlocks:
         """Return the sum of both, (n_axes, n_axes) [N/m]."""
         slope, tension = self.law.static_tension_by_length(), self.law.static_tension()
-        return tangent_block(self.vector, self.length, slope, tension)
+        return tangent_block(self.vector, self.length, self.square, slope, tension)
 
     def rate_block(self) -> MemberBlocks:
         """Return c d d^T / l^2 while it pulls, (n_axes, n_axes) [N s/m]."""
@@ -175,7 +190,7 @@ class Member:
     def position_block(self) -> MemberBlocks:
         """Return -d(force)/d(vector), damping included, (n_axes, n_axes) [N/m]."""
         law, d = self.law, self.vector
-        block = tangent_block(d, self.length, law.tension_by_length(), law.tension())
+        block = tangent_block(d, self.length, self.square, law.tension_by_length(), law.tension())
         if not self.is_damped:
             return block
         return block.plus(MemberBlocks.outer(d, self.rate_gradient(), law.tension_by_rate() / self.length))

@@ -8,8 +8,6 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.symbolic.geometry import dot
-
 Scalar = Any
 Vector = list[Scalar]
 
@@ -39,23 +37,27 @@ class MemberBlocks:
         )
 
 
-def stiffness_block(vector: Vector, length: Scalar, slope: Scalar, density: Scalar) -> MemberBlocks:
+def stiffness_block(
+    vector: Vector, length: Scalar, square: Scalar, slope: Scalar, density: Scalar
+) -> MemberBlocks:
     """Return one member's stiffness block, slope d d^T / l^2 + density (I - d d^T / l^2) [N/m].
 
-    slope = dt/dl and density = t/l [N/m]: the material and the geometric part (S&K 5, the same as
-    mu [(1 - rho/l) I + (rho/l^3) d d^T]); either may be zero. Over one axis d / l is exactly 1 or -1, and
-    nothing is left of the geometric part.
+    square: l^2 [m2]; slope = dt/dl and density = t/l [N/m]: the material and the geometric part (S&K 5, the
+    same as mu [(1 - rho/l) I + (rho/l^3) d d^T]); either may be zero. Over one axis d / l is exactly 1 or -1,
+    and nothing is left of the geometric part.
     """
     if len(vector) == 1:
         return _sum([vector[0] / length], slope - density, density)
-    return _sum(vector, (slope - density) / dot(vector, vector), density)
+    return _sum(vector, (slope - density) / square, density)
 
 
-def tangent_block(vector: Vector, length: Scalar, slope: Scalar, tension: Scalar) -> MemberBlocks:
+def tangent_block(
+    vector: Vector, length: Scalar, square: Scalar, slope: Scalar, tension: Scalar
+) -> MemberBlocks:
     """Return the block of both parts [N/m], from the tension [N]: one quotient serves all entries."""
     if len(vector) == 1:
-        return stiffness_block(vector, length, slope, tension / length)
-    inverse = length / dot(vector, vector)  # CasADi would make quotients again of products with 1 / length
+        return stiffness_block(vector, length, square, slope, tension / length)
+    inverse = length / square  # CasADi would make quotients again of products with 1 / length
     density = tension * inverse
     return _sum(vector, (slope - density) * (inverse * inverse), density)
 

@@ -77,11 +77,11 @@ class MemberLaw:
     # The division stays outside the branch: CasADi moves a product into it, one branch for each component.
 
     def static_force_density(self) -> Scalar:
-        """Return the static tension over the length [N/m], not a number where the ends coincide."""
+        """Return the static tension over the length [N/m], at length 0 not a number unless slack."""
         return self.static_tension() / self.length
 
     def force_density(self) -> Scalar:
-        """Return the tension with damping over the length [N/m], not a number where the ends coincide."""
+        """Return the tension with damping over the length [N/m], at length 0 not a number unless slack."""
         return self.tension() / self.length
 
     def energy(self) -> Scalar:

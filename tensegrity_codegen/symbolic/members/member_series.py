@@ -49,7 +49,7 @@ class MemberSeries:
         total = ca.SX(0.0)
         if n < 2 or not self.keeps_length:
             change = half_square(n, 0, lambda i, j: dot(self.vector(i), self.vector(j)))
-            total = change / dot(self.member.vector, self.member.vector)
+            total = change / self.member.square
         return total - half_square(n, 1, lambda i, j: self.relative_length(i) * self.relative_length(j))
 
     def _find_density(self, n: int) -> Scalar:

@@ -15,6 +15,7 @@ from typing import Any
 
 import casadi as ca
 
+from tensegrity_codegen.symbolic.geometry import LEAST_LENGTH
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks, stiffness_block
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw, build_law
@@ -37,14 +38,19 @@ class Strand(Member):
         return self.cable_law
 
     @cached_property
+    def divisor(self) -> Scalar:
+        """Length [m], 0 where the ends of a strand that pulls coincide: its pull has no direction there."""
+        return self.length - ca.if_else(self.law.rest_length < self.law.length, LEAST_LENGTH, 0)
+
+    @cached_property
     def density(self) -> Scalar:
         """Tension of the cable with damping over the length of the strand [N/m]."""
-        return self.law.tension() / self.length
+        return self.law.tension() / self.divisor
 
     @cached_property
     def static_density(self) -> Scalar:
         """Tension of the cable without damping over the length of the strand [N/m]."""
-        return self.law.static_tension() / self.length
+        return self.law.static_tension() / self.divisor
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,11 @@ class RingCable(Member):
     """
 
     parts: tuple[tuple[Vector, Vector], ...] = ()
+
+    @property
+    def plain_length(self) -> Scalar:
+        """Sum of the lengths of the strands [m], exactly."""
+        return sum((strand.plain_length for strand in self._geometry), ca.SX(0.0))
 
     @cached_property
     def length(self) -> Scalar:
@@ -127,7 +138,7 @@ class RingCable(Member):
         """Return (t / l_s) (I - u_s u_s^T) of each strand."""
         strands = enumerate(zip(self.strands, densities, strict=True))
         return {
-            (s, s): stiffness_block(strand.vector, strand.length, ca.SX(0.0), density)
+            (s, s): stiffness_block(strand.vector, strand.length, strand.square, ca.SX(0.0), density)
             for s, (strand, density) in strands
         }
 

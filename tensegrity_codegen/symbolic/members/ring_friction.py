@@ -30,7 +30,7 @@ from typing import Any
 import casadi as ca
 
 from tensegrity_codegen.structure.sliding import SlidingCable
-from tensegrity_codegen.symbolic.geometry import dot
+from tensegrity_codegen.symbolic.geometry import LEAST_SQUARE, dot
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.memory import Memory
 
@@ -307,4 +307,4 @@ def _find_angle(before: Member, behind: Member) -> Scalar:
     pairs = list(zip(before.vector, behind.vector, strict=True))
     square = sum(((x * w - y * v) ** 2 for (x, v), (y, w) in combinations(pairs, 2)), ca.SX(0.0))
     area = ca.if_else(square > 0, ca.sqrt(ca.if_else(square > 0, square, 1)), 0)
-    return ca.atan2(area, dot(before.vector, behind.vector))
+    return ca.atan2(area, dot(before.vector, behind.vector) + LEAST_SQUARE)

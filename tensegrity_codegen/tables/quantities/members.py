@@ -96,7 +96,7 @@ MEMBER_QUANTITIES = (
     MemberQuantity(
         Quantity("member_length", "l", "m", ("n_members",), "Member lengths l_e = |d_e|."),
         kernel="length",
-        entries=lambda m: [m.length],
+        entries=lambda m: [m.plain_length],
     ),
     MemberQuantity(
         Quantity(

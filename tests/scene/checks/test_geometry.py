@@ -14,10 +14,12 @@ POSITION = np.array([[0.0, 0, 0], [3, 0, 4], [1, 1, 1]])
 NODES = ("a", "b", "c")
 
 
-def check(pairs, position=POSITION):
+def check(pairs, position=POSITION, rest_length=np.nan):
     names = tuple(f"m{row}" for row in range(len(pairs)))
     strands = list_strands(np.array(pairs, dtype=np.int64), ())
-    check_connectivity(strands, names, NODES, np.asarray(position, float), WHERE)
+    check_connectivity(
+        strands, names, NODES, np.asarray(position, float), np.full(len(pairs), rest_length), WHERE
+    )
 
 
 def test_a_member_to_itself():
@@ -46,6 +48,7 @@ def test_coincident_nodes(offset):
         check([(0, 1), (1, 2)], position)
     assert caught.value.where == f"{WHERE}: members.m1.nodes"
     assert caught.value.given == ["b", "c"]
+    check([(0, 1), (1, 2)], position, rest_length=0.5)  # a cable that is slack there
 
 
 def test_tiny_and_huge_structures_are_fine_but_not_beyond_numbers():
@@ -57,8 +60,10 @@ def test_tiny_and_huge_structures_are_fine_but_not_beyond_numbers():
 
 def test_coincident_nodes_in_a_scene():
     with pytest.raises(StructureError) as caught:
-        build(changed("nodes", "b", "position", to=[0, 0, 0]))
-    assert caught.value.where == f"{WHERE}: members.ab.nodes"
+        build(changed("nodes", "b", "position", to=[1, 0, 1.5]))
+    assert caught.value.where == f"{WHERE}: members.bc.nodes"
+    structure, _ = build(changed("nodes", "b", "position", to=[0, 0, 0]))  # a cable that is slack there
+    assert structure.static_tension().tolist()[2] == 0.0
 
 
 def test_freedom():

@@ -178,9 +178,14 @@ def test_rings_that_make_no_sense_are_named(nodes: list[str], more: dict[str, An
     assert "members.rope" in str(caught.value)
 
 
-def test_ring_on_the_end_of_its_cable_is_refused() -> None:
+def test_ring_on_the_end_of_its_cable_is_refused_unless_it_is_slack() -> None:
     document = hang_ring()
     document["nodes"]["ring"]["position"] = [0, 0]
+    document["members"]["rope"]["rest_length"] = 2.5
+    model = compile_scene(document, for_="equilibrium")
+    assert model.compute("node_residual").tolist() == [0.0, -50.0]
+    assert not model.compute("tangent_stiffness").toarray().any()
+    document["members"]["rope"]["rest_length"] = 1.9
     with pytest.raises(StructureError, match="joins two nodes at one place"):
         make_structure(document)
 
