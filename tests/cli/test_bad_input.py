@@ -39,7 +39,13 @@ SPOILED = {
     "NaN stiffness": (STIFFNESS, "spring_constant = nan", "NonFiniteError", ("spring_constant", "nan")),
     "infinite rest length": ("rest_length = 0.9", "rest_length = inf", "NonFiniteError", ("rest_length",)),
     "NaN gravity": ("[classes", "gravity = [0, 0, nan]\n[classes", "NonFiniteError", ("gravity",)),
-    "coincident nodes": ("[0, 0, -1]", "[0, 0, 0]", "StructureError", ("s1",)),
+    "coincident nodes of a bar": (
+        NODE_B,
+        NODE_B + NODE_B.replace("b =", "\nc =") + '\n[members.s2]\nkind = "bar"\nspring_constant = 100.0\n'
+        'rest_length = 0.5\nnodes = ["b", "c"]\n',
+        "StructureError",
+        ("s2",),
+    ),
     "no free node": ("mass = 1.0", "anchored = true", "StructureError", ("free",)),
     "unconnected node": (NODE_B, f"{NODE_B}\nc = {{ position = [1, 0, 0] }}", "StructureError", ("nodes.c",)),
     "two stiffnesses": (STIFFNESS, f"{STIFFNESS}\naxial_stiffness = 5.0", "InvalidValueError", ("string",)),
