@@ -46,5 +46,6 @@ def _bisect(
 
 
 def _flatten(values: Mapping[str, Any]) -> FloatArray:
-    """Return all values as one row."""
-    return np.concatenate([np.ravel(np.asarray(value, dtype=np.float64)) for value in values.values()])
+    """Return all values as one row, a 0 before them."""
+    rows = [np.ravel(np.asarray(value, dtype=np.float64)) for value in values.values()]
+    return np.concatenate([[0.0], *rows])
