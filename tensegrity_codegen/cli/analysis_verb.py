@@ -79,7 +79,9 @@ def _list_parameters(record: type[AnalysisRecord]) -> Mapping[str, tuple[Any, An
         names = [f"--{file.name.replace('_', '-')}", *(["-o"] if file.name == "out" else [])]
         parameters[file.name] = (Annotated[Path | None, typer.Option(*names, help=file.help)], None)
     if record.files:
-        parameters["overwrite"] = (OverwriteOption, False)
+        both = Annotated[bool, typer.Option("--overwrite/--no-overwrite", help="Replace files that exist.")]
+        is_scene = any(file.may_be_scene for file in record.files)
+        parameters["overwrite"] = (both if is_scene else OverwriteOption, False)
     parameters["compiler"] = (CompilerOption, None)
     parameters["printing"] = (StrictOptions if "strict" in record.takes else PrintOptions, ...)
     return parameters

@@ -1,5 +1,6 @@
 """What holds for every verb: help with an example, one JSON object, exit codes, nothing else on stdout."""
 
+import json
 import shlex
 from pathlib import Path
 
@@ -34,6 +35,7 @@ VERBS += [
     "new",
     "plan",
     "play",
+    "reactions",
     "reconfigure",
     "report",
     "reproduce",
@@ -58,6 +60,7 @@ GOOD_CALLS = {
     "form": ["form", "two_nodes.toml", "--density", "cables=5"],
     "import": ["import", "nodes.csv", "members.csv", "-o", "new.toml", "--gravity", "-1,0,0"],
     "linearize": ["linearize", "two_nodes.toml", "--settle"],
+    "reactions": ["reactions", "two_nodes.toml"],
     "new": ["new", "fresh.toml"],
     "report": [
         "report",
@@ -111,6 +114,16 @@ def tables(folder: Path) -> None:
     (folder / "members.csv").write_text(
         "member,kind,node_i,node_j,spring_constant\ns,cable,a,b,100\n", encoding="utf-8"
     )
+
+
+def test_no_option_of_a_verb_is_lost() -> None:
+    """The stored names are the contract: options are added beside them."""
+    stored = json.loads((Path(__file__).parent / "options.json").read_text(encoding="utf-8"))
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    for verb, names in stored.items():
+        params = commands[verb].params
+        known = {word for item in params for word in (*item.opts, *item.secondary_opts)}
+        assert set(names) <= known, verb
 
 
 def test_these_are_all_verbs() -> None:
