@@ -11,7 +11,7 @@ from tensegrity_codegen.analyses.cases.record import (
     Result,
     ResultFile,
 )
-from tensegrity_codegen.system.errors import DuplicateNameError, FormulationError, check_choice
+from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.static_methods import Method
 
 if TYPE_CHECKING:
@@ -86,10 +86,7 @@ class FindReactions(CaseAnalysis):
         )
 
     def _list_kept(self) -> tuple[str, ...]:
-        for name in self.keep:
-            check_choice(name, RESULTS, "result of reactions", f"keep {name!r}")
-        if len(set(self.keep)) < len(self.keep):
-            raise DuplicateNameError("kept twice", where="keep", given=", ".join(self.keep))
+        self.check_keep(RESULTS)
         return self.keep or tuple(RESULTS)
 
     def compute(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from tensegrity_codegen.analyses.cases.record import COORDINATE, CaseAnalysis, Option, Output
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
-    DuplicateNameError,
     NonFiniteError,
     TensegrityError,
     check_choice,
@@ -67,10 +66,7 @@ class AtPoint(CaseAnalysis):
 
     def list_kept(self) -> tuple[str, ...]:
         """Return the names of what is kept; raises UnknownNameError or DuplicateNameError."""
-        for name in self.keep:
-            check_choice(name, self.results, f"result of {self.name}", f"keep {name!r}")
-        if len(set(self.keep)) < len(self.keep):
-            raise DuplicateNameError("kept twice", where="keep", given=", ".join(self.keep))
+        self.check_keep(self.results)
         check_choice(self.about, POINTS, "point", "about")
         return self.keep or self.default_results
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, fields, replace
 from types import UnionType
 from typing import TYPE_CHECKING, Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
+from tensegrity_codegen.system.errors import DuplicateNameError, check_choice
+
 if TYPE_CHECKING:  # options are read without NumPy and without the libraries of the analyses
     from pathlib import Path
 
@@ -252,6 +254,13 @@ class CaseAnalysis(AnalysisRecord):
     def prepared(self, scene: "str | Path | Mapping[str, Any] | Scene") -> "CaseAnalysis":
         """Return the operation with what it makes of the unchanged scene once, before all cases."""
         return self
+
+    def check_keep(self, results: Iterable[str]) -> None:
+        """Raise UnknownNameError or DuplicateNameError where something else, or one thing twice, is kept."""
+        for name in self.keep:
+            check_choice(name, results, f"result of {self.name}", f"keep {name!r}")
+        if len(set(self.keep)) < len(self.keep):
+            raise DuplicateNameError("kept twice", where="keep", given=", ".join(self.keep))
 
     @abstractmethod
     def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
