@@ -1,311 +1,128 @@
-"""The operation `simulate`: a motion of every case, several in the lanes of a core; what is kept of it."""
+"""The analysis `simulate`: the motion of a scene, of many starts, or of the cases of a sweep."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
+from tensegrity_codegen.analyses.cases.record import Output, ResultFile
+from tensegrity_codegen.analyses.motions.motion_options import MotionAnalysis
+from tensegrity_codegen.system.errors import InvalidValueError
 
-from tensegrity_codegen.analyses.cases.keep_text import EVERY, FIRST, KeptText, parse_kept
-from tensegrity_codegen.analyses.cases.kept import Kept, bind_kept, find_kept_quantities
-from tensegrity_codegen.analyses.cases.quantities import (
-    CaseArguments,
-    Outcomes,
-    compute_limit_use,
-    compute_rows,
-)
-from tensegrity_codegen.analyses.cases.record import (
-    LIMIT_USE,
-    LIMIT_USE_RESULT,
-    CaseAnalysis,
-    Option,
-    Output,
-)
-from tensegrity_codegen.pipeline.analyses import BATCH_METHOD, Needs, find_needs
-from tensegrity_codegen.runtime.integrate.options import Stepping, check_options, complete_run_options
-from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_double
-from tensegrity_codegen.runtime.simulate.condition_text import POSITION
-from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
-from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
-from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
-from tensegrity_codegen.tables.quantities import QUANTITIES
-from tensegrity_codegen.tables.request import ModelRequest
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
-DEFAULT_RESULTS = (
-    "node_position.final",
-    "member_tension.max",
-    "member_tension.min",
-    "energy_drift",
-    LIMIT_USE,
-)
-MOST_BYTES = 2**26  # of the samples of a block of motions
-VELOCITY = "node_velocity"
-# Quantities that every motion has at its samples.
-SAMPLED = ("member_tension", "kinetic_energy", "total_energy")
-# Results of each motion besides its samples: type, unit, sentence.
-RESULTS = {
-    "energy_drift": (
-        "float64",
-        "1",
-        "Largest change of total energy over the largest kinetic energy; NAN if driven.",
-    ),
-    "error_estimate": (
-        "float64",
-        "1",
-        "Estimated error over the tolerance; NAN where the method makes none.",
-    ),
-    "n_steps": ("int64", "1", "Number of steps."),
-    LIMIT_USE: LIMIT_USE_RESULT,
-}
-RealArray = NDArray[Any]
-WORDS = {
-    "final": "at the end",
-    "max": "largest over the samples",
-    "min": "smallest over the samples",
-    "mean": "mean over time",
-    "rms": "root of the mean square over time",
-}
+    from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes
+    from tensegrity_codegen.analyses.cases.scene_case import SceneCase
+    from tensegrity_codegen.analyses.motions.motion_answer import BatchAnswer, MotionAnswer
+    from tensegrity_codegen.pipeline.analyses import Needs
+    from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.manifest import Manifest
+    from tensegrity_codegen.tables.request import ModelRequest
 
 
 @dataclass(frozen=True)
-class Simulate(CaseAnalysis):
-    """Motions from time 0 on.
+class Simulate(MotionAnalysis):
+    """Simulate the motion of a scene and write it to a file.
 
-    keep: expressions with a reduction over time (sweep/tasks/keep_text.py), names of RESULTS; by default
-        DEFAULT_RESULTS.
-    t_end: end time [s].
-    samples: number of equally spaced sample times.
-    method, step, rtol, atol, max_steps, control: as of `simulate_batch`.
+    Files .npz and .mat hold all arrays by name; .csv and .parquet a row for each sample, with columns such as
+    "time [s]", "t1.x [m]", "bar1.tension [N]".
+
+    With --until contact the run ends at the first contact of two bars; "events" of the result, and
+    event_time, event_kind, event_name of the file describe it. With a condition the run ends where a
+    comparison becomes true, or another expression changes its sign.
+
+    With --batch every row of coordinate, velocity, node_position, node_velocity, or of a run-time argument in
+    that file is a separate motion. Explicit methods in C integrate eight at a time in one core, where they
+    control the error of each step; with --control samples, --keep or --profile, motions run one after the
+    other.
+
+    With --input an input or actuator has a constant value from the start on; with --settle also in the
+    equilibrium, and so do the first values of a profile.
+
+    With --profile inputs change with time: a CSV file with the header time,motor (names of inputs) and rows
+    from 0 to --t-end or later. Two rows with the same time are a jump.
+
+    With --ground-check a scene with [ground] is simulated a second time with four times the stiffness of its
+    contacts: where nodes then come to be elsewhere, the motion depends on a number that is seldom known.
+
+    With --scene-out the scene is written as it ends: a structure that came to rest on its ground, say.
+
+    Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
 
     name: ClassVar[str] = "simulate"
     success_phrase: ClassVar[str] = "ran to their end"
-
-    t_end: Annotated[float, Option("simulated time [s].")] = 1.0
-    samples: Annotated[int, Option("number of equally spaced samples.")] = 101
-    method: Annotated[str, Option("method, as in the verb of this name.")] = BATCH_METHOD
-    step: Annotated[float | None, Option("step of fixed-step methods [s].")] = None
-    rtol: Annotated[float, Option("relative tolerance.")] = 1e-6
-    atol: Annotated[float | None, Option("absolute tolerance, m and m/s.")] = None
-    max_steps: Annotated[int | None, Option("most steps of a motion.")] = None
-    control: Annotated[
-        str | None,
-        Option(
-            "what the tolerance limits: steps, the default as for simulate --batch, or samples, "
-            "as for one motion of simulate, which takes longer.",
-            verb_default="steps",
+    verb_order: ClassVar[int | None] = 210
+    takes: ClassVar[tuple[str, ...]] = ("input", "flags", "strict")
+    files: ClassVar[tuple[ResultFile, ...]] = (
+        ResultFile(
+            "out", (".npz", ".csv", ".parquet", ".mat"), "Result file (.npz, .csv, .parquet or .mat)."
         ),
-    ] = None
-
-    def needs(self, structure: Subject, request: ModelRequest) -> Needs:
-        """Return what a batch of motions needs, and the quantities that are kept."""
-        options = complete_run_options(
-            self.method, self.rtol, self.atol, self.step, self.max_steps, "", self.control
-        )
-        check_options(options, self.t_end, self.samples)
-        needs = find_needs("simulate_batch", structure, request, method=self.method, rtol=self.rtol)
-        wanted = find_kept_quantities(self._of_samples(self._texts()), request)
-        own = () if needs.quantities.count(VELOCITY) else (VELOCITY,)  # placed by coordinates
-        added = tuple(name for name in wanted if name not in (*needs.quantities, *own))
-        return replace(needs, quantities=(*needs.quantities, *added))
-
-    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
-        """Return one array for each thing that is kept."""
-        bound = self._bind(manifest)
-        time = np.linspace(0.0, self.t_end, self.samples)
-        return tuple(
-            reduce_output(text, bound[text.name].output, time)
-            if text.name in bound
-            else Output(text.name, (), (), *RESULTS[text.expression], expression=text.text_beside_name)
-            for text in self._texts()
-        )
-
-    def _texts(self) -> tuple[KeptText, ...]:
-        return parse_kept(self.keep or DEFAULT_RESULTS, tuple(RESULTS), over_time=True)
-
-    @staticmethod
-    def _of_samples(texts: tuple[KeptText, ...]) -> tuple[KeptText, ...]:
-        return tuple(text for text in texts if text.expression not in RESULTS)
-
-    def _bind(self, manifest: Manifest) -> dict[str, Kept]:
-        kept = bind_kept(self._of_samples(self._texts()), _with_velocity(manifest))
-        return {item.text.name: item for item in kept}
-
-    def compute(
-        self, model: CompiledModel, case_arguments: CaseArguments, outcomes: Outcomes, threads: int
-    ) -> Mapping[str, NDArray[Any]]:
-        """Integrate the motions, in blocks whose samples fit into little memory."""
-        require_double(model.manifest, "an integration from Python")
-        bound = self._bind(model.manifest)
-        arrays = {item.name: item.full_of_nan(case_arguments.count) for item in self.outputs(model.manifest)}
-        # How many motions are integrated at a time: a whole number of lanes.
-        manifest = model.manifest
-        nodes, members = len(manifest.node_name), len(manifest.member_name)
-        numbers = 4 * len(manifest.coordinate_name) + 6 * nodes + members + 2
-        numbers += sum(int(np.prod(item.output.shape)) for item in bound.values())
-        width = max(manifest.batch_width, 1)
-        size = width * max(1, MOST_BYTES // (8 * numbers * self.samples * width))
-        for first in range(0, case_arguments.count, size):
-            rows = slice(first, min(first + size, case_arguments.count))
-            batch = self._integrate(model, case_arguments, rows, threads)
-            self._keep(model, batch, case_arguments, rows, bound, arrays, threads)
-            outcomes.mark_ok(batch.status, batch.message, first)
-        return arrays
-
-    def _integrate(
-        self, model: CompiledModel, case_arguments: CaseArguments, rows: slice, threads: int
-    ) -> BatchTrajectory:
-        own = {name: array[rows] for name, array in case_arguments.rows.items()}
-        start = {
-            name: case_arguments.shared[name]
-            for name in ("coordinate", "velocity")
-            if name in case_arguments.shared
-        }
-        start |= {name: own.pop(name) for name in ("coordinate", "velocity") if name in own}
-        if not (own or any(name in case_arguments.rows for name in start)):  # all motions are the same
-            start["coordinate"] = np.tile(
-                start.get("coordinate", model.nominal("coordinate")), (rows.stop - rows.start, 1)
-            )
-        shared = {name: array for name, array in case_arguments.shared.items() if name not in start}
-        return simulate_batch(
-            model,
-            self.t_end,
-            samples=self.samples,
-            method=self.method,
-            rtol=self.rtol,
-            stepping=Stepping(self.step, self.atol, self.max_steps, control=self.control),
-            coordinate=start.get("coordinate"),
-            velocity=start.get("velocity"),
-            arguments={**shared, **own},
-            threads=threads,
-        )
-
-    def _keep(
-        self,
-        model: CompiledModel,
-        batch: BatchTrajectory,
-        case_arguments: CaseArguments,
-        rows: slice,
-        bound: Mapping[str, Kept],
-        arrays: Mapping[str, NDArray[Any]],
-        threads: int,
-    ) -> None:
-        """Write what is kept of a block of motions into its rows of the arrays."""
-        names = dict.fromkeys(name for item in bound.values() for name in item.names)
-        values = _sample(model, batch, case_arguments, rows, tuple(names), threads)
-        shape = (len(batch), len(batch.time))
-        values["time"] = np.broadcast_to(batch.time, shape)
-        for text in self._texts():
-            if text.name in bound:
-                found = bound[text.name].evaluate(values, shape)
-                arrays[text.name][rows] = reduce_values(text, found, batch.time)
-            elif text.expression == LIMIT_USE:
-                length = model.manifest.strands.lengths(batch.node_position)
-                arrays[text.name][rows] = compute_limit_use(
-                    model, case_arguments, rows, batch.member_tension, length
-                )
-            else:
-                arrays[text.name][rows] = getattr(batch, text.expression)
-
-
-def _sample(
-    model: CompiledModel,
-    batch: BatchTrajectory,
-    case_arguments: CaseArguments,
-    rows: slice,
-    names: tuple[str, ...],
-    threads: int,
-) -> dict[str, NDArray[Any]]:
-    """Return quantities at all samples of a block of motions, (count, n_t, ...)."""
-    shape = (len(batch), len(batch.time))
-    values: dict[str, NDArray[Any]] = {}
-    others = [name for name in names if name not in (POSITION, VELOCITY, *SAMPLED)]
-    states: dict[str, NDArray[Any]] = {}
-    if others:
-        states = {
-            name: np.repeat(array[rows], shape[1], axis=0) for name, array in case_arguments.rows.items()
-        }
-        for name in ("coordinate", "velocity"):
-            states[name] = np.ascontiguousarray(getattr(batch, name).reshape(shape[0] * shape[1], -1))
-    for name in names:
-        if name == VELOCITY:
-            values[name] = batch.node_velocity[..., list(model.manifest.axes)]
-        elif name in (POSITION, *SAMPLED):
-            values[name] = getattr(batch, name)
-        else:
-            given = replace(case_arguments, count=shape[0] * shape[1], rows=states)
-            found, _ = compute_rows(model, name, given, threads)
-            values[name] = found.reshape(*shape, *found.shape[1:])
-    return values
-
-
-def _with_velocity(manifest: Manifest) -> Manifest:
-    """Return the manifest with the velocities of nodes among its functions, which every motion has."""
-    if any(spec.quantity == VELOCITY for spec in manifest.functions):
-        return manifest
-    row = QUANTITIES[VELOCITY]
-    shape = (len(manifest.node_name), len(manifest.axes))
-    spec = FunctionSpec(VELOCITY, "", ("velocity",), shape, row.unit, row.sentence, 0)
-    return replace(manifest, functions=(*manifest.functions, spec))
-
-
-def reduce_output(text: KeptText, output: Output, time: RealArray) -> Output:
-    """Return the array of a motion from that of one sample; time: of the samples, (n_t,) [s]."""
-    if text.reduction == FIRST:
-        sentence = (
-            f"First time at which {text.expression} holds, between samples on a straight line; NAN if never."
-        )
-        return replace(output, unit="s", sentence=sentence)
-    if text.reduction in WORDS:
-        return replace(output, sentence=f"{output.sentence.rstrip('.')}: {WORDS[text.reduction]}.")
-    kept = time[:: text.step]
-    dim = "time" if text.step == 1 else f"time_{EVERY}_{text.step}"
-    return replace(
-        output,
-        dims=(dim, *output.dims),
-        shape=(len(kept), *output.shape),
-        coordinates={**output.coordinates, dim: tuple(kept.tolist())},
+        ResultFile(
+            "scene_out",
+            (".toml",),
+            "Write the scene as the motion ends (.toml); with inputs, without loads.",
+            key="",
+        ),
     )
 
+    def check_files(self, paths: Mapping[str, Path | None]) -> None:
+        """Raise InvalidValueError for options that one motion, or many, do not have, or out of range."""
+        from tensegrity_codegen.runtime.integrate.options import check_options
+        from tensegrity_codegen.runtime.simulate.condition import find_quantities
+        from tensegrity_codegen.runtime.trajectory.write_motion import check_motion_file
 
-def reduce_values(text: KeptText, values: RealArray, time: RealArray) -> RealArray:
-    """Return what is kept of values (count, n_t, ...) at times (n_t,) [s]."""
-    if text.reduction == FIRST:
-        return find_first_time(values, time)
-    if text.reduction == "final":
-        return values[:, -1]
-    if text.reduction == "max":
-        return np.asarray(values.max(axis=1))
-    if text.reduction == "min":
-        return np.asarray(values.min(axis=1))
-    if text.reduction in ("mean", "rms"):
-        # Weights (n_t,) of the trapezoidal rule that add up to 1.
-        part = np.zeros(len(time))
-        part[1:] += np.diff(time) / 2
-        part[:-1] += np.diff(time) / 2
-        weight = np.asarray(part / part.sum()).reshape(-1, *(1,) * (values.ndim - 2))
-        if text.reduction == "mean":
-            return np.asarray((weight * values).sum(axis=1))
-        return np.asarray(np.sqrt((weight * values**2).sum(axis=1)))
-    return values[:, :: text.step]
+        check_options(self.run_options, self.t_end, self.samples)
+        if self.event[1] is not None:
+            find_quantities(self.event[1])
+        if paths["out"] is not None:
+            check_motion_file(paths["out"])
+        if self.batch is None:
+            return
+        alone = {name: getattr(self, name) for name in ("until", "settle", "ground_check")}
+        for name, value in {**alone, "scene_out": paths["scene_out"]}.items():
+            if value:
+                raise InvalidValueError(
+                    "not together with --batch",
+                    where=f"--{name.replace('_', '-')}",
+                    given=value if value is not True else "",
+                )
 
+    def solve(self, case: "SceneCase") -> "MotionAnswer | BatchAnswer":
+        """Return the motion of a scene, or those of a file of starts."""
+        from tensegrity_codegen.analyses.motions.solve_motion import solve_motion, solve_starts
 
-def find_first_time(values: RealArray, time: RealArray) -> RealArray:
-    """Return the first time at which values (count, n_t, ...) are positive, (count, ...) [s], NAN if never.
+        return solve_motion(self, case) if self.batch is None else solve_starts(self, case, self.batch)
 
-    Between the sample before and the one at which they are, they are taken as a straight line.
-    """
-    holds = values > 0
-    k = holds.argmax(axis=1)
-    before = np.maximum(k - 1, 0)
-    low, high = (np.take_along_axis(values, place[:, None], axis=1)[:, 0] for place in (before, k))
-    with np.errstate(all="ignore"):
-        part = np.where(k > 0, -low / (high - low), 0.0)
-    first: RealArray = time[before] + part * (time[k] - time[before])
-    return np.asarray(np.where(holds.any(axis=1), first, np.nan))
+    def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
+        """Return what a batch of motions needs, and the quantities that are kept."""
+        from tensegrity_codegen.analyses.cases.kept import find_kept_quantities
+        from tensegrity_codegen.analyses.motions.case_motions import VELOCITY, list_texts, select_sampled
+        from tensegrity_codegen.pipeline.analyses import find_needs
+        from tensegrity_codegen.runtime.integrate.options import check_options
+
+        check_options(self.run_options, self.t_end, self.samples)
+        needs = find_needs("simulate_batch", structure, request, method=self.method, rtol=self.rtol)
+        kept = find_kept_quantities(select_sampled(list_texts(self.keep)), request)
+        placed = () if needs.quantities.count(VELOCITY) else (VELOCITY,)  # placed by coordinates
+        added = tuple(name for name in kept if name not in (*needs.quantities, *placed))
+        return replace(needs, quantities=(*needs.quantities, *added))
+
+    def outputs(self, manifest: "Manifest") -> tuple[Output, ...]:
+        """Return one array for each thing that is kept."""
+        from tensegrity_codegen.analyses.motions.case_motions import list_outputs
+
+        return list_outputs(self, manifest)
+
+    def compute(
+        self, model: "CompiledModel", case_arguments: "CaseArguments", outcomes: "Outcomes", threads: int
+    ) -> "Mapping[str, NDArray[Any]]":
+        """Integrate the motions of a chunk of cases."""
+        from tensegrity_codegen.analyses.motions.case_motions import compute_motions
+
+        return compute_motions(self, model, case_arguments, outcomes, threads)
 
 
 ANALYSIS = Simulate

@@ -9,10 +9,11 @@ from typing import Annotated, Any, get_origin
 
 import typer
 
-from tensegrity_codegen.analyses.cases.record import AnalysisRecord, Option, Result, ResultFile
+from tensegrity_codegen.analyses.cases.record import SAME, AnalysisRecord, Option, Result, ResultFile
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import (
     CompilerOption,
+    FlagsOption,
     OverwriteOption,
     PrintOptions,
     SceneArgument,
@@ -20,7 +21,7 @@ from tensegrity_codegen.cli.options import (
     parse_loads,
 )
 from tensegrity_codegen.cli.output import Output, check_result
-from tensegrity_codegen.cli.verb import Verb, quote_command
+from tensegrity_codegen.cli.verb import Verb, name_options, quote_command
 
 PACKAGE = "tensegrity_codegen.analyses"
 LoadOption = Annotated[
@@ -69,12 +70,12 @@ def _list_parameters(record: type[AnalysisRecord]) -> Mapping[str, tuple[Any, An
     options = [item for item in record.list_options() if item.in_verb]
     flags = [item for item in options if item.flag]
     for item in flags:
-        parameters[item.name] = _declare(item)
+        parameters[item.parameter] = _declare(item)
     for name, annotation in shared.items():
         if name in record.takes:
             parameters[name] = (annotation, None)
     for item in options:
-        parameters[item.name] = _declare(item)
+        parameters[item.parameter] = _declare(item)
     for file in record.files:
         names = [f"--{file.name.replace('_', '-')}", *(["-o"] if file.name == "out" else [])]
         parameters[file.name] = (Annotated[Path | None, typer.Option(*names, help=file.help)], None)
@@ -83,6 +84,8 @@ def _list_parameters(record: type[AnalysisRecord]) -> Mapping[str, tuple[Any, An
         is_scene = any(file.may_be_scene for file in record.files)
         parameters["overwrite"] = (both if is_scene else OverwriteOption, False)
     parameters["compiler"] = (CompilerOption, None)
+    if "flags" in record.takes:
+        parameters["flags"] = (FlagsOption, None)
     parameters["printing"] = (StrictOptions if "strict" in record.takes else PrintOptions, ...)
     return parameters
 
@@ -95,7 +98,8 @@ def _declare(item: Option) -> tuple[Any, Any]:
         return Annotated[bool, option], False
     if get_origin(item.type) is tuple:
         return Annotated[list[str] | None, option], None
-    return Annotated[item.type, option], item.default
+    default = item.default if item.verb_default is SAME else item.verb_default
+    return Annotated[item.type, option], inspect.Parameter.empty if default is ... else default
 
 
 def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
@@ -105,15 +109,19 @@ def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
     with output.guard(scene):
         paths = {file: given[file.name] for file in record.files}
         overwrite = given.get("overwrite", False)
+        options = (given.get(item.parameter) for item in record.list_options())
+        read = [value for value in options if isinstance(value, Path)]
         for file, path in paths.items():
-            inputs = [] if file.may_be_scene and overwrite else [scene]
+            inputs = [*([] if file.may_be_scene and overwrite else [scene]), *read]
             check_result(path, *file.endings, inputs=inputs, overwrite=overwrite, draws=file.draws)
         analysis = _build_record(record, given)
         analysis.check_files({file.name: path for file, path in paths.items()})
         result = analysis.solve(_read_case(analysis, scene, given, output))
         output.warn(*result.warnings)
         written = _write_files(result, paths, overwrite)
-        output.result(result.as_dict() | written, *result.describe())
+        output.result(result.as_dict() | written, *([] if output.as_json else result.describe()))
+        if result.failure:
+            output.warn(result.failure)
         is_refused = getattr(printing, "strict", False) and result.is_beyond
         if is_refused or not result.is_good:
             raise typer.Exit(3)
@@ -125,7 +133,7 @@ def _build_record(record: type[AnalysisRecord], given: Mapping[str, Any]) -> Ana
     for item in record.list_options():
         if not item.in_verb:
             continue
-        value = given[item.name]
+        value = given[item.parameter]
         if item.flag:
             value = item.flag[1] if value else item.default
         values[item.name] = tuple(value or ()) if get_origin(item.type) is tuple else value
@@ -148,6 +156,8 @@ def _read_case(analysis: AnalysisRecord, scene: Path, given: Mapping[str, Any], 
         warn=output.warn,
         command=quote_command(),
         whole=output.whole,
+        flags=given.get("flags"),
+        name_options=name_options,
     )
 
 

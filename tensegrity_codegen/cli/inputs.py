@@ -16,13 +16,10 @@ from tensegrity_codegen.system.errors import (
 
 if TYPE_CHECKING:
     from tensegrity_codegen.cli.output import Output
-    from tensegrity_codegen.runtime.profiles.profile import Profile
     from tensegrity_codegen.scene.subject import Subject
-    from tensegrity_codegen.structure.actuators import Actuator
 
 
 OPTION = "--input"
-ROUNDING = 1e-9  # relative excess of a limit that is rounding
 
 InputOption = Annotated[
     list[str] | None,
@@ -117,40 +114,4 @@ def _find_outside(values: Mapping[str, float], subject: "Subject") -> list[str]:
                     f"the rest length of {subject.member_name[e]}, {rest_length[e]:.6g} m, is outside the "
                     f"range of actuator {item.name}, {least:g} to {most:g} m"
                 )
-    return found
-
-
-def warn_of_profile(profile: "Profile | None", subject: "Subject", output: "Output") -> None:
-    """Warn of actuators whose range or rate a profile exceeds: the model has no such limits."""
-    if profile is None:
-        return
-    for item in subject.actuators:
-        if item.name in profile.values:
-            for sentence in _find_excess(profile, item, subject):
-                output.warn(f"the profile of {item.name} {sentence}, which the simulation does not limit")
-
-
-def _find_excess(profile: "Profile", item: "Actuator", subject: "Subject") -> list[str]:
-    """Return how a profile exceeds an actuator: the rest length farthest outside, the largest rate."""
-    import numpy as np
-
-    pieces, column = profile.pieces, list(profile.values).index(item.name)
-    shift, rate = pieces.find_extremes(column)
-    found, worst = [], 0.0
-    least, most = item.range
-    outside = ""
-    for e in item.members:
-        for value in subject.rest_length[e] + np.array(shift):
-            beyond = max(least - value, value - most)
-            if beyond > ROUNDING * max(abs(value), 1e-300) and beyond > worst:
-                worst = beyond
-                outside = (
-                    f"sets the rest length of {subject.member_name[e]} to {value:.6g} m, outside its range, "
-                    f"{least:g} to {most:g} m"
-                )
-    found += [outside] if outside else []
-    if math.isinf(rate) and math.isfinite(item.rate):
-        found.append(f"jumps, faster than its rate, {item.rate:g} m/s")
-    elif rate > item.rate * (1 + ROUNDING):
-        found.append(f"changes rest lengths at {rate:.6g} m/s, faster than its rate, {item.rate:g} m/s")
     return found

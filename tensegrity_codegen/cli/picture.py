@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.inputs import warn_of_profile
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.system.files import write_text
@@ -281,6 +280,7 @@ def play_live(
     overwrite: bool,
 ) -> tuple[dict[str, Any], str]:
     """Write a page in which the model of a scene runs; return the result of the verb as data and as text."""
+    from tensegrity_codegen.analyses.motions.schedule import list_excesses
     from tensegrity_codegen.live.engine import add_engine
     from tensegrity_codegen.live.live_page import render_live
     from tensegrity_codegen.live.live_scene import LiveStart, build_live_scene
@@ -298,7 +298,7 @@ def play_live(
     wanted = request_play(subject, request, method)
     check_buildable(subject, wanted)
     schedule = None if profile is None else read_profile(profile, [item.name for item in subject.inputs])
-    warn_of_profile(schedule, subject, output)
+    output.warn(*list_excesses(schedule, subject))
     module, licence = find_three(three)
     if settle:
         subject, _ = find_settled(subject, request, warn=output.warn)

@@ -14,7 +14,7 @@ from tensegrity_codegen.runtime.contacts.rest_memory import (
     REST_QUANTITIES,
     RING_QUANTITIES,
 )
-from tensegrity_codegen.runtime.integrate.methods import find_method
+from tensegrity_codegen.runtime.integrate.methods import BATCH_METHOD, find_method
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD, CONTROL_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
     CONTACT_QUANTITIES,
@@ -37,7 +37,6 @@ from tensegrity_codegen.tables.request import ModelRequest
 ANALYSES_WITH_RING_FRICTION = ("simulate", "simulate_batch", "equilibrium", "equilibria", "linearize")
 BATCH_WIDTH = 8  # motions side by side where the request names no number
 MOST_PAIRS = 500  # of bars whose distances a plan reports without a limit of them
-BATCH_METHOD = "rk853"  # of batches, where no method is named
 
 
 @dataclass(frozen=True)

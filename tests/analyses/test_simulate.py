@@ -6,7 +6,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from tensegrity_codegen.analyses import simulate as module
+from tensegrity_codegen.analyses.motions import case_motions as module
 from tensegrity_codegen.analyses.simulate import Simulate
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -60,7 +60,7 @@ def test_small_blocks_give_the_same() -> None:
     model = compile_for(TRIANGLE, operation)
     given = vary(model, 19, 2)
     whole = operation.run(model, given, 19)
-    with mock.patch.object(module, "MOST_BYTES", 1):
+    with mock.patch.object(module, "MAX_BYTES", 1):
         parts = operation.run(model, given, 19, threads=2)
     for name, array in whole.arrays.items():
         np.testing.assert_array_equal(array, parts.arrays[name])

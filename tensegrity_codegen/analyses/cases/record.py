@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # options are read without NumPy and without the libraries of
     from tensegrity_codegen.tables.manifest import Manifest
     from tensegrity_codegen.tables.request import ModelRequest
 
+SAME: Any = object()  # a default that is no other
 COORDINATE = "coordinate"
 LIMIT_USE = "limit_use"
 LIMIT_USE_RESULT = (
@@ -111,7 +112,8 @@ class Option:
     word: its name on the command line and in sweeps, where it is not that of the field.
     least: smallest value of a whole number.
     in_verb, in_sweep: whether the verb of the analysis, and the sweep, have it.
-    verb_default: what that verb needs stated where this option is not, since its own default is another.
+    verb_default: default in the verb, where it is another than in sweeps; `...`: it must be stated.
+    none_means: what a verb needs stated where a sweep has no value of this option.
     name, type, default: of the field, which `AnalysisRecord.list_options` fills in.
     """
 
@@ -121,7 +123,8 @@ class Option:
     least: int | None = None
     in_verb: bool = True
     in_sweep: bool = True
-    verb_default: Any = None
+    verb_default: Any = SAME
+    none_means: Any = None
     name: str = ""
     type: Any = str
     default: Any = None
@@ -130,6 +133,11 @@ class Option:
     def argument(self) -> str:
         """Its argument of the command line: its own name, that of its flag, or its word."""
         return self.flag[0] if self.flag else self.word or self.name
+
+    @property
+    def parameter(self) -> str:
+        """Its name as an argument of the verb."""
+        return self.word or self.name
 
     @property
     def kind(self) -> type:
@@ -164,9 +172,14 @@ class Result(ABC):
         return ()
 
     @property
+    def failure(self) -> str:
+        """Sentence that is said after an answer that is not what was asked for; else empty."""
+        return ""
+
+    @property
     def is_good(self) -> bool:
         """Whether the answer is what was asked for: exit code 0, else 3."""
-        return True
+        return not self.failure
 
     @property
     def is_beyond(self) -> bool:
@@ -200,7 +213,7 @@ class AnalysisRecord(ABC):
     # Of records whose verb is made from them: its place in `--help`, what it takes besides the options, what
     # it writes.
     verb_order: ClassVar[int | None] = None
-    takes: ClassVar[tuple[str, ...]] = ()  # of "load", "input", "strict"
+    takes: ClassVar[tuple[str, ...]] = ()  # of "load", "input", "flags", "strict"
     files: ClassVar[tuple[ResultFile, ...]] = ()
 
     @property

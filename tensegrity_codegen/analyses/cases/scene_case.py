@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
+from tensegrity_codegen.pipeline.build_library import FEW_CALLS, BuiltLibrary, build_library
 from tensegrity_codegen.structure.bodies import BodySystem
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ class SceneCase:
     warn: called with sentences about what may be unexpected.
     command: the command that asks, for pages that name it.
     whole: whether tables are printed with all their rows.
+    name_options: returns texts with arguments of Python named as the door that asks names them.
     """
 
     subject: "Subject"
@@ -37,10 +38,16 @@ class SceneCase:
     command: str = ""
     load_texts: tuple[str, ...] = ()
     whole: bool = False
+    flags: str | None = None
+    name_options: Callable[[Any], Any] = lambda value: value
 
     def build(self, subject: "Subject", request: "ModelRequest") -> "CompiledModel":
         """Return the library for a few evaluations; raises as `build_library`."""
-        return build_library(subject, request, compiler=self.compiler, calls=FEW_CALLS).load()
+        return self.build_library(subject, request, FEW_CALLS).load()
+
+    def build_library(self, subject: "Subject", request: "ModelRequest", calls: int) -> BuiltLibrary:
+        """Return the library for a number of evaluations; raises as `build_library`."""
+        return build_library(subject, request, compiler=self.compiler, flags=self.flags, calls=calls)
 
     @cached_property
     def added_load(self) -> NDArray[np.float64]:

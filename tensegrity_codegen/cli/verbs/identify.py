@@ -6,11 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.inputs import warn_of_profile
 from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
 from tensegrity_codegen.cli.output import Output, check_result
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.cli.verbs.simulate import ProfileOption
 from tensegrity_codegen.system.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -45,6 +43,10 @@ NoiseOption = Annotated[
         help="Standard deviation of the measurements: one number, or KIND=SIZE for position, velocity, "
         "length, tension, frequency; default: estimated.",
     ),
+]
+ProfileOption = Annotated[
+    Path | None,
+    typer.Option("--profile", help="Inputs over time (.csv): the column time, and one for each input."),
 ]
 HoldOutOption = Annotated[
     float, typer.Option("--hold-out", help="Part of the times, the last ones, that is predicted, not fitted.")
@@ -81,6 +83,7 @@ def identify(
     """
     output = Output(printing.json, printing.all)
     with output.guard(scene):
+        from tensegrity_codegen.analyses.motions.schedule import list_excesses
         from tensegrity_codegen.runtime.profiles.read_profile import read_profile
         from tensegrity_codegen.sweeps.fitting.identify import identify as find
 
@@ -90,7 +93,7 @@ def identify(
         schedule = None
         if profile is not None:
             schedule = read_profile(profile, [item.name for item in subject.inputs])
-            warn_of_profile(schedule, subject, output)
+            output.warn(*list_excesses(schedule, subject))
         with output.progress("identifying") as move:
             found = find(
                 scene,

@@ -86,6 +86,7 @@ _ALL = (
     SCIPY_IMPLICIT,
 )
 METHODS: Mapping[str, Method] = MappingProxyType({item.name: item for item in _ALL})
+BATCH_METHOD = "rk853"  # of batches, where no method is named
 
 
 def find_method(name: str) -> Method:

@@ -1,0 +1,204 @@
+"""The motions of many cases, several in the lanes of a core, and what a sweep keeps of them."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.analyses.cases.keep_text import KeptText, parse_kept
+from tensegrity_codegen.analyses.cases.kept import Kept, bind_kept
+from tensegrity_codegen.analyses.cases.quantities import (
+    CaseArguments,
+    Outcomes,
+    compute_limit_use,
+    compute_rows,
+)
+from tensegrity_codegen.analyses.cases.record import LIMIT_USE, LIMIT_USE_RESULT, Output
+from tensegrity_codegen.analyses.motions.motion_options import MotionAnalysis
+from tensegrity_codegen.analyses.motions.reductions import reduce_output, reduce_values
+from tensegrity_codegen.runtime.integrate.options import Stepping
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_double
+from tensegrity_codegen.runtime.simulate.condition_text import POSITION
+from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
+from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.tables.quantities import QUANTITIES
+
+DEFAULT_RESULTS = (
+    "node_position.final",
+    "member_tension.max",
+    "member_tension.min",
+    "energy_drift",
+    LIMIT_USE,
+)
+MAX_BYTES = 2**26  # of the samples of a block of motions
+VELOCITY = "node_velocity"
+# Quantities that every motion has at its samples.
+SAMPLED = ("member_tension", "kinetic_energy", "total_energy")
+# Results of each motion besides its samples: type, unit, sentence.
+RESULTS = {
+    "energy_drift": (
+        "float64",
+        "1",
+        "Largest change of total energy over the largest kinetic energy; NAN if driven.",
+    ),
+    "error_estimate": (
+        "float64",
+        "1",
+        "Estimated error over the tolerance; NAN where the method makes none.",
+    ),
+    "n_steps": ("int64", "1", "Number of steps."),
+    LIMIT_USE: LIMIT_USE_RESULT,
+}
+
+
+def list_texts(keep: tuple[str, ...]) -> tuple[KeptText, ...]:
+    """Return what is kept of each motion, parsed; nothing stated: DEFAULT_RESULTS."""
+    return parse_kept(keep or DEFAULT_RESULTS, tuple(RESULTS), over_time=True)
+
+
+def select_sampled(texts: tuple[KeptText, ...]) -> tuple[KeptText, ...]:
+    """Return the texts that are computed from samples."""
+    return tuple(text for text in texts if text.expression not in RESULTS)
+
+
+def list_outputs(analysis: MotionAnalysis, manifest: Manifest) -> tuple[Output, ...]:
+    """Return one array for each thing that is kept."""
+    bound = _bind(analysis, manifest)
+    time = np.linspace(0.0, analysis.t_end, analysis.samples)
+    return tuple(
+        reduce_output(text, bound[text.name].output, time)
+        if text.name in bound
+        else Output(text.name, (), (), *RESULTS[text.expression], expression=text.text_beside_name)
+        for text in list_texts(analysis.keep)
+    )
+
+
+def compute_motions(
+    analysis: MotionAnalysis,
+    model: CompiledModel,
+    case_arguments: CaseArguments,
+    outcomes: Outcomes,
+    threads: int,
+) -> Mapping[str, NDArray[Any]]:
+    """Return what is kept of the motions, integrated in blocks whose samples fit into little memory."""
+    manifest = model.manifest
+    require_double(manifest, "an integration from Python")
+    bound = _bind(analysis, manifest)
+    outputs = list_outputs(analysis, manifest)
+    arrays = {output.name: output.full_of_nan(case_arguments.count) for output in outputs}
+    # How many motions are integrated at a time: a whole number of lanes.
+    nodes, members = len(manifest.node_name), len(manifest.member_name)
+    numbers = 4 * len(manifest.coordinate_name) + 6 * nodes + members + 2
+    numbers += sum(int(np.prod(kept.output.shape)) for kept in bound.values())
+    width = max(manifest.batch_width, 1)
+    size = width * max(1, MAX_BYTES // (8 * numbers * analysis.samples * width))
+    for start in range(0, case_arguments.count, size):
+        rows = slice(start, min(start + size, case_arguments.count))
+        batch = _integrate(analysis, model, case_arguments, rows, threads)
+        _keep(analysis, model, batch, case_arguments, rows, bound, arrays, threads)
+        outcomes.mark_ok(batch.status, batch.message, start)
+    return arrays
+
+
+def _bind(analysis: MotionAnalysis, manifest: Manifest) -> dict[str, Kept]:
+    kept = bind_kept(select_sampled(list_texts(analysis.keep)), _with_velocity(manifest))
+    return {item.text.name: item for item in kept}
+
+
+def _integrate(
+    analysis: MotionAnalysis, model: CompiledModel, case_arguments: CaseArguments, rows: slice, threads: int
+) -> BatchTrajectory:
+    """Return the motions of a block of cases."""
+    states = ("coordinate", "velocity")
+    own = {name: array[rows] for name, array in case_arguments.rows.items()}
+    start = {name: case_arguments.shared[name] for name in states if name in case_arguments.shared}
+    start |= {name: own.pop(name) for name in states if name in own}
+    if not (own or any(name in case_arguments.rows for name in start)):  # all motions are the same
+        count = rows.stop - rows.start
+        start["coordinate"] = np.tile(start.get("coordinate", model.nominal("coordinate")), (count, 1))
+    shared = {name: array for name, array in case_arguments.shared.items() if name not in start}
+    return simulate_batch(
+        model,
+        analysis.t_end,
+        samples=analysis.samples,
+        method=analysis.method,
+        rtol=analysis.rtol,
+        stepping=Stepping(analysis.step, analysis.atol, analysis.max_steps, control=analysis.control),
+        coordinate=start.get("coordinate"),
+        velocity=start.get("velocity"),
+        arguments={**shared, **own},
+        threads=threads,
+    )
+
+
+def _keep(
+    analysis: MotionAnalysis,
+    model: CompiledModel,
+    batch: BatchTrajectory,
+    case_arguments: CaseArguments,
+    rows: slice,
+    bound: Mapping[str, Kept],
+    arrays: Mapping[str, NDArray[Any]],
+    threads: int,
+) -> None:
+    """Write what is kept of a block of motions into its rows of the arrays."""
+    names = dict.fromkeys(name for kept in bound.values() for name in kept.names)
+    values = _sample(model, batch, case_arguments, rows, tuple(names), threads)
+    shape = (len(batch), len(batch.time))
+    values["time"] = np.broadcast_to(batch.time, shape)
+    for text in list_texts(analysis.keep):
+        if text.name in bound:
+            samples = bound[text.name].evaluate(values, shape)
+            arrays[text.name][rows] = reduce_values(text, samples, batch.time)
+        elif text.expression == LIMIT_USE:
+            length = model.manifest.strands.lengths(batch.node_position)
+            arrays[text.name][rows] = compute_limit_use(
+                model, case_arguments, rows, batch.member_tension, length
+            )
+        else:
+            arrays[text.name][rows] = getattr(batch, text.expression)
+
+
+def _sample(
+    model: CompiledModel,
+    batch: BatchTrajectory,
+    case_arguments: CaseArguments,
+    rows: slice,
+    names: tuple[str, ...],
+    threads: int,
+) -> dict[str, NDArray[Any]]:
+    """Return quantities at all samples of a block of motions, (count, n_t, ...)."""
+    shape = (len(batch), len(batch.time))
+    values: dict[str, NDArray[Any]] = {}
+    others = [name for name in names if name not in (POSITION, VELOCITY, *SAMPLED)]
+    states: dict[str, NDArray[Any]] = {}
+    if others:
+        states = {
+            name: np.repeat(array[rows], shape[1], axis=0) for name, array in case_arguments.rows.items()
+        }
+        for name in ("coordinate", "velocity"):
+            states[name] = np.ascontiguousarray(getattr(batch, name).reshape(shape[0] * shape[1], -1))
+    for name in names:
+        if name == VELOCITY:
+            values[name] = batch.node_velocity[..., list(model.manifest.axes)]
+        elif name in (POSITION, *SAMPLED):
+            values[name] = getattr(batch, name)
+        else:
+            given = replace(case_arguments, count=shape[0] * shape[1], rows=states)
+            found, _ = compute_rows(model, name, given, threads)
+            values[name] = found.reshape(*shape, *found.shape[1:])
+    return values
+
+
+def _with_velocity(manifest: Manifest) -> Manifest:
+    """Return the manifest with the velocities of nodes among its functions, which every motion has."""
+    if any(spec.quantity == VELOCITY for spec in manifest.functions):
+        return manifest
+    row = QUANTITIES[VELOCITY]
+    shape = (len(manifest.node_name), len(manifest.axes))
+    spec = FunctionSpec(VELOCITY, "", ("velocity",), shape, row.unit, row.sentence, 0)
+    return replace(manifest, functions=(*manifest.functions, spec))

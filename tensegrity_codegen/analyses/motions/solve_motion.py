@@ -1,0 +1,195 @@
+"""Computation of the motion of one scene for `simulate`, or of those from the starts of a file."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tensegrity_codegen.analyses.motions.motion_answer import BatchAnswer, MotionAnswer
+from tensegrity_codegen.analyses.motions.motion_options import MotionAnalysis
+from tensegrity_codegen.analyses.motions.schedule import read_schedule
+from tensegrity_codegen.codegen.integrators.events import choose_events
+from tensegrity_codegen.pipeline.analyses import balance_energy, find_needs
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS, BuiltLibrary
+from tensegrity_codegen.pipeline.settle import has_statics, settle_structure
+from tensegrity_codegen.runtime.analysis.stand import require_ground
+from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
+from tensegrity_codegen.runtime.integrate.raw_results import STOPPED_AT
+from tensegrity_codegen.runtime.simulate.condition import find_quantities
+from tensegrity_codegen.runtime.simulate.read_starts import read_starts
+from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
+from tensegrity_codegen.runtime.simulate.until import CONTACT_QUANTITIES, Until
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.scene.checks.plausible_ground import warn_of_sampled_contacts
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import DuplicateNameError
+from tensegrity_codegen.system.progress import work_pass
+from tensegrity_codegen.tables.request import ModelRequest
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.analyses.cases.scene_case import SceneCase
+
+STIFFER = 4.0  # stiffness of the ground that a motion is compared with, over its own
+LARGE_CHANGE = 0.01  # part of the structure's size above which the comparison is a warning
+
+
+def solve_motion(analysis: MotionAnalysis, case: "SceneCase") -> MotionAnswer:
+    """Return the motion of a scene, and with `ground_check` that on a stiffer ground beside it."""
+    library, given = _prepare(analysis, case)
+    if library.structure is not None:
+        interval = analysis.t_end / max(analysis.samples - 1, 1)
+        case.warn(*warn_of_sampled_contacts(library.structure, interval))
+    motion = _simulate(analysis, library, given)
+    facts = {
+        "library": str(library.path),
+        "t_asked": analysis.t_end,
+        "t_stopped": motion.evidence.get(STOPPED_AT),
+        "inputs": {name: value for name, value in given["arguments"].items() if name != "internal"},
+    }
+    if not analysis.ground_check:
+        return MotionAnswer(case, motion, facts)
+    # The same motion on a stiffer ground.
+    ground = require_ground(case.subject, "--ground-check").ground
+    assert ground is not None
+    on_stiffer = replace(case, subject=replace(case.subject, ground=ground.stiffen(STIFFER)))
+    other = _simulate(analysis, *_prepare(analysis, on_stiffer))
+    change = compare_motions(motion, other)
+    if change["change_over_size"] > LARGE_CHANGE:
+        case.warn("the motion depends on the stiffness of the ground, see ground check")
+    return MotionAnswer(case, motion, facts, other, {"stiffness_factor": STIFFER, **change})
+
+
+def solve_starts(analysis: MotionAnalysis, case: "SceneCase", starts: Path) -> BatchAnswer:
+    """Return the motions from the starts of a file, side by side where the method can."""
+    options = choose_batch_control(analysis.run_options, analysis.control)
+    schedule = read_schedule(analysis.profile, analysis.profile_kind, analysis.t_end, case, case.inputs)
+    needs = find_needs("simulate_batch", case.subject, case.request, method=options.method, rtol=options.rtol)
+    library = case.build_library(case.subject, _keeping(analysis, needs.alone(case.request)), MANY_CALLS)
+    model = library.load()
+    given = read_starts(starts, model.manifest)
+    _check_given_once(case.inputs, given["arguments"], starts)
+    given["arguments"] |= case.inputs
+    with work_pass("simulating") as progress:
+        batch = simulate_batch(
+            model,
+            t_end=analysis.t_end,
+            samples=analysis.samples,
+            threads=analysis.threads,
+            schedule=schedule,
+            progress=progress,
+            **options.as_given(),
+            **given,
+        )
+    facts = {"control": options.control, "inputs": dict(case.inputs), "library": str(library.path)}
+    return BatchAnswer(case, batch, facts)
+
+
+def compare_motions(motion: Trajectory, other: Trajectory) -> dict[str, Any]:
+    """Return how far nodes are elsewhere in another motion, at the samples that both have."""
+    count = min(len(motion.time), len(other.time))
+    distance = np.linalg.norm(motion.node_position[:count] - other.node_position[:count], axis=2)
+    sample, node = np.unravel_index(int(distance.argmax()), distance.shape)
+    return {
+        "status": other.status,
+        "largest_change": float(distance[sample, node]),
+        "change_over_size": float(distance[sample, node] / np.ptp(motion.node_position[0], axis=0).max()),
+        "node": motion.node_name[node],
+        "time": float(motion.time[sample]),
+        "change_at_end": float(distance[-1].max()),
+    }
+
+
+def _simulate(analysis: MotionAnalysis, library: BuiltLibrary, given: dict[str, Any]) -> Trajectory:
+    """Return the motion."""
+    is_contact, condition = analysis.event
+    with work_pass("simulating") as progress:
+        return simulate(
+            library.load(),
+            t_end=analysis.t_end,
+            samples=analysis.samples,
+            until=Until(condition, is_contact),
+            progress=progress,
+            **given,
+            **analysis.run_options.as_given(),
+        )
+
+
+def _prepare(analysis: MotionAnalysis, case: "SceneCase") -> tuple[BuiltLibrary, dict[str, Any]]:
+    """Return the library of a motion; its start (None: of the scene), inputs and schedule, by name."""
+    structure = balance_energy(case.subject, case.request)
+    given: dict[str, Any] = {"coordinate": None, "arguments": dict(case.inputs)}
+    schedule = read_schedule(analysis.profile, analysis.profile_kind, analysis.t_end, case, case.inputs)
+    given["schedule"] = schedule
+    # The equilibrium that it starts from, with the first values of the schedule; in node positions where
+    # the formulation has no statics.
+    at_start = {name: float(values[0]) for name, values in schedule.values.items()} if schedule else {}
+    inputs = {**case.inputs, **at_start}
+    settles = analysis.settle
+    if settles and isinstance(structure, Structure) and not has_statics(case.request):
+        structure = settle_structure(
+            structure,
+            case.request,
+            compiler=case.compiler,
+            flags=case.flags,
+            warn=case.warn,
+            arguments=inputs,
+        )
+        settles = False
+    request = _request_motion(analysis, structure, case.request, settles)
+    library = case.build_library(structure, request, MANY_CALLS)
+    if settles:
+        equilibrium = find_equilibrium(library.load(), arguments=inputs)
+        case.warn(*equilibrium.warnings)
+        given["coordinate"] = equilibrium.coordinate
+        given["arguments"] |= equilibrium.internal_argument
+    return library, given
+
+
+def _request_motion(
+    analysis: MotionAnalysis, structure: Subject, request: ModelRequest, settles: bool
+) -> ModelRequest:
+    """Return the request with all that a motion needs of a library."""
+    is_contact, condition = analysis.event
+    needs = find_needs("simulate", structure, request, method=analysis.method, rtol=analysis.rtol)
+    quantities = needs.quantities
+    quantities += find_needs("equilibrium", structure, request).quantities if settles else ()
+    quantities += CONTACT_QUANTITIES if is_contact else ()
+    wanted = request.wanting(*quantities, integrators=needs.integrators)
+    if is_contact and needs.integrators:  # SciPy's methods look at distances by themselves
+        wanted = request_event(structure, wanted, "contact")
+    if condition is not None:
+        wanted = request_event(structure, wanted, "condition", condition)
+    return _keeping(analysis, wanted)
+
+
+def _keeping(analysis: MotionAnalysis, request: ModelRequest) -> ModelRequest:
+    """Return the request with integrators that keep what `--keep` names."""
+    return replace(request, keep=(analysis.conserve,)) if analysis.conserve else request
+
+
+def request_event(structure: Subject, request: ModelRequest, kind: str, condition: str = "") -> ModelRequest:
+    """Return the request with integrators that watch a kind of event, and the quantities of a condition."""
+    events = choose_events(request, structure) if request.events is None else request.events
+    quantities = find_quantities(condition) if condition else ()
+    return replace(
+        request,
+        quantities=(*request.quantities, *quantities),
+        events=tuple(dict.fromkeys((*events, kind))),
+    )
+
+
+def _check_given_once(values: Any, arguments: dict[str, Any], starts: Path) -> None:
+    """Raise DuplicateNameError for an input that both --input and the file of starts give."""
+    twice = sorted(values.keys() & arguments.keys()) or (["input"] if values and "input" in arguments else [])
+    if twice:
+        raise DuplicateNameError(
+            "an input is given twice",
+            where="--input",
+            given=", ".join(values),
+            allowed=f"inputs that {starts} does not hold",
+            hint=f"remove the option, or the array {twice[0]!r} from the file",
+        )
