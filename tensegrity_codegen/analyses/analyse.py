@@ -143,17 +143,17 @@ class Analyse(AtPoint):
         from tensegrity_codegen.pipeline.analyses import find_needs
         from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
         from tensegrity_codegen.runtime.analysis.analyse import analyse
-        from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance, find_equilibrium
         from tensegrity_codegen.system.progress import work_pass
 
         statics = with_statics(case.subject, case.request)
         near, offset = move_near_origin(case.subject, case.request)
-        model = case.build(near, find_needs("analyse", near, statics).alone(statics))
+        needs = find_needs("analyse", near, statics).alone(statics)
+        if self.settles:
+            needs = find_needs("equilibrium", near, statics).besides(needs)
+        model = case.build(near, needs)
         start, arguments = None, case.arguments
         if self.settles:
-            tolerance = choose_tolerance(case.subject)
-            equilibrium = find_equilibrium(model, arguments=arguments, tolerance=tolerance)
-            case.warn(*equilibrium.warnings)
+            equilibrium = case.settle(model)
             start, arguments = equilibrium.coordinate, arguments | equilibrium.internal_argument
         with work_pass("analysing"):
             analysis = analyse(

@@ -1,7 +1,7 @@
 """The analysis `equilibrium`: the stable equilibrium of a scene or of many cases, and what is said of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from tensegrity_codegen.analyses.cases.record import (
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
     from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+    from tensegrity_codegen.scene.schema.schema import Scene
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.manifest import Manifest
     from tensegrity_codegen.tables.request import ModelRequest
@@ -69,6 +70,11 @@ SNAP_RESULTS = {
     ),
     "limit_load_factor": ("float64", "1", "Part of the loads up to which the path is stable; NAN: all."),
     "limit_prestress_factor": ("float64", "1", "The same of the prestress; NAN: all."),
+    "limit_added_load_factor": (
+        "float64",
+        "1",
+        "The same of loads on nodes in addition to those of the scene; NAN: all.",
+    ),
 }
 RESULTS |= SNAP_RESULTS
 NOT_CHECKED = "whether cases snapped is not checked: keep snapped (ten times as long as the search)"
@@ -104,6 +110,15 @@ class FindEquilibrium(CaseAnalysis):
     frictionless: Annotated[
         bool, Option("on the ground: without friction, whatever the scene says.", in_sweep=False)
     ] = False
+    # Loads of the unchanged scene (n_nodes, n_axes) [N]; None: those of the library.
+    scene_load: Any = field(default=None, compare=False)
+
+    def prepared(self, scene: "str | Path | Mapping[str, Any] | Scene") -> "FindEquilibrium":
+        """Return the operation with the loads of the unchanged scene, where it looks for snapping."""
+        from tensegrity_codegen.pipeline.compile_scene import load_scene
+
+        subject = load_scene(scene)[0] if self._keeps_snap else None
+        return self if subject is None else replace(self, scene_load=subject.node_load[:, list(subject.axes)])
 
     def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
         """Return what the search needs, and the quantities that are kept."""
@@ -151,7 +166,9 @@ class FindEquilibrium(CaseAnalysis):
         count = case_arguments.count
         equilibria = find_case_equilibria(model, case_arguments, threads, **self.options)
         outcomes.mark_ok(equilibria.status, equilibria.message)
-        snap = _judge_snaps(model, equilibria, case_arguments) if self._keeps_snap else {}
+        snap: Mapping[str, Any] = {}
+        if self._keeps_snap:
+            snap = _judge_snaps(model, equilibria, case_arguments, self.scene_load, outcomes)
         bound = _bind_quantities(self._parse_keep(), model.manifest)
         names = dict.fromkeys(name for item in bound.values() for name in item.names)
         values = _compute_quantities(model, equilibria, case_arguments, tuple(names), threads)
@@ -338,25 +355,50 @@ def _join_motions(names: Sequence[str]) -> str:
 
 
 def _judge_snaps(
-    model: "CompiledModel", equilibria: "Equilibria", case_arguments: "CaseArguments"
+    model: "CompiledModel",
+    equilibria: "Equilibria",
+    case_arguments: "CaseArguments",
+    scene_load: Any,
+    outcomes: "Outcomes",
 ) -> "dict[str, NDArray[Any]]":
-    """Return SNAP_RESULTS of every case, the start of which is its given shape."""
+    """Return SNAP_RESULTS of every case, the start of which is its given shape, and note the reasons."""
     import numpy as np
 
     from tensegrity_codegen.runtime.paths.find_equilibrium import judge_snap
-    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
     found = {name: np.full(case_arguments.count, np.nan) for name in SNAP_RESULTS}
+    loaded = [item.over for item in model.manifest.arguments if item.name == "node_load"]
+    base = None
+    if scene_load is not None and loaded and len(scene_load) == len(model.manifest.node_name):
+        base = scene_load[[model.manifest.node_name.index(name) for name in loaded[0]]]
     for k in np.flatnonzero(equilibria.is_found).tolist():
         own = {**case_arguments.shared, **{name: array[k] for name, array in case_arguments.rows.items()}}
         own.pop("velocity", None)
         start = own.pop(COORDINATE, None)
-        alone = find_equilibrium(model, coordinate=equilibria.coordinate[k], arguments=own)
-        snap = judge_snap(model, alone, coordinate=start, arguments=own, base=own.get("node_load"))
+        settled = own if equilibria.internal is None else own | {"internal": equilibria.internal[k]}
+        alone = _record_found(model, equilibria.coordinate[k], settled, equilibria.status[k])
+        snap = judge_snap(model, alone, coordinate=start, arguments=own, base=base)
+        outcomes.messages[k] = "; ".join(filter(None, [outcomes.messages[k], *snap.describe()]))
         for name, array in found.items():
             value = getattr(snap, name)
             array[k] = np.nan if value is None else value
     return found
+
+
+def _record_found(
+    model: "CompiledModel", coordinate: "NDArray[Any]", arguments: Mapping[str, Any], status: str
+) -> "Equilibrium":
+    """Return the record of an equilibrium that was found before, without a search."""
+    from tensegrity_codegen.runtime.statics.equilibrium import build_problem
+    from tensegrity_codegen.runtime.statics.equilibrium_record import record_outcome
+    from tensegrity_codegen.runtime.statics.newton import Outcome
+
+    problem = build_problem(model, arguments)
+    start = problem.to_search_coordinate(coordinate)
+    problem.watch_stiff_members(start)
+    point = problem.find_point(start)
+    assert point is not None  # as it was found
+    return record_outcome(problem, point, Outcome(status, point, 0), "")
 
 
 def _without_own_results(kept_texts: "tuple[KeptText, ...]") -> "tuple[KeptText, ...]":

@@ -83,7 +83,6 @@ class Linearize(AtPoint):
             with_statics,
         )
         from tensegrity_codegen.runtime.linear.linearize import linearize
-        from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance, find_equilibrium
         from tensegrity_codegen.structure.structure import Structure
         from tensegrity_codegen.system.progress import work_pass
 
@@ -103,9 +102,7 @@ class Linearize(AtPoint):
         model = case.build(structure, needs)
         about: Any = model.nominal(COORDINATE) if self.settles else None
         if searches:
-            # What is left of the forces turns neutral motions into slow ones.
-            about = find_equilibrium(model, arguments=case.inputs, tolerance=choose_tolerance(structure))
-            case.warn(*about.warnings)
+            about = case.settle(model)
         with work_pass("linearizing"):
             return LinearResult(linearize(model, about, arguments=case.inputs))
 

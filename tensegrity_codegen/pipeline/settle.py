@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pipeline.analyses import equilibrium_quantities, find_needs
+from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.applied_inputs import find_input_force
@@ -110,11 +110,11 @@ def settle_structure(
     FormulationError, CompilerMissingError, CompileError
         As for build_library.
     """
-    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+    from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
 
     statics = with_statics(structure, request)
-    wanted = statics.wanting(*equilibrium_quantities(structure, statics))
     near, offset = move_near_origin(structure, request)
+    wanted = find_needs("equilibrium", near, statics).alone(statics)
     model = build_library(near, wanted, compiler=compiler, flags=flags, calls=FEW_CALLS).load()
     found = find_equilibrium(model, arguments=arguments)
     if warn is not None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tests.cases import thorough
 from tests.cli.conftest import Run, write_example
 from tests.cli.scenes import HANGING, TRUSS_REST, write, write_truss
 from tests.reference import ReferenceModel
@@ -251,18 +252,17 @@ def test_free_motions_are_named_and_taken_out(run: Run, prism: Path) -> None:
     assert f"{data['change']:.6g} m" in said
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    "words", [("linearize", "--settle"), ("simulate", "--settle", "--t-end", 0.01, "--samples", 2)]
-)
-def test_verbs_that_settle_first_warn_of_a_far_equilibrium(
-    run: Run, folder: Path, words: tuple[str, ...]
+@pytest.mark.parametrize("words", ["linearize", *thorough("analyse", "simulate --t-end 0.01 --samples 2")])
+def test_verbs_that_settle_first_warn_of_a_far_equilibrium_and_of_a_snap(
+    run: Run, folder: Path, words: str
 ) -> None:
-    scene = write_truss(folder, -10, name="heavy")
-    ended = run.good(words[0], scene, *words[1:])
-    assert "of the structure's size" in ended.err
-    calm = write_truss(folder, -1, name="light")
-    assert "of the structure's size" not in run(words[0], calm, *words[1:]).err
+    verb, *options = words.split()
+    said = run(verb, write_truss(folder, -10, name="heavy"), "--settle", *options).err
+    assert "of the structure's size" in said
+    assert "snapped: the path of the increasing load turns back" in said
+    beside = run(verb, write_truss(folder, -1, name="light"), "--settle", *options).err
+    assert "of the structure's size" not in beside
+    assert "snapped" not in beside
 
 
 def test_without_an_equilibrium_the_reason_is_the_text(run: Run, folder: Path) -> None:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.tables.request import ModelRequest
 
 POINTS = ("start", "equilibrium")
+NOT_CHECKED = "whether cases snapped is not checked: sweep --do equilibrium --keep snapped tells"
 Point = tuple[Any, Any]  # coordinates and velocities, arrays; None: of the scene
 ResultColumn = tuple[tuple[str, ...], str, str, str]  # axes, type, unit, sentence
 
@@ -53,6 +54,11 @@ class AtPoint(CaseAnalysis):
     def analyses(self) -> tuple[str, ...]:
         """Names of the analyses that are done, with that of the equilibrium they are about."""
         return (self.analysis, *(["equilibria"] if self.settles else []))
+
+    @property
+    def not_checked(self) -> str:
+        """That rows do not say whether cases snapped on the way to the equilibrium."""
+        return NOT_CHECKED if self.settles else ""
 
     @abstractmethod
     def compute_case(

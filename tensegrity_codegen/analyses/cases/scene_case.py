@@ -13,6 +13,7 @@ from tensegrity_codegen.structure.bodies import BodySystem
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
@@ -48,6 +49,20 @@ class SceneCase:
     def build_library(self, subject: "Subject", request: "ModelRequest", calls: int) -> BuiltLibrary:
         """Return the library for a number of evaluations; raises as `build_library`."""
         return build_library(subject, request, compiler=self.compiler, flags=self.flags, calls=calls)
+
+    def settle(self, model: "CompiledModel") -> "Equilibrium":
+        """Return the equilibrium about which an analysis is done, as exact as vibrations need it.
+
+        What is unexpected in it, such as that the structure snapped on the way there, is a warning.
+        """
+        from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
+        from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance
+
+        # What is left of the forces turns neutral motions into slow ones.
+        tolerance = choose_tolerance(self.subject)
+        found = find_equilibrium(model, arguments=self.arguments, tolerance=tolerance)
+        self.warn(*found.warnings)
+        return found
 
     @cached_property
     def added_load(self) -> NDArray[np.float64]:

@@ -16,12 +16,12 @@ from tensegrity_codegen.pipeline.settle import has_statics, settle_structure
 from tensegrity_codegen.runtime.analysis.stand import require_ground
 from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
 from tensegrity_codegen.runtime.integrate.raw_results import STOPPED_AT
+from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.simulate.condition import find_quantities
 from tensegrity_codegen.runtime.simulate.read_starts import read_starts
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.simulate.until import CONTACT_QUANTITIES, Until
-from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.checks.plausible_ground import warn_of_sampled_contacts
 from tensegrity_codegen.scene.subject import Subject
@@ -156,9 +156,10 @@ def _request_motion(
     is_contact, condition = analysis.event
     needs = find_needs("simulate", structure, request, method=analysis.method, rtol=analysis.rtol)
     quantities = needs.quantities
-    quantities += find_needs("equilibrium", structure, request).quantities if settles else ()
     quantities += CONTACT_QUANTITIES if is_contact else ()
     wanted = request.wanting(*quantities, integrators=needs.integrators)
+    if settles:
+        wanted = find_needs("equilibrium", structure, request).besides(wanted)
     if is_contact and needs.integrators:  # SciPy's methods look at distances by themselves
         wanted = request_event(structure, wanted, "contact")
     if condition is not None:
