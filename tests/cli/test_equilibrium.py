@@ -338,9 +338,16 @@ node = "top"
 force = [-100]
 """
     path = write(folder / "column.toml", text)
-    for verb, words in (("equilibrium", ()), ("analyse", ("--settle",))):
+    np.savez(folder / "starts.npz", coordinate=[[1.0], [0.999999]])
+    motion = ("--t-end", 0.01, "--samples", 2, "--method", "rk853")
+    for verb, words in (
+        ("equilibrium", ()),
+        ("analyse", ("--settle",)),
+        ("simulate", motion),
+        ("simulate", (*motion, "--batch", "starts.npz")),
+    ):
         ended = run(verb, path, *words)
-        assert (ended.code, ended.out.startswith("exceeds limits; ")) == (0, beyond)
+        assert (ended.code, "exceeds limits; " in ended.out.splitlines()[0]) == (0, beyond)
         assert run(verb, path, *words, "--strict").code == (3 if beyond else 0)
     data = run("equilibrium", path, "--json").data
     assert data["status"] == "converged"

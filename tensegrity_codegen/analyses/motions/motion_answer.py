@@ -63,7 +63,7 @@ class MotionAnswer(Result):
     @property
     def is_beyond(self) -> bool:
         """Whether members exceed limits or buckle."""
-        return bool(self.motion.find_flaws().describe())
+        return self.motion.find_flaws().is_beyond
 
     def write(self, name: str, path: Path, *, overwrite: bool) -> bool:
         """Write the motion, or the scene as a motion that is good ends."""
@@ -85,7 +85,7 @@ class MotionAnswer(Result):
 
         motion, summary = self.motion, self.as_dict()
         lines = [
-            f"{motion.status}: {_describe_extremes(summary, motion.find_flaws())}",
+            f"{_say_excess(self)}{motion.status}: {_describe_extremes(summary, motion.find_flaws())}",
             _build_table(summary, self.case.name_options),
             *_describe_events(motion.log, self.case.whole),
             *describe_plastic(motion.plastic_elongation),
@@ -148,7 +148,7 @@ class BatchAnswer(Result):
     @property
     def is_beyond(self) -> bool:
         """Whether members exceed limits or buckle."""
-        return bool(self.batch.find_flaws().describe())
+        return self.batch.find_flaws().is_beyond
 
     def write(self, name: str, path: Path, *, overwrite: bool) -> bool:
         """Write all motions."""
@@ -164,9 +164,14 @@ class BatchAnswer(Result):
         summary = self.as_dict()
         extremes = _describe_extremes(summary, self.batch.find_flaws())
         return [
-            f"{summary['n_ok']} of {len(self.batch)} motions ok: {extremes}",
+            f"{summary['n_ok']} of {len(self.batch)} motions ok: {_say_excess(self)}{extremes}",
             _build_table(summary, self.case.name_options),
         ]
+
+
+def _say_excess(result: Result) -> str:
+    """Return the opening of the text where members exceed limits or buckle."""
+    return "exceeds limits; " if result.is_beyond else ""
 
 
 def _describe_extremes(summary: Mapping[str, Any], flaws: "MemberFlaws") -> str:
