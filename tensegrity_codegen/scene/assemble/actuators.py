@@ -62,13 +62,9 @@ def build_sensors(
     for number, item in enumerate(stated):
         name = item.name or ""
         if name and any(name == other.name for other in built):
-            raise DuplicateNameError(
-                "two sensors under one name",
-                where=key_path(targets.where, "sensors", number, "name"),
-                given=name,
-                allowed="each name once",
-                hint="rename one of the two",
-            )
+            problem = "two sensors under one name"
+            location, hint = key_path(targets.where, "sensors", number, "name"), "rename one of the two"
+            raise DuplicateNameError(problem, where=location, given=name, allowed="each name once", hint=hint)
         if isinstance(item, MemberSensor):
             every = tuple(range(len(targets.member_name)))
             place = ("sensors", number, "members")
@@ -84,13 +80,10 @@ def _find_range(item: ActuatorTable, where: str) -> tuple[float, float]:
         return UNLIMITED
     least, most = item.range
     if not least < most:
-        raise InvalidValueError(
-            "the range of rest lengths is reversed or empty",
-            where=where,
-            given=[least, most],
-            allowed="[least, largest] rest length [m], the first less than the second",
-            hint=f"range = [{most:g}, {least:g}]" if most < least else "remove the key for no limit",
-        )
+        problem = "the range of rest lengths is reversed or empty"
+        allowed = "[least, largest] rest length [m], the first less than the second"
+        hint = f"range = [{most:g}, {least:g}]" if most < least else "remove the key for no limit"
+        raise InvalidValueError(problem, where=where, given=[least, most], allowed=allowed, hint=hint)
     return (least, most)
 
 
@@ -109,21 +102,16 @@ def _find_nodes(
     wanted = getattr(item, key)
     if getattr(item, other) not in (None, "all") or (getattr(item, other) and wanted):
         what = "nodes, which have no bodies" if find_point is None else "bodies, which have no nodes"
+        problem, location = f"this scene is one of {what}", key_path(targets.where, "sensors", number, other)
+        hint = f"use {key} in place of {other}"
         raise InvalidValueError(
-            f"this scene is one of {what}",
-            where=key_path(targets.where, "sensors", number, other),
-            given=getattr(item, other),
-            allowed=f"the key {key!r}",
-            hint=f"use {key} in place of {other}",
+            problem, where=location, given=getattr(item, other), allowed=f"the key {key!r}", hint=hint
         )
     wanted = wanted or getattr(item, other)
     if wanted is None:
-        raise InvalidValueError(
-            "a needed key is missing",
-            where=key_path(targets.where, "sensors", number, key),
-            allowed='names of nodes, or "all"' if find_point is None else '"body.point"; nodes = "all"',
-            hint=f"add {key!r}",
-        )
+        problem, location = "a needed key is missing", key_path(targets.where, "sensors", number, key)
+        allowed = 'names of nodes, or "all"' if find_point is None else '"body.point"; nodes = "all"'
+        raise InvalidValueError(problem, where=location, allowed=allowed, hint=f"add {key!r}")
     if wanted == "all":
         return tuple(range(len(targets.node_name)))
     place = ("sensors", number, key)
@@ -159,10 +147,7 @@ def _find_each_once(
                 )
             source[row] = name
     if not source:
-        raise InvalidValueError(
-            "the list stands for nothing: groups or classes without members",
-            where=key_path(where, *place),
-            given=list(names),
-            allowed="at least one member or node",
-        )
+        problem = "the list stands for nothing: groups or classes without members"
+        allowed = "at least one member or node"
+        raise InvalidValueError(problem, where=key_path(where, *place), given=list(names), allowed=allowed)
     return tuple(source)

@@ -119,13 +119,10 @@ def _of_nodes(
     ]
     for section, is_there in foreign:
         if is_there:
-            raise InvalidValueError(
-                "this belongs to a scene of bodies",
-                where=key_path(where, section),
-                given=section,
-                allowed="nodes and members, loads on nodes, and inputs of rest_length, temperature and force",
-                hint="describe everything as bodies and tendons, or everything as nodes and members",
-            )
+            problem, location = "this belongs to a scene of bodies", key_path(where, section)
+            allowed = "nodes and members, loads on nodes, and inputs of rest_length, temperature and force"
+            hint = "describe everything as bodies and tendons, or everything as nodes and members"
+            raise InvalidValueError(problem, where=location, given=section, allowed=allowed, hint=hint)
     if find_formulation(scene.model.formulation).of_bodies:
         raise InvalidValueError(
             f"formulation {scene.model.formulation!r} needs bodies",
@@ -158,13 +155,9 @@ def list_parts(scene: Scene, where: str) -> SceneParts:
         twice = getattr(made, section).keys() & getattr(scene, section).keys()
         if twice:
             name = min(twice)
-            raise DuplicateNameError(
-                f"the shape also generates {section} with this name",
-                where=key_path(where, section, name),
-                given=name,
-                allowed="a name that the shape does not use",
-                hint="rename it",
-            )
+            problem = f"the shape also generates {section} with this name"
+            location, allowed = key_path(where, section, name), "a name that the shape does not use"
+            raise DuplicateNameError(problem, where=location, given=name, allowed=allowed, hint="rename it")
     return SceneParts.model_construct(
         nodes={**made.nodes, **scene.nodes},
         members={**made.members, **scene.members},

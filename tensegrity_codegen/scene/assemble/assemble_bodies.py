@@ -65,20 +65,14 @@ def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, Mod
         )
     built = build_bodies_of_scene(scene.bodies, where)
     if not built.coordinate.size:
+        location, allowed = key_path(where, "bodies"), "at least one body of kind bar or rigid"
         raise StructureError(
-            "nothing can move",
-            where=key_path(where, "bodies"),
-            given=", ".join(scene.bodies),
-            allowed="at least one body of kind bar or rigid",
-            hint="add one",
+            "nothing can move", where=location, given=", ".join(scene.bodies), allowed=allowed, hint="add one"
         )
     if not scene.tendons:
-        raise StructureError(
-            "there is no tendon",
-            where=key_path(where, "tendons"),
-            allowed="at least one tendon between two points of bodies",
-            hint="it may be slack: a rest_length longer than any length that it reaches",
-        )
+        problem, allowed = "there is no tendon", "at least one tendon between two points of bodies"
+        hint = "it may be slack: a rest_length longer than any length that it reaches"
+        raise StructureError(problem, where=key_path(where, "tendons"), allowed=allowed, hint=hint)
     system = BodySystem(
         name=scene.name,
         bodies=built.bodies,
@@ -145,20 +139,15 @@ def _check_kind(scene: Scene, where: str) -> None:
     }
     for key, is_there in foreign.items():
         if is_there:
-            raise InvalidValueError(
-                "a scene of bodies has no such key",
-                where=key_path(where, key),
-                given=key,
-                allowed="bodies and tendons, in all three axes",
-                hint="a fixed point is a body of kind fixed; a cable is a tendon",
-            )
+            problem, location = "a scene of bodies has no such key", key_path(where, key)
+            allowed = "bodies and tendons, in all three axes"
+            hint = "a fixed point is a body of kind fixed; a cable is a tendon"
+            raise InvalidValueError(problem, where=location, given=key, allowed=allowed, hint=hint)
     if "formulation" in scene.model.model_fields_set and scene.model.formulation != BODIES:
+        problem = f"bodies are modelled by the formulation {BODIES!r} only"
+        location = key_path(where, "model", "formulation")
         raise InvalidValueError(
-            f"bodies are modelled by the formulation {BODIES!r} only",
-            where=key_path(where, "model", "formulation"),
-            given=scene.model.formulation,
-            allowed=BODIES,
-            hint="remove the key",
+            problem, where=location, given=scene.model.formulation, allowed=BODIES, hint="remove the key"
         )
     complete_options(BODIES, scene.model.options, key_path(where, "model", "options"))
 
@@ -226,13 +215,10 @@ def _in_words_of_tendons() -> Iterator[None]:
 def _request(scene: Scene, system: BodySystem, targets: Targets) -> ModelRequest:
     for key in ("node_mass", "anchor_position", "ground"):
         if getattr(scene.parameters, key) is not None:
-            raise InvalidValueError(
-                "bodies have no such run-time parameter",
-                where=key_path(targets.where, "parameters", key),
-                given=key,
-                allowed="rest_length, spring_constant, axial_stiffness, damping, node_load, gravity",
-                hint="remove it",
-            )
+            problem = "bodies have no such run-time parameter"
+            location = key_path(targets.where, "parameters", key)
+            allowed = "rest_length, spring_constant, axial_stiffness, damping, node_load, gravity"
+            raise InvalidValueError(problem, where=location, given=key, allowed=allowed, hint="remove it")
     held = np.array([isinstance(system.bodies[int(k)], FixedBody) for k in system.node_body], dtype=np.bool_)
     parameters = build_parameters(
         scene.parameters,

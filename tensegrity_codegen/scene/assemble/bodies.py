@@ -94,13 +94,10 @@ def _points(tables: Mapping[str, Table], where: str) -> tuple[list[str], list[in
             points = {"A": (-table.length / 2, 0.0, 0.0), "B": (table.length / 2, 0.0, 0.0)}
         elif isinstance(table, RigidPart):
             if CENTRE in table.points:
-                raise DuplicateNameError(
-                    "the centre of mass has this name already",
-                    where=key_path(where, "bodies", body, "points", CENTRE),
-                    given=CENTRE,
-                    allowed="other names",
-                    hint="rename the point",
-                )
+                problem = "the centre of mass has this name already"
+                location, allowed = key_path(where, "bodies", body, "points", CENTRE), "other names"
+                hint = "rename the point"
+                raise DuplicateNameError(problem, where=location, given=CENTRE, allowed=allowed, hint=hint)
             points = {**table.points, CENTRE: (0.0, 0.0, 0.0)}
         else:
             points = dict(table.points)
@@ -136,32 +133,15 @@ def _bar(
         across = (table.radius or 0.0) ** 2 + (table.inner_radius or 0.0) ** 2
         inertia = mass * (table.length**2 + 3 * across) / 12
     if table.anchor is None:
-        _need(
-            table.centre is not None,
-            "a free bar without a position",
-            f"{place}.centre",
-            None,
-            "centre = [x, y, z] [m], or anchor",
-            "give the position of its middle, or hold one end",
-        )
-        _need(
-            inertia > 0,
-            "a free bar without inertia",
-            f"{place}.inertia",
-            inertia,
-            "more than 0 [kg m2]",
-            "omit it for the inertia of a uniform bar",
-        )
+        is_met, allowed = table.centre is not None, "centre = [x, y, z] [m], or anchor"
+        hint = "give the position of its middle, or hold one end"
+        _need(is_met, "a free bar without a position", f"{place}.centre", None, allowed, hint)
+        is_met, hint = inertia > 0, "omit it for the inertia of a uniform bar"
+        _need(is_met, "a free bar without inertia", f"{place}.inertia", inertia, "more than 0 [kg m2]", hint)
     else:
         given = table.centre or table.centre_velocity
-        _need(
-            given is None,
-            "a held bar has no position of its own",
-            f"{place}.centre",
-            given,
-            "anchor or centre, not both",
-            "remove it",
-        )
+        is_met, allowed = given is None, "anchor or centre, not both"
+        _need(is_met, "a held bar has no position of its own", f"{place}.centre", given, allowed, "remove it")
         others = [point for point in node if not point.startswith(f"{name}.") or point == table.anchor]
         problem = "the bar is held at a point that does not exist"
         check_known(table.anchor, others, problem, '"body.point"', f"{place}.anchor")
@@ -182,25 +162,15 @@ def _bar(
 
 def _bar_mass(table: BarBody, place: str) -> float:
     given = {"mass": table.mass, "density": table.density}
-    _need(
-        sum(value is not None for value in given.values()) == 1,
-        "a body without mass" if table.mass is None else "mass and density cannot be given together",
-        f"{place}.mass",
-        table.mass,
-        "one of mass [kg], density [kg/m3] with radius",
-        "every body that moves needs a mass",
-    )
+    is_met = sum(value is not None for value in given.values()) == 1
+    problem = "a body without mass" if table.mass is None else "mass and density cannot be given together"
+    allowed = "one of mass [kg], density [kg/m3] with radius"
+    _need(is_met, problem, f"{place}.mass", table.mass, allowed, "every body that moves needs a mass")
     if table.mass is not None:
         return table.mass
     radius, inner = table.radius or 0.0, table.inner_radius or 0.0
-    _need(
-        radius > inner,
-        "a density needs a section",
-        f"{place}.radius",
-        table.radius,
-        "a radius greater than inner_radius",
-        "give radius, or mass in place of density",
-    )
+    allowed, hint = "a radius greater than inner_radius", "give radius, or mass in place of density"
+    _need(radius > inner, "a density needs a section", f"{place}.radius", table.radius, allowed, hint)
     return float(table.density or 0.0) * math.pi * (radius**2 - inner**2) * table.length
 
 
@@ -209,14 +179,9 @@ def _chart(table: BarBody, place: str) -> tuple[Chart, float, float]:
     angles = [table.azimuth_deg, table.declination_deg, table.elevation_deg]
     offset = math.radians(table.azimuth_offset_deg)
     if table.direction is not None:
-        _need(
-            not any(angle is not None for angle in angles),
-            "a direction and angles",
-            f"{place}.direction",
-            table.direction,
-            "either direction or angles",
-            "leave one of the two out",
-        )
+        is_met, problem = not any(angle is not None for angle in angles), "a direction and angles"
+        allowed = "either direction or angles"
+        _need(is_met, problem, f"{place}.direction", table.direction, allowed, "leave one of the two out")
         return _chart_of_direction(table.direction, table.polar_axis, offset, place)
     _need(
         (table.declination_deg is None) != (table.elevation_deg is None) and table.azimuth_deg is not None,
@@ -246,14 +211,9 @@ def _chart_of_direction(
 ) -> tuple[Chart, float, float]:
     vector = np.array(direction, dtype=float)
     size = float(np.linalg.norm(vector))
-    _need(
-        math.isfinite(size) and size > 0,
-        "a direction of length zero",
-        f"{place}.direction",
-        direction,
-        "a vector that is not zero",
-        "take the difference of the ends, B - A",
-    )
+    is_met, problem = math.isfinite(size) and size > 0, "a direction of length zero"
+    allowed = "a vector that is not zero"
+    _need(is_met, problem, f"{place}.direction", direction, allowed, "take the difference of the ends, B - A")
     unit = vector / size
     axis = int(np.argmin(np.abs(unit))) if polar_axis == "auto" else "xyz".index(polar_axis)
     chart = Chart(axis, "declination", offset)
@@ -264,45 +224,26 @@ def _chart_of_direction(
 
 
 def _check_margin(margin: float, place: str, hint: str) -> None:
-    _need(
-        margin >= SMALLEST_MARGIN,
-        "the body starts at the pole of its angles, where they have no meaning",
-        place,
-        margin,
-        f"a sine of the angle to the pole of at least {SMALLEST_MARGIN:g}",
-        hint,
-    )
+    problem = "the body starts at the pole of its angles, where they have no meaning"
+    allowed = f"a sine of the angle to the pole of at least {SMALLEST_MARGIN:g}"
+    _need(margin >= SMALLEST_MARGIN, problem, place, margin, allowed, hint)
 
 
 def _rigid(name: str, table: RigidPart, place: str) -> RigidBody:
     rows = [row for row in table.inertia if isinstance(row, tuple)]
-    _need(
-        len(rows) in (0, 3),
-        "neither 3 numbers nor 3 rows",
-        f"{place}.inertia",
-        table.inertia,
-        "[Ixx, Iyy, Izz], or three rows of three numbers",
-        "do not mix the two",
-    )
+    problem, allowed = "neither 3 numbers nor 3 rows", "[Ixx, Iyy, Izz], or three rows of three numbers"
+    _need(len(rows) in (0, 3), problem, f"{place}.inertia", table.inertia, allowed, "do not mix the two")
     inertia = np.array(rows) if rows else np.diag(np.array(table.inertia, dtype=float))
     symmetric = bool(np.abs(inertia - inertia.T).max() <= 1e-9 * np.abs(inertia).max())
-    _need(
-        symmetric and bool(np.linalg.eigvalsh(inertia)[0] > 0),
-        "an impossible inertia",
-        f"{place}.inertia",
-        inertia.tolist(),
-        "a symmetric matrix with principal values > 0",
-        "take it about the centre of mass",
-    )
+    is_met, problem = symmetric and bool(np.linalg.eigvalsh(inertia)[0] > 0), "an impossible inertia"
+    allowed = "a symmetric matrix with principal values > 0"
+    _need(is_met, problem, f"{place}.inertia", inertia.tolist(), allowed, "take it about the centre of mass")
     principal = np.linalg.eigvalsh(inertia)
-    _need(
-        bool(principal[2] <= (principal[0] + principal[1]) * (1 + INERTIA_TOLERANCE)),
-        "no body has this inertia: the largest principal value is above the sum of the others",
-        f"{place}.inertia",
-        inertia.tolist(),
-        f"principal values a <= b <= c with c <= a + b, here {', '.join(f'{x:.6g}' for x in principal)}",
-        "each is an integral of y^2 + z^2, z^2 + x^2 or x^2 + y^2 over the mass",
-    )
+    is_met = bool(principal[2] <= (principal[0] + principal[1]) * (1 + INERTIA_TOLERANCE))
+    problem = "no body has this inertia: the largest principal value is above the sum of the others"
+    allowed = f"principal values a <= b <= c with c <= a + b, here {', '.join(f'{x:.6g}' for x in principal)}"
+    hint = "each is an integral of y^2 + z^2, z^2 + x^2 or x^2 + y^2 over the mass"
+    _need(is_met, problem, f"{place}.inertia", inertia.tolist(), allowed, hint)
     _check_margin(abs(math.cos(math.radians(table.phi_deg))), f"{place}.phi_deg", "turn the body's frame")
     a, b, c = ((float(x), float(y), float(z)) for x, y, z in inertia)
     return RigidBody(name, table.mass, (a, b, c))
@@ -316,13 +257,11 @@ def _check_circle(bodies: Sequence[Body], owners: Sequence[int], where: str) -> 
             path.append(owners[here.anchor])
             if path[-1] == start:
                 chain = " on ".join(bodies[k].name for k in path)
-                raise StructureError(
-                    "bodies hold each other in a circle",
-                    where=key_path(where, "bodies", body.name, "anchor"),
-                    given=chain,
-                    allowed="bars held at points of bodies that do not depend on them",
-                    hint="let one of them be free and join it by a short tendon",
-                )
+                problem = "bodies hold each other in a circle"
+                location = key_path(where, "bodies", body.name, "anchor")
+                allowed = "bars held at points of bodies that do not depend on them"
+                hint = "let one of them be free and join it by a short tendon"
+                raise StructureError(problem, where=location, given=chain, allowed=allowed, hint=hint)
             if len(path) > len(bodies) + 1:  # a circle further on, reported from there
                 break
             here = bodies[path[-1]]

@@ -49,13 +49,9 @@ class BodyFinder:
     def frame(self, frame: Frame, body: int, *place: str | int) -> Frame:
         """Return the frame; of the bodies only rigid ones have axes of their own."""
         if frame == "body" and not isinstance(self.built.bodies[body], RigidBody):
-            raise InvalidValueError(
-                "only a rigid body has axes of its own",
-                where=key_path(self.where, *place),
-                given=frame,
-                allowed='"inertial"',
-                hint="remove the key",
-            )
+            problem, location = "only a rigid body has axes of its own", key_path(self.where, *place)
+            hint = "remove the key"
+            raise InvalidValueError(problem, where=location, given=frame, allowed='"inertial"', hint=hint)
         return frame
 
     def moving(self, body: int, *place: str | int) -> int:
@@ -96,13 +92,9 @@ def build_body_loads(scene: Scene, find: BodyFinder) -> tuple[FloatArray, tuple[
                 BodyLoad("torque", body, three_numbers(item.torque, find.where, *place, "torque"), frame)
             )
         else:
-            raise InvalidValueError(
-                "a scene of bodies has no nodes",
-                where=key_path(find.where, *place, "node"),
-                given=item.node,
-                allowed="point and force, or body and torque",
-                hint='point = "body.point"',
-            )
+            problem, location = "a scene of bodies has no nodes", key_path(find.where, *place, "node")
+            allowed, hint = "point and force, or body and torque", 'point = "body.point"'
+            raise InvalidValueError(problem, where=location, given=item.node, allowed=allowed, hint=hint)
     return total, tuple(turning)
 
 
@@ -110,12 +102,10 @@ def build_friction(item: JointFrictionTable, number: int, find: BodyFinder) -> J
     """Return the friction of one joint; InvalidValueError unless its bodies can turn against each other."""
     a, b = (find.body(name, "joint_friction", number, "bodies") for name in item.bodies)
     if a == b or all(isinstance(find.built.bodies[k], FixedBody) for k in (a, b)):
-        raise InvalidValueError(
-            "a joint is between two bodies that turn against each other",
-            where=key_path(find.where, "joint_friction", number, "bodies"),
-            given=list(item.bodies),
-            allowed="two different bodies, at most one of them fixed",
-        )
+        problem = "a joint is between two bodies that turn against each other"
+        location = key_path(find.where, "joint_friction", number, "bodies")
+        allowed = "two different bodies, at most one of them fixed"
+        raise InvalidValueError(problem, where=location, given=list(item.bodies), allowed=allowed)
     return JointFriction((a, b), item.coefficient)
 
 
@@ -130,13 +120,9 @@ def build_body_inputs(
     for number, item in enumerate(scene.inputs):
         place: tuple[str | int, ...] = ("inputs", number)
         if any(item.name == other.name for other in built):
-            raise DuplicateNameError(
-                "two inputs under one name",
-                where=key_path(find.where, *place, "name"),
-                given=item.name,
-                allowed="each name once",
-                hint="rename one of the two",
-            )
+            problem, location = "two inputs under one name", key_path(find.where, *place, "name")
+            allowed, hint = "each name once", "rename one of the two"
+            raise DuplicateNameError(problem, where=location, given=item.name, allowed=allowed, hint=hint)
         if isinstance(item, RestLengthInput | TemperatureInput):
             members = targets.find_members(item.members, *place, "members")
             expanded = system.rest_length, system.thermal_expansion
@@ -153,25 +139,18 @@ def build_body_inputs(
             unit = _unit(item.direction, find.where, *place, "direction")
             built.append(BodyInput(item.name, "torque", tuple(dict.fromkeys(bodies)), unit, frames[0]))
         else:
-            raise InvalidValueError(
-                "a scene of bodies has no nodes",
-                where=key_path(find.where, *place, "kind"),
-                given=item.kind,
-                allowed="rest_length, temperature, point_force, torque",
-                hint='kind = "point_force" with points = ["body.point"]',
-            )
+            problem, location = "a scene of bodies has no nodes", key_path(find.where, *place, "kind")
+            allowed = "rest_length, temperature, point_force, torque"
+            hint = 'kind = "point_force" with points = ["body.point"]'
+            raise InvalidValueError(problem, where=location, given=item.kind, allowed=allowed, hint=hint)
     return tuple(built)
 
 
 def three_numbers(vector: Sequence[float], where: str, *place: str | int) -> Vector3:
     """Return a vector of three numbers; InvalidValueError for another size."""
     if len(vector) != 3:
-        raise InvalidValueError(
-            "a vector of the wrong size",
-            where=key_path(where, *place),
-            given=list(vector),
-            allowed="3 numbers",
-        )
+        problem, location = "a vector of the wrong size", key_path(where, *place)
+        raise InvalidValueError(problem, where=location, given=list(vector), allowed="3 numbers")
     x, y, z = (float(part) for part in vector)
     return (x, y, z)
 

@@ -134,12 +134,9 @@ class _Table:
         outside = [axis for axis in range(3) if axis not in axes and velocity[axis] != 0]
         if outside:
             letter = "xyz"[outside[0]]
-            raise StructureError(
-                f"a velocity along {letter}, an axis that the scene does not model",
-                where=key_path(self.where, *place),
-                given=list(given or ()),
-                allowed=f"0 along {letter}",
-            )
+            problem = f"a velocity along {letter}, an axis that the scene does not model"
+            location, allowed = key_path(self.where, *place), f"0 along {letter}"
+            raise StructureError(problem, where=location, given=list(given or ()), allowed=allowed)
         largest = float(np.abs(velocity).max())
         unit = velocity / largest if largest else velocity
         speed, part = float(np.linalg.norm(unit)), float(unit @ normal)

@@ -31,13 +31,9 @@ def find_bar_pairs(
             _check_bar(name, bars, radius, place)
         first, second = names
         if set(joints[first]) & set(joints[second]):
-            raise InvalidValueError(
-                "these bars share a node, so that they always touch",
-                where=place,
-                given=list(names),
-                allowed="two bars that share no node",
-                hint="take the pair out of the list",
-            )
+            problem = "these bars share a node, so that they always touch"
+            allowed, hint = "two bars that share no node", "take the pair out of the list"
+            raise InvalidValueError(problem, where=place, given=list(names), allowed=allowed, hint=hint)
         pair = bars[first], bars[second]
         if frozenset(pair) in found:
             raise DuplicateNameError(
@@ -86,10 +82,6 @@ def build_collision(stated: Interference, where: str) -> Collision | None:
 def _check_bar(name: str, bars: Mapping[str, int], radius: Mapping[str, float], place: str) -> None:
     check_known(name, bars, "the name is no bar", "names of bars", place)
     if not radius[name] > 0:
-        raise InvalidValueError(
-            "the bar has no radius, so that its distance to others is not known",
-            where=place,
-            given=name,
-            allowed="bars with a radius",
-            hint="give it a radius [m]",
-        )
+        problem = "the bar has no radius, so that its distance to others is not known"
+        hint = "give it a radius [m]"
+        raise InvalidValueError(problem, where=place, given=name, allowed="bars with a radius", hint=hint)

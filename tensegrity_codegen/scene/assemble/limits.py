@@ -129,13 +129,11 @@ class _MemberValues:
         if not wrong.size:
             return
         row, more = int(wrong[0]), f" (and of {wrong.size - 1} more)" if wrong.size > 1 else ""
-        raise InvalidValueError(
-            f"the least tension of member {self.member_name[row]}{more} is above its largest tension",
-            where=f"{self.where}: {self._source['least_tension'][row]}",
-            given=float(least[row]),
-            allowed=f"at most {most[row]:g} N, the value of {self._source['most_tension'][row]}",
-            hint="lower least_tension, or raise most_tension",
-        )
+        problem = f"the least tension of member {self.member_name[row]}{more} is above its largest tension"
+        location = f"{self.where}: {self._source['least_tension'][row]}"
+        allowed = f"at most {most[row]:g} N, the value of {self._source['most_tension'][row]}"
+        hint = "lower least_tension, or raise most_tension"
+        raise InvalidValueError(problem, where=location, given=float(least[row]), allowed=allowed, hint=hint)
 
 
 def _check_all(stated: LimitsTable, subject: Subject, where: str) -> None:
@@ -159,13 +157,10 @@ def _check_all(stated: LimitsTable, subject: Subject, where: str) -> None:
             )
     bars, round_bars = _count_bars(subject)
     if stated.clearance is not None and bars > 1 and not round_bars:
-        raise InvalidValueError(
-            "no bar has a radius, so that the distances between bars are not known",
-            where=key_path(where, "limits", "clearance"),
-            given=stated.clearance,
-            allowed="a clearance of bars with a radius",
-            hint="give the bars a radius [m]",
-        )
+        problem = "no bar has a radius, so that the distances between bars are not known"
+        location, allowed = key_path(where, "limits", "clearance"), "a clearance of bars with a radius"
+        hint = "give the bars a radius [m]"
+        raise InvalidValueError(problem, where=location, given=stated.clearance, allowed=allowed, hint=hint)
 
 
 def _count_bars(subject: Subject) -> tuple[int, int]:
@@ -188,10 +183,6 @@ def _check_name(
         hint = f"{name!r} is a {kind}: " + (
             f"[limits.{section[kind]}.{name}]" if kind in section else "name its class, or its members"
         )
-    raise UnknownNameError(
-        f"there is no {what} of this name",
-        where=key_path(where, "limits", section[what], name),
-        given=name,
-        allowed="names of classes" if what == "class" else "names of members (in scenes of bodies: tendons)",
-        hint=hint,
-    )
+    problem, location = f"there is no {what} of this name", key_path(where, "limits", section[what], name)
+    allowed = "names of classes" if what == "class" else "names of members (in scenes of bodies: tendons)"
+    raise UnknownNameError(problem, where=location, given=name, allowed=allowed, hint=hint)

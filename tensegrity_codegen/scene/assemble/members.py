@@ -103,38 +103,21 @@ def _check_needed(given: Columns, names: tuple[str, ...], is_bar: BoolArray, whe
     missing = {key: np.isnan(values) for key, values in given.items()}
     rigid = missing["spring_constant"] & missing["axial_stiffness"]
     refuse_member = partial(refuse, section="members", names=names, where=where)
+    allowed = "one of spring_constant [N/m], axial_stiffness [N]"
+    hint = "give it to the member or to its class"
+    refuse_member(rigid & ~is_bar, InvalidValueError, "a cable without stiffness", allowed=allowed, hint=hint)
+    is_bad, problem = ~missing["density"] & missing["radius"], "a density without a radius"
+    allowed = "density and radius, or mass alone"
+    refuse_member(is_bad, InvalidValueError, problem, key="density", given=given["density"], allowed=allowed)
+    is_bad = ~missing["inner_radius"] & ~(given["inner_radius"] < given["radius"])
+    problem, allowed = "the inner radius is not less than the radius", "less than radius, which is needed too"
     refuse_member(
-        rigid & ~is_bar,
-        InvalidValueError,
-        "a cable without stiffness",
-        allowed="one of spring_constant [N/m], axial_stiffness [N]",
-        hint="give it to the member or to its class",
-    )
-    refuse_member(
-        ~missing["density"] & missing["radius"],
-        InvalidValueError,
-        "a density without a radius",
-        key="density",
-        given=given["density"],
-        allowed="density and radius, or mass alone",
-    )
-    refuse_member(
-        ~missing["inner_radius"] & ~(given["inner_radius"] < given["radius"]),
-        InvalidValueError,
-        "the inner radius is not less than the radius",
-        key="inner_radius",
-        given=given["inner_radius"],
-        allowed="less than radius, which is needed too",
+        is_bad, InvalidValueError, problem, key="inner_radius", given=given["inner_radius"], allowed=allowed
     )
     for key in ("prestress", "strain"):
-        refuse_member(
-            rigid & ~missing[key],
-            InvalidValueError,
-            f"a rigid bar has no {key}",
-            key=key,
-            given=given[key],
-            allowed="only with spring_constant or axial_stiffness",
-        )
+        is_bad, problem = rigid & ~missing[key], f"a rigid bar has no {key}"
+        allowed = "only with spring_constant or axial_stiffness"
+        refuse_member(is_bad, InvalidValueError, problem, key=key, given=given[key], allowed=allowed)
 
 
 def _find_laws(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where: str) -> dict[Law, BoolArray]:
@@ -157,14 +140,10 @@ def _find_laws(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where:
                 allowed="; ".join(" or ".join(keys) for keys in law.keys),
                 hint="give it to the member or to its class",
             )
+        is_bad, problem = mask & ~others, "a member of two laws"
+        allowed = "the values of one law"
         refuse(
-            mask & ~others,
-            InvalidValueError,
-            "a member of two laws",
-            section="members",
-            names=names,
-            where=where,
-            allowed="the values of one law",
+            is_bad, InvalidValueError, problem, section="members", names=names, where=where, allowed=allowed
         )
         laws[law] = mask
         others &= ~mask
@@ -215,12 +194,8 @@ def _rest_length(
     refuse_prestress = partial(
         refuse, section="members", names=names, where=where, key="prestress", given=given["prestress"]
     )
-    refuse_prestress(
-        tension_only & (given["prestress"] < 0),
-        InvalidValueError,
-        "a tension-only cable cannot be in compression",
-        allowed="0 or more",
-    )
+    problem = "a tension-only cable cannot be in compression"
+    refuse_prestress(tension_only & (given["prestress"] < 0), InvalidValueError, problem, allowed="0 or more")
     tension = _or_zero(given["prestress"])
     by_tension = np.zeros(len(length))
     for law, mask in laws.items():
@@ -228,13 +203,10 @@ def _rest_length(
         by_tension[mask] = law.find_rest_length(length[mask], tension[mask], chosen)
     rest = np.where(np.isnan(given["prestress"]), length, by_tension)
     bad = ~((rest > 0) & np.isfinite(rest)) & np.isnan(given["rest_length"])
-    refuse_prestress(
-        bad,
-        InvalidValueError,
-        "no rest length gives this prestress: it would not be positive",
-        allowed=_prestress_limit(int(np.argmax(bad)), given, length, laws) if bad.any() else "",
-        hint="check the units of prestress [N] and stiffness ([N/m] or [N])",
-    )
+    problem = "no rest length gives this prestress: it would not be positive"
+    allowed = _prestress_limit(int(np.argmax(bad)), given, length, laws) if bad.any() else ""
+    hint = "check the units of prestress [N] and stiffness ([N/m] or [N])"
+    refuse_prestress(bad, InvalidValueError, problem, allowed=allowed, hint=hint)
     rest = np.where(np.isnan(given["strain"]), rest, length / (1 + _or_zero(given["strain"])))
     return np.where(np.isnan(given["rest_length"]), rest, given["rest_length"])
 

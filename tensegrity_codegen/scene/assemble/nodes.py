@@ -43,12 +43,9 @@ def spread_vectors(
     wrong = np.flatnonzero((width != -1) & (width != 3) & (width != len(axes)))
     if wrong.size:
         full = "" if len(axes) == 3 else f" or {len(axes)}"
-        raise InvalidValueError(
-            "a vector of the wrong size",
-            where=key_path(where, *places[wrong[0]]),
-            given=list(vectors[wrong[0]] or ()),
-            allowed=f"3{full} numbers",
-        )
+        problem, location = "a vector of the wrong size", key_path(where, *places[wrong[0]])
+        allowed = f"3{full} numbers"
+        raise InvalidValueError(problem, where=location, given=list(vectors[wrong[0]] or ()), allowed=allowed)
     for size, columns in ((3, (0, 1, 2)), (len(axes), axes)):
         rows = np.flatnonzero(width == size).tolist()
         if rows:
@@ -63,12 +60,10 @@ def _anchored(
     letters = ["xyz" if row.anchored is True else (row.anchored or "") for row in rows]
     for name, row in zip(names, rows, strict=True):
         if isinstance(row.anchored, str) and not set(row.anchored) <= set(modelled):
-            raise InvalidValueError(
-                "anchored on an axis that the scene does not model",
-                where=key_path(where, "nodes", name, "anchored"),
-                given=row.anchored,
-                allowed=f"true, false, or some of {modelled!r}",
-            )
+            problem = "anchored on an axis that the scene does not model"
+            location = key_path(where, "nodes", name, "anchored")
+            allowed = f"true, false, or some of {modelled!r}"
+            raise InvalidValueError(problem, where=location, given=row.anchored, allowed=allowed)
     flags = {word: tuple(axis in word for axis in "xyz") for word in set(letters)}
     return np.array([flags[word] for word in letters], dtype=np.bool_).reshape(-1, 3)
 

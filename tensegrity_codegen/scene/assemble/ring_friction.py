@@ -42,13 +42,10 @@ def cut_at_rings(
         count = len(rings[index[name]]) if rings and name in index else 0
         place = key_path(where, "members", name)
         if not count:
-            raise InvalidValueError(
-                "friction of a member that passes no ring",
-                where=f"{place}.friction",
-                given=friction,
-                allowed="cables in one piece with more than two nodes",
-                hint="leave friction out, or list the rings among its nodes",
-            )
+            problem, location = "friction of a member that passes no ring", f"{place}.friction"
+            allowed = "cables in one piece with more than two nodes"
+            hint = "leave friction out, or list the rings among its nodes"
+            raise InvalidValueError(problem, where=location, given=friction, allowed=allowed, hint=hint)
         strands = tuple(f"{name}_{k + 1}" for k in range(count + 1))
         found[name] = (place, strands, friction, wrap)
     if found:
@@ -70,12 +67,9 @@ def _refuse_shared(found: Mapping[str, Values]) -> None:
     for name, (place, strands, *_) in found.items():
         for strand in dict.fromkeys(strands):
             if strand in owner:
-                raise DuplicateNameError(
-                    f"the strand belongs to the cable {owner[strand]!r} already",
-                    where=f"{place}.strands",
-                    given=strand,
-                    allowed="strands of no other cable",
-                )
+                problem = f"the strand belongs to the cable {owner[strand]!r} already"
+                allowed = "strands of no other cable"
+                raise DuplicateNameError(problem, where=f"{place}.strands", given=strand, allowed=allowed)
             owner[strand] = name
 
 
@@ -89,12 +83,9 @@ def _find_stated(scene: Scene, members: Mapping[str, Member], where: str) -> dic
             friction = shared.friction if friction is None else friction
             wrap = shared.wrap_deg if wrap is None else wrap
         if friction is None and row.wrap_deg is not None:
-            raise InvalidValueError(
-                "an angle of wrap without friction",
-                where=f"{key_path(where, 'members', name)}.wrap_deg",
-                given=row.wrap_deg,
-                allowed="only with friction",
-            )
+            problem = "an angle of wrap without friction"
+            location = f"{key_path(where, 'members', name)}.wrap_deg"
+            raise InvalidValueError(problem, where=location, given=row.wrap_deg, allowed="only with friction")
         if friction is not None and np.any(friction):
             found[name] = (friction, wrap)
     return found
@@ -182,22 +173,18 @@ def _build(name: str, values: Values, parts: SegmentedParts) -> SlidingCable:
     for problem, is_there in problems.items():
         if is_there:
             hint = "give damping [N s/m]: slip comes to rest within about damping / stiffness seconds"
-            raise InvalidValueError(
-                problem, where=place, given=list(strands), allowed=allowed,
-                hint=hint if "damping," in problem else "",
-            )  # fmt: skip
+            hint = hint if "damping," in problem else ""
+            raise InvalidValueError(problem, where=place, given=list(strands), allowed=allowed, hint=hint)
     friction, wrap = (
         _of_rings(value, len(rows) - 1, f"{place}.{key}")
         for key, value in zip(("friction", "wrap_deg"), stated, strict=True)
     )
     largest = max(mu * np.radians(angle or 180.0) for mu, angle in zip(friction, wrap, strict=True))
     if largest > MOST_EXPONENT:
+        problem = "friction times the angle of wrap is so large that nothing slips"
+        allowed, hint = f"up to {MOST_EXPONENT:g} rad", "end the cable there, and begin another one"
         raise InvalidValueError(
-            "friction times the angle of wrap is so large that nothing slips",
-            where=f"{place}.friction",
-            given=f"{largest:.6g} rad",
-            allowed=f"up to {MOST_EXPONENT:g} rad",
-            hint="end the cable there, and begin another one",
+            problem, where=f"{place}.friction", given=f"{largest:.6g} rad", allowed=allowed, hint=hint
         )
     return SlidingCable(name, strands, tuple(rows), friction, wrap)
 
@@ -206,10 +193,7 @@ def _of_rings(value: Any, count: int, place: str) -> tuple[float, ...]:
     """Return a number for each ring."""
     values = (float(value or 0.0),) * count if not isinstance(value, tuple) else value
     if len(values) != count:
-        raise InvalidValueError(
-            "not one number for each ring",
-            where=place,
-            given=list(values),
-            allowed="one number" if count == 1 else f"{count} numbers, or one for all",
-        )
+        problem = "not one number for each ring"
+        allowed = "one number" if count == 1 else f"{count} numbers, or one for all"
+        raise InvalidValueError(problem, where=place, given=list(values), allowed=allowed)
     return values

@@ -48,13 +48,10 @@ def find_section(section: str | SectionTable, place: str) -> RoundSection:
         known, match = list_catalogue(), _NAME.fullmatch(section)
         name = f"CHS {float(match[1]):g}x{float(match[2]):g}" if match else section
         if name not in known:
-            raise InvalidValueError(
-                "the catalogue has no section of that name",
-                where=place,
-                given=section,
-                allowed=f"{len(known)} hollow sections of EN 10210-2, {known[0]} to {known[-1]} [mm]",
-                hint=suggest(name, known) or "{ tube = [outer diameter, wall] } or { rod = diameter } [m]",
-            )
+            problem = "the catalogue has no section of that name"
+            allowed = f"{len(known)} hollow sections of EN 10210-2, {known[0]} to {known[-1]} [mm]"
+            hint = suggest(name, known) or "{ tube = [outer diameter, wall] } or { rod = diameter } [m]"
+            raise InvalidValueError(problem, where=place, given=section, allowed=allowed, hint=hint)
         diameter, wall = (float(number) / 1000 for number in name.removeprefix("CHS ").split("x"))
         return RoundSection(diameter / 2, diameter / 2 - wall)
     if section.tube is None:
@@ -62,13 +59,10 @@ def find_section(section: str | SectionTable, place: str) -> RoundSection:
         return RoundSection(section.rod / 2, 0.0)
     diameter, wall = section.tube
     if not 2 * wall < diameter:
-        raise InvalidValueError(
-            "the wall of the tube is as thick as its radius",
-            where=place,
-            given=list(section.tube),
-            allowed="[outer diameter, wall] in metres, with a wall below half of the diameter",
-            hint="a solid section is { rod = diameter }",
-        )
+        problem = "the wall of the tube is as thick as its radius"
+        allowed = "[outer diameter, wall] in metres, with a wall below half of the diameter"
+        hint = "a solid section is { rod = diameter }"
+        raise InvalidValueError(problem, where=place, given=list(section.tube), allowed=allowed, hint=hint)
     return RoundSection(diameter / 2, diameter / 2 - wall)
 
 

@@ -124,12 +124,10 @@ def build_inputs(
     built: list[ActuatedInput] = []
     for number, item in enumerate(inputs):
         if any(item.name == other.name for other in built):
+            location, allowed = key_path(targets.where, "inputs", number, "name"), "each name once"
+            hint = "rename one of the two"
             raise DuplicateNameError(
-                "two inputs under one name",
-                where=key_path(targets.where, "inputs", number, "name"),
-                given=item.name,
-                allowed="each name once",
-                hint="rename one of the two",
+                "two inputs under one name", where=location, given=item.name, allowed=allowed, hint=hint
             )
         if isinstance(item, ForceInput):
             nodes = targets.find_nodes(item.nodes, "inputs", number, "nodes")
@@ -248,13 +246,9 @@ def find_ground_numbers(
     for name in chosen:
         check_choice(name, CHANGEABLE, "number of the ground", place)
         if name not in known:
-            raise InvalidValueError(
-                "the ground has no friction, so that nothing would follow this number",
-                where=place,
-                given=name,
-                allowed=", ".join(known),
-                hint="give the ground a friction above 0",
-            )
+            problem = "the ground has no friction, so that nothing would follow this number"
+            hint = "give the ground a friction above 0"
+            raise InvalidValueError(problem, where=place, given=name, allowed=", ".join(known), hint=hint)
     return {"ground": tuple(sorted({CHANGEABLE.index(name) for name in chosen}))}
 
 
@@ -265,12 +259,8 @@ def normalise(vector: NDArray[np.float64], given: Sequence[float], where: str) -
     """
     largest = np.abs(vector).max()
     if largest == 0:
-        raise InvalidValueError(
-            "a direction of length zero",
-            where=where,
-            given=list(given),
-            allowed="a vector that is not zero",
-        )
+        problem = "a direction of length zero"
+        raise InvalidValueError(problem, where=where, given=list(given), allowed="a vector that is not zero")
     vector = vector / largest
     x, y, z = (vector / np.linalg.norm(vector)).tolist()
     return (x, y, z)
@@ -293,12 +283,10 @@ def _refuse_rows(
 ) -> None:
     wrong = [names[row] for row in rows if bad[row]]
     if wrong:
+        location, allowed = key_path(where, *place), '"all", or the names of those for which it has a meaning'
+        hint = "take it out of the list"
         raise InvalidValueError(
-            f"{problem}: {name_list(wrong)}",
-            where=key_path(where, *place),
-            given=wrong[0],
-            allowed='"all", or the names of those for which it has a meaning',
-            hint="take it out of the list",
+            f"{problem}: {name_list(wrong)}", where=location, given=wrong[0], allowed=allowed, hint=hint
         )
 
 
