@@ -107,43 +107,26 @@ def _check_rings(structure: Structure, where: str) -> None:
     """Check the nodes that members pass between their ends: one tuple a member, of cables that only pull."""
     rings, place = structure.ring_nodes, key_path(where, "ring_nodes")
     if rings and len(rings) != structure.n_members:
-        raise InvalidValueError(
-            "one tuple for each member is needed",
-            where=place,
-            given=len(rings),
-            allowed=f"{structure.n_members}, or none at all",
-        )
+        problem, allowed = "one tuple for each member is needed", f"{structure.n_members}, or none at all"
+        raise InvalidValueError(problem, where=place, given=len(rings), allowed=allowed)
     for number, nodes in ((number, nodes) for number, nodes in enumerate(rings) if nodes):
         check_indices(nodes, structure.n_nodes, f"{place}[{number}]")
     passes = structure.passes_rings
     report = partial(refuse, section="members", names=structure.member_name, where=where)
-    report(
-        passes & ~structure.tension_only,
-        InvalidValueError,
-        "only a cable that cannot push passes rings",
-        key="nodes",
-        allowed="two nodes, or a cable with tension_only = true",
-        hint="split the member at the nodes between its ends",
-    )
-    report(
-        passes & (structure.member_mass > 0),
-        InvalidValueError,
-        "a cable through rings has no mass of its own",
-        key="mass",
-        given=structure.member_mass,
-        allowed="masses of nodes, or a cable with mass between two nodes",
-    )
+    is_bad, problem = passes & ~structure.tension_only, "only a cable that cannot push passes rings"
+    allowed = "two nodes, or a cable with tension_only = true"
+    hint = "split the member at the nodes between its ends"
+    report(is_bad, InvalidValueError, problem, key="nodes", allowed=allowed, hint=hint)
+    is_bad, problem = passes & (structure.member_mass > 0), "a cable through rings has no mass of its own"
+    allowed = "masses of nodes, or a cable with mass between two nodes"
+    report(is_bad, InvalidValueError, problem, key="mass", given=structure.member_mass, allowed=allowed)
 
 
 def _check_arrays(structure: Structure, where: str) -> None:
     """Check the axes, and shape and kind of numbers of every array."""
     if not structure.axes or list(structure.axes) != sorted({0, 1, 2} & set(structure.axes)):
-        raise InvalidValueError(
-            "wrong axes",
-            where=key_path(where, "axes"),
-            given=structure.axes,
-            allowed="0, 1, 2 or some, in order",
-        )
+        problem, allowed = "wrong axes", "0, 1, 2 or some, in order"
+        raise InvalidValueError(problem, where=key_path(where, "axes"), given=structure.axes, allowed=allowed)
     size = {"n_nodes": structure.n_nodes, "n_members": structure.n_members}
     for field in fields(structure):
         if field.name not in _SHAPE:
@@ -154,21 +137,15 @@ def _check_arrays(structure: Structure, where: str) -> None:
         if not isinstance(value, np.ndarray) or value.shape != shape or value.dtype.kind != kind:
             found = f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
             words = {"b": "bool", "i": "int64", "f": "float64"}[kind]
-            raise InvalidValueError(
-                "an array of the wrong shape or kind of number",
-                where=key_path(where, field.name),
-                given=found,
-                allowed=f"{words} array of shape {shape}",
-            )
+            problem = "an array of the wrong shape or kind of number"
+            allowed = f"{words} array of shape {shape}"
+            raise InvalidValueError(problem, where=key_path(where, field.name), given=found, allowed=allowed)
     _check_tubes(structure, where)
     _check_expansion(structure, where)
     if len(structure.member_class) != structure.n_members:
-        raise InvalidValueError(
-            "one class name for each member is needed",
-            where=key_path(where, "member_class"),
-            given=len(structure.member_class),
-            allowed=str(structure.n_members),
-        )
+        problem, location = "one class name for each member is needed", key_path(where, "member_class")
+        allowed = str(structure.n_members)
+        raise InvalidValueError(problem, where=location, given=len(structure.member_class), allowed=allowed)
 
 
 def _check_tubes(structure: Structure, where: str) -> None:
@@ -188,12 +165,10 @@ def _check_tubes(structure: Structure, where: str) -> None:
 def _check_expansion(structure: Structure, where: str) -> None:
     values = structure.thermal_expansion
     if values is not None and (values.shape != (structure.n_members,) or not np.isfinite(values).all()):
-        raise InvalidValueError(
-            "coefficients of thermal expansion that members cannot have",
-            where=key_path(where, "thermal_expansion"),
-            given=values.shape,
-            allowed=f"None, or an array of shape ({structure.n_members},) of finite numbers",
-        )
+        problem = "coefficients of thermal expansion that members cannot have"
+        location = key_path(where, "thermal_expansion")
+        allowed = f"None, or an array of shape ({structure.n_members},) of finite numbers"
+        raise InvalidValueError(problem, where=location, given=values.shape, allowed=allowed)
 
 
 def _check_names(structure: Structure, where: str) -> None:
@@ -302,21 +277,13 @@ def _check_plane(structure: Structure, where: str) -> None:
             hint=f"put {letter} into axes, or give all nodes one {letter}",
         )
         for key, value in (("velocity", structure.node_velocity), ("load", structure.node_load)):
-            report(
-                value[:, axis] != 0,
-                StructureError,
-                f"a {key} along {letter}, an axis that the scene does not model",
-                key=key,
-                given=value,
-                allowed=f"0 along {letter}",
-            )
+            is_bad = value[:, axis] != 0
+            problem = f"a {key} along {letter}, an axis that the scene does not model"
+            report(is_bad, StructureError, problem, key=key, given=value, allowed=f"0 along {letter}")
         if structure.gravity[axis] != 0:
-            raise StructureError(
-                f"gravity along {letter}, an axis that the scene does not model",
-                where=key_path(where, "gravity"),
-                given=structure.gravity.tolist(),
-                allowed=f"0 along {letter}",
-            )
+            problem = f"gravity along {letter}, an axis that the scene does not model"
+            location, allowed = key_path(where, "gravity"), f"0 along {letter}"
+            raise StructureError(problem, where=location, given=structure.gravity.tolist(), allowed=allowed)
 
 
 def _check_gain(item: ActuatedInput, place: str) -> None:
@@ -349,9 +316,6 @@ def _check_input(structure: Structure, number: int, item: ActuatedInput, where: 
         )
     dropped = sorted({0, 1, 2} - set(structure.axes))
     if direction[dropped].any():
-        raise StructureError(
-            "a force along an axis that the scene does not model",
-            where=f"{place}.direction",
-            given=item.direction,
-            allowed="0 along " + ", ".join("xyz"[axis] for axis in dropped),
-        )
+        problem = "a force along an axis that the scene does not model"
+        allowed = "0 along " + ", ".join("xyz"[axis] for axis in dropped)
+        raise StructureError(problem, where=f"{place}.direction", given=item.direction, allowed=allowed)

@@ -65,12 +65,8 @@ def _check_actuator(item: Actuator, place: str) -> None:
     }
     for key, (is_sound, allowed) in rules.items():
         if not is_sound:
-            raise InvalidValueError(
-                f"the actuator {item.name} cannot have this {key}",
-                where=f"{place}.{key}",
-                given=getattr(item, key),
-                allowed=allowed,
-            )
+            problem, location = f"the actuator {item.name} cannot have this {key}", f"{place}.{key}"
+            raise InvalidValueError(problem, where=location, given=getattr(item, key), allowed=allowed)
 
 
 def _check_limits(structure: Structure, where: str) -> None:
@@ -108,9 +104,5 @@ def _check_limits(structure: Structure, where: str) -> None:
     for key in ("clearance", "least_stiffness"):
         value = getattr(limits, key)
         if np.isnan(value) or (value < 0 and not np.isneginf(value)) or np.isposinf(value):
-            raise InvalidValueError(
-                "not a limit",
-                where=f"{place}.{key}",
-                given=value,
-                allowed="0 or more, finite; -infinity without a limit",
-            )
+            allowed = "0 or more, finite; -infinity without a limit"
+            raise InvalidValueError("not a limit", where=f"{place}.{key}", given=value, allowed=allowed)

@@ -39,12 +39,9 @@ def check_normal(normal: FloatArray, axes: tuple[int, ...], where: str) -> None:
     outside = [axis for axis in range(3) if axis not in axes and abs(normal[axis]) > ALONG]
     if outside:
         letter = "xyz"[outside[0]]
-        raise StructureError(
-            f"the ground has a normal along {letter}, an axis that the scene does not model",
-            where=key_path(where, "ground", "normal"),
-            given=normal.tolist(),
-            allowed=f"0 along {letter}",
-        )
+        problem = f"the ground has a normal along {letter}, an axis that the scene does not model"
+        location = key_path(where, "ground", "normal")
+        raise StructureError(problem, where=location, given=normal.tolist(), allowed=f"0 along {letter}")
 
 
 @np.errstate(all="ignore")

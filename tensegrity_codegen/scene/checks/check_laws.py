@@ -52,12 +52,9 @@ def _check_array(subject: Structure | BodySystem, name: str, values: object, whe
             "no member law has this parameter", where=place, given=name, hint=suggest(name, LAW_PARAMETERS)
         )
     if array.shape != (subject.n_members,) or array.dtype.kind != "f":
-        raise InvalidValueError(
-            "an array of the wrong shape or kind of number",
-            where=place,
-            given=f"{array.dtype} {array.shape}",
-            allowed=f"float64 array of shape ({subject.n_members},)",
-        )
+        problem = "an array of the wrong shape or kind of number"
+        allowed = f"float64 array of shape ({subject.n_members},)"
+        raise InvalidValueError(problem, where=place, given=f"{array.dtype} {array.shape}", allowed=allowed)
     refuse(
         ~np.isfinite(array),
         NonFiniteError,

@@ -24,10 +24,8 @@ def check_regular(path: Path, where: str) -> None:
     """Raise SceneError for a path to read that leads to a folder, pipe, socket or device."""
     kind = find_kind(path)
     if kind:
-        raise SceneError(
-            f"the file cannot be read: this is {kind}", where=where, allowed="a regular file",
-            hint="write the text to a file first",
-        )  # fmt: skip
+        problem, allowed = f"the file cannot be read: this is {kind}", "a regular file"
+        raise SceneError(problem, where=where, allowed=allowed, hint="write the text to a file first")
 
 
 def check_text(text: str, where: str, plain: bool = False) -> None:
@@ -61,12 +59,9 @@ def check_document(document: Mapping[str, Any], where: str) -> None:
         for name, entry in entries:
             most = MOST_ENTRIES if section == "limits" else MOST_KEYS
             if isinstance(entry, dict) and len(entry) > most:
-                raise InvalidValueError(
-                    "a table with too many keys",
-                    where=key_path(where, str(section), str(name)),
-                    given=f"{len(entry)} keys",
-                    allowed=f"up to {most}",
-                )
+                problem, location = "a table with too many keys", key_path(where, str(section), str(name))
+                allowed = f"up to {most}"
+                raise InvalidValueError(problem, where=location, given=f"{len(entry)} keys", allowed=allowed)
     if len(document) > MOST_KEYS:
         raise InvalidValueError(
             "too many sections", where=where, given=len(document), allowed=f"up to {MOST_KEYS}"
