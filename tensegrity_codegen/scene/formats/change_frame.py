@@ -59,21 +59,15 @@ def change_frame(
     """
     check_choice(up, UP_AXES, "axis", "up")
     if not (isinstance(scale, int | float) and 1.0 / LARGEST_SCALE <= scale <= LARGEST_SCALE):
-        raise InvalidValueError(
-            "the value is out of range",
-            where="scale",
-            given=scale,
-            allowed=f"{1.0 / LARGEST_SCALE:g} to {LARGEST_SCALE:g}",
-            hint="metres per unit of length of the file, such as 0.001 for millimetres",
-        )
+        problem, allowed = "the value is out of range", f"{1.0 / LARGEST_SCALE:g} to {LARGEST_SCALE:g}"
+        hint = "metres per unit of length of the file, such as 0.001 for millimetres"
+        raise InvalidValueError(problem, where="scale", given=scale, allowed=allowed, hint=hint)
     for key in document:
         if key not in (*PLAIN, *CHANGED):
-            raise InvalidValueError(
-                "a scene with this section keeps its axes and units",
-                where=key_path(where, key),
-                allowed=f"`up` and `scale` for scenes of {', '.join(CHANGED)}",
-                hint="import without `up` and `scale`",
-            )
+            problem = "a scene with this section keeps its axes and units"
+            allowed = f"`up` and `scale` for scenes of {', '.join(CHANGED)}"
+            hint = "import without `up` and `scale`"
+            raise InvalidValueError(problem, where=key_path(where, key), allowed=allowed, hint=hint)
     changed = dict(document)
     if up != "z":
         changed = _turn(changed, UP_AXES[up])

@@ -112,13 +112,9 @@ def read_files(
     for key, value in given.items():
         if key not in chosen.options:
             others = [item.title for item in find_formats() if key in item.options]
-            raise InvalidValueError(
-                f"{chosen.title} are read without this option",
-                where=key,
-                given=value,
-                allowed=f"with {', '.join(others)} only",
-                hint=chosen.instead.get(key, ""),
-            )
+            problem = f"{chosen.title} are read without this option"
+            allowed, hint = f"with {', '.join(others)} only", chosen.instead.get(key, "")
+            raise InvalidValueError(problem, where=key, given=value, allowed=allowed, hint=hint)
     if up == "z" and is_number(scale) and scale == 1.0:
         return chosen.read(*paths, name=name, gravity=gravity, **given)
     found = chosen.read(*paths, name=name, gravity=None, **given)

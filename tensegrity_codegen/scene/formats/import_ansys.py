@@ -47,13 +47,10 @@ def import_ansys(
     reader = _Reader(str(path))
     text = read_text(path, MAX_FILE_BYTES, WHAT, fallback="latin-1")
     if keyword := _ABAQUS.search(text):
-        raise InvalidValueError(
-            "the file is an input of Abaqus or CalculiX, not of ANSYS",
-            where=f"{path}: line {text.count(chr(10), 0, keyword.start(1)) + 1}",
-            given=keyword[0].strip(),
-            allowed=WHAT,
-            hint="write its nodes and elements as two tables: nodes.csv and members.csv",
-        )
+        problem = "the file is an input of Abaqus or CalculiX, not of ANSYS"
+        location = f"{path}: line {text.count(chr(10), 0, keyword.start(1)) + 1}"
+        hint = "write its nodes and elements as two tables: nodes.csv and members.csv"
+        raise InvalidValueError(problem, where=location, given=keyword[0].strip(), allowed=WHAT, hint=hint)
     for number, line in enumerate(text.split("\n"), start=1):
         reader.read_line(number, line.partition("!")[0].strip())
     return build_result(reader.build(), path, name, gravity)
@@ -123,20 +120,12 @@ class _Reader:
             return value
         named = _ELEMENT.fullmatch(text)
         if not named or text[:1] in "+-.0123456789":
-            raise InvalidValueError(
-                "not a number",
-                where=self.where,
-                given=text[:80],
-                allowed="a number, a parameter or an element of an array; expressions are not read",
-            )
+            allowed = "a number, a parameter or an element of an array; expressions are not read"
+            raise InvalidValueError("not a number", where=self.where, given=text[:80], allowed=allowed)
         key = (named[1].lower(), self._index(named[2]) if named[2] else "")
         if key not in self.values:
-            raise UnknownNameError(
-                "unknown parameter",
-                where=self.where,
-                given=text[:80],
-                allowed="a parameter that a line above sets",
-            )
+            allowed = "a parameter that a line above sets"
+            raise UnknownNameError("unknown parameter", where=self.where, given=text[:80], allowed=allowed)
         return self.values[key]
 
     def _index(self, text: str) -> str:

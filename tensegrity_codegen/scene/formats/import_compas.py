@@ -161,12 +161,8 @@ def _flag(values: Mapping[str, Any], key: str, where: str) -> bool:
     value = values.get(key)
     if value is None or isinstance(value, bool) or (isinstance(value, int | float) and value in (0, 1)):
         return bool(value)
-    raise InvalidValueError(
-        "not a Boolean",
-        where=f"{where}.{key}",
-        given=str(value)[:80],
-        allowed="true or false, without quotes",
-    )
+    allowed = "true or false, without quotes"
+    raise InvalidValueError("not a Boolean", where=f"{where}.{key}", given=str(value)[:80], allowed=allowed)
 
 
 def _count(ignored: dict[str, int], values: Mapping[str, Any], known: Sequence[str]) -> None:

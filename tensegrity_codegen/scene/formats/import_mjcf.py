@@ -117,23 +117,17 @@ def _add_link(network: Network, link: Link, used: set[str], file: str) -> Networ
 
 
 def _refuse_sites(where: str, given: str) -> None:
-    raise InvalidValueError(
-        "a turning body that is no rod is not read",
-        where=where,
-        given=given,
-        allowed="two sites that tendons use, or one at the centre of mass",
-        hint="write the structure as a scene of bodies",
-    )
+    problem = "a turning body that is no rod is not read"
+    allowed = "two sites that tendons use, or one at the centre of mass"
+    hint = "write the structure as a scene of bodies"
+    raise InvalidValueError(problem, where=where, given=given, allowed=allowed, hint=hint)
 
 
 def _add_point(network: Network, link: Link, chosen: Sequence[str], where: str) -> None:
     if len(chosen) > 1:
-        raise InvalidValueError(
-            "a sliding body with several sites that tendons use is not read",
-            where=where,
-            given=", ".join(chosen)[:80],
-            allowed="one site for each such body",
-        )
+        problem = "a sliding body with several sites that tendons use is not read"
+        allowed = "one site for each such body"
+        raise InvalidValueError(problem, where=where, given=", ".join(chosen)[:80], allowed=allowed)
     node: dict[str, Any] = {"position": link.sites[chosen[0]].tolist()}
     if link.mass > 0:
         node["mass"] = link.mass

@@ -97,12 +97,9 @@ def _name_rows(rows: list[Row], column: str) -> dict[str, Row]:
     for row in rows:
         foreign = row.text(column)
         if foreign in seen:
-            raise DuplicateNameError(
-                f"two {column}s under one name",
-                where=row.where(column),
-                given=foreign,
-                allowed=f"each name once (it stands in line {seen[foreign].line} too)",
-            )
+            problem = f"two {column}s under one name"
+            allowed = f"each name once (it stands in line {seen[foreign].line} too)"
+            raise DuplicateNameError(problem, where=row.where(column), given=foreign, allowed=allowed)
         seen[foreign] = row
     return seen
 
@@ -112,21 +109,14 @@ def _read_node(row: Row) -> dict[str, Any]:
     mass = row.number("mass")
     if mass is not None:
         if not mass > 0:
-            raise InvalidValueError(
-                "the value is out of range",
-                where=row.where("mass"),
-                given=mass,
-                allowed="greater than 0, or empty",
-            )
+            problem, location = "the value is out of range", row.where("mass")
+            raise InvalidValueError(problem, where=location, given=mass, allowed="greater than 0, or empty")
         node["mass"] = mass
     anchored = row.cells.get("anchored", "").lower()
     if anchored not in _ANCHORED and anchored not in _AXES:
-        raise InvalidValueError(
-            "not a valid value of anchored",
-            where=row.where("anchored"),
-            given=anchored,
-            allowed=f"0, 1, true, false, yes, no, empty, or axes: {', '.join(_AXES)}",
-        )
+        problem = "not a valid value of anchored"
+        allowed = f"0, 1, true, false, yes, no, empty, or axes: {', '.join(_AXES)}"
+        raise InvalidValueError(problem, where=row.where("anchored"), given=anchored, allowed=allowed)
     held = _ANCHORED.get(anchored, anchored)
     if held:
         node["anchored"] = held
@@ -189,12 +179,9 @@ def _is_two_sided(row: Row, kind: str) -> bool:
     """Return whether a cable is said to push too; raises InvalidValueError for another word or a bar."""
     word = row.cells.get("tension_only", "").lower()
     if word not in _FLAG or (kind == "bar" and _FLAG[word]):
-        raise InvalidValueError(
-            "a bar takes both signs of force" if word in _FLAG else "neither yes nor no",
-            where=row.where("tension_only"),
-            given=word,
-            allowed="0, 1, true, false, yes, no or empty; for bars empty or no",
-        )
+        problem = "a bar takes both signs of force" if word in _FLAG else "neither yes nor no"
+        allowed = "0, 1, true, false, yes, no or empty; for bars empty or no"
+        raise InvalidValueError(problem, where=row.where("tension_only"), given=word, allowed=allowed)
     return kind == "cable" and _FLAG[word] is False
 
 

@@ -44,13 +44,9 @@ def import_tdf(
     for element in root.iter():
         macros = [text for text in (element.tag, *element.attrib.values()) if text.startswith(("{", "${"))]
         if macros:
-            raise InvalidValueError(
-                "macros are not expanded",
-                where=where,
-                given=macros[0][:80],
-                allowed="elements of TDF, and numbers",
-                hint=f"expand the file first: xacro {path.name} > {path.name.partition('.')[0]}.tdf.xml",
-            )
+            problem, allowed = "macros are not expanded", "elements of TDF, and numbers"
+            hint = f"expand the file first: xacro {path.name} > {path.name.partition('.')[0]}.tdf.xml"
+            raise InvalidValueError(problem, where=where, given=macros[0][:80], allowed=allowed, hint=hint)
     network = Network()
     classes = {kind: _read_classes(root, kind, where) for kind in KINDS}
     for number, element in enumerate(root.iterfind("initial_positions/node")):

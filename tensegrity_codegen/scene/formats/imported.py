@@ -89,11 +89,8 @@ def read_bytes(path: Path, largest: int, what: str) -> bytes:
         with path.open("rb") as file:
             data = file.read(largest + 1)
     except (OSError, ValueError) as error:
-        raise SceneError(
-            f"the file cannot be read: {describe_reason(error)}",
-            where=where,
-            hint="check the path and its permissions",
-        ) from None
+        problem = f"the file cannot be read: {describe_reason(error)}"
+        raise SceneError(problem, where=where, hint="check the path and its permissions") from None
     if len(data) > largest:
         raise SceneSyntaxError(
             f"the file is too large for {what}", where=where, allowed=f"up to {largest >> 10} KB"

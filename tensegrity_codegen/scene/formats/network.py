@@ -40,12 +40,9 @@ def check_member(member: Mapping[str, Any], where: Where) -> None:
         *(("section", "radius"), ("section", "inner_radius")),
     ):
         if one in member and other in member:
-            raise InvalidValueError(
-                f"the member has {one} and {other}, which define the same value",
-                where=where(other),
-                given=member[other],
-                allowed=f"at most one of {one} and {other}",
-            )
+            problem = f"the member has {one} and {other}, which define the same value"
+            allowed = f"at most one of {one} and {other}"
+            raise InvalidValueError(problem, where=where(other), given=member[other], allowed=allowed)
     _check_mass(member, where)
     if "prestress" in member:
         _check_prestress(member, where)
@@ -71,55 +68,35 @@ def _check_stiffness(member: Mapping[str, Any], where: Where) -> None:
             allowed="at most one of spring_constant [N/m], axial_stiffness [N] and youngs_modulus [Pa]",
         )
     if member["kind"] == "cable" and not stiffness:
-        raise InvalidValueError(
-            "a cable without stiffness",
-            where=where("spring_constant"),
-            allowed="one of spring_constant [N/m], axial_stiffness [N] and youngs_modulus [Pa]",
-        )
+        allowed = "one of spring_constant [N/m], axial_stiffness [N] and youngs_modulus [Pa]"
+        raise InvalidValueError("a cable without stiffness", where=where("spring_constant"), allowed=allowed)
     if "youngs_modulus" in member and not {"radius", "section"} & member.keys():
-        raise InvalidValueError(
-            "Young's modulus without a section",
-            where=where("youngs_modulus"),
-            given=member["youngs_modulus"],
-            allowed="youngs_modulus [Pa] with a section, or a radius [m]",
-        )
+        problem, location = "Young's modulus without a section", where("youngs_modulus")
+        allowed = "youngs_modulus [Pa] with a section, or a radius [m]"
+        raise InvalidValueError(problem, where=location, given=member["youngs_modulus"], allowed=allowed)
 
 
 def _check_mass(member: Mapping[str, Any], where: Where) -> None:
     is_cable = member["kind"] == "cable"
     key = "density" if is_cable else "mass_per_length"
     if key in member:
-        raise InvalidValueError(
-            f"a {member['kind']} has no {key}",
-            where=where(key),
-            given=member[key],
-            allowed="mass or mass_per_length of cables, mass or density of bars",
-        )
+        problem = f"a {member['kind']} has no {key}"
+        allowed = "mass or mass_per_length of cables, mass or density of bars"
+        raise InvalidValueError(problem, where=where(key), given=member[key], allowed=allowed)
     if "density" in member and not {"radius", "section"} & member.keys():
-        raise InvalidValueError(
-            "a density without a radius",
-            where=where("density"),
-            given=member["density"],
-            allowed="density [kg/m3] and radius [m], or mass [kg] alone",
-        )
+        problem, allowed = "a density without a radius", "density [kg/m3] and radius [m], or mass [kg] alone"
+        raise InvalidValueError(problem, where=where("density"), given=member["density"], allowed=allowed)
 
 
 def _check_prestress(member: Mapping[str, Any], where: Where) -> None:
     """Check that a member of this kind and stiffness can have its prestress."""
     if not set(STIFFNESSES) & member.keys():
-        raise InvalidValueError(
-            "a rigid bar has no prestress",
-            where=where("prestress"),
-            given=member["prestress"],
-            allowed="no prestress, or a bar with spring_constant [N/m] or axial_stiffness [N]",
-        )
+        problem = "a rigid bar has no prestress"
+        allowed = "no prestress, or a bar with spring_constant [N/m] or axial_stiffness [N]"
+        raise InvalidValueError(problem, where=where("prestress"), given=member["prestress"], allowed=allowed)
     if member["kind"] == "cable" and member["prestress"] < 0 and member.get("tension_only", True):
-        raise InvalidValueError(
-            "a cable cannot push",
-            where=where("prestress"),
-            given=member["prestress"],
-            allowed="0 or more [N]; less with tension_only = no",
-        )
+        problem, allowed = "a cable cannot push", "0 or more [N]; less with tension_only = no"
+        raise InvalidValueError(problem, where=where("prestress"), given=member["prestress"], allowed=allowed)
 
 
 def note_defaults(members: Iterable[Mapping[str, Any]]) -> list[str]:
@@ -212,10 +189,8 @@ def build_result(
             own = classes.setdefault(member["class"], {"kind": member["kind"]})
             if own["kind"] != member.pop("kind"):
                 where = (item.place_of or partial(_place_key, item.where))("class")
-                raise InvalidValueError(
-                    "a class with bars and cables", where=where, given=item.values["class"],
-                    allowed="classes of one kind",
-                )  # fmt: skip
+                problem, allowed = "a class with bars and cables", "classes of one kind"
+                raise InvalidValueError(problem, where=where, given=item.values["class"], allowed=allowed)
     document |= {"classes": classes} if classes else {}
     document["members"] = members
     loads = [
@@ -237,12 +212,8 @@ def _check_names(members: Sequence[NetworkMember]) -> None:
     seen: dict[str, str] = {}
     for item in members:
         if item.name in seen:
-            raise DuplicateNameError(
-                "two members with one name",
-                where=item.where,
-                given=item.name[:80],
-                allowed=f"each name once ({seen[item.name]} has it too)",
-            )
+            problem, allowed = "two members with one name", f"each name once ({seen[item.name]} has it too)"
+            raise DuplicateNameError(problem, where=item.where, given=item.name[:80], allowed=allowed)
         seen[item.name] = item.where
 
 
@@ -257,12 +228,9 @@ def _build_members(
         check_ends(*item.ends, item.ends[1], item.where)
         pair = frozenset(item.ends)
         if pair in seen:
-            raise DuplicateNameError(
-                "two members join the same nodes",
-                where=item.where,
-                given=" and ".join(item.ends),
-                allowed=f"one member for each pair ({seen[pair]} joins them too)",
-            )
+            problem, location = "two members join the same nodes", item.where
+            allowed = f"one member for each pair ({seen[pair]} joins them too)"
+            raise DuplicateNameError(problem, where=location, given=" and ".join(item.ends), allowed=allowed)
         seen[pair] = item.where
         member = {"kind": item.values["kind"], "nodes": [nodes[end] for end in item.ends], **item.values}
         check_member(member, item.place_of or partial(_place_key, item.where))

@@ -69,13 +69,9 @@ class Row:
         if value.lower().lstrip("+-") in ("nan", "inf", "infinity"):
             raise NonFiniteError("not a finite number", where=self.where(column), given=value)
         comma = re.fullmatch(r"[+-]?\d+,\d+", value)
-        raise InvalidValueError(
-            "not a number",
-            where=self.where(column),
-            given=value,
-            allowed="a number with a decimal point, such as 0.25 or 1e-3",
-            hint="write the decimal comma as a point in all of the table" if comma else "",
-        )
+        problem, allowed = "not a number", "a number with a decimal point, such as 0.25 or 1e-3"
+        hint = "write the decimal comma as a point in all of the table" if comma else ""
+        raise InvalidValueError(problem, where=self.where(column), given=value, allowed=allowed, hint=hint)
 
 
 def read_table(
@@ -90,12 +86,8 @@ def read_table(
     text = read_text(path, LARGEST_TABLE, "a CSV table")
     n_rows = text.count("\n")
     if n_rows > MOST_ENTRIES:
-        raise SceneSyntaxError(
-            "the table has too many rows for a scene",
-            where=str(path),
-            given=n_rows,
-            allowed=f"up to {MOST_ENTRIES} rows",
-        )
+        problem = "the table has too many rows for a scene"
+        raise SceneSyntaxError(problem, where=str(path), given=n_rows, allowed=f"up to {MOST_ENTRIES} rows")
     lines = read_lines(text, path)
     first = next(lines, None)
     if first is None:
@@ -154,12 +146,9 @@ def _check_header(
             )
     missing = [name for name in needed if name not in header]
     if missing:
-        raise InvalidValueError(
-            f"the table lacks the column {missing[0]}",
-            where=where,
-            given=", ".join(header),
-            allowed=f"a header with {', '.join(needed)}, and any of {', '.join(columns)}",
-        )
+        problem = f"the table lacks the column {missing[0]}"
+        allowed = f"a header with {', '.join(needed)}, and any of {', '.join(columns)}"
+        raise InvalidValueError(problem, where=where, given=", ".join(header), allowed=allowed)
     return header
 
 
@@ -172,11 +161,8 @@ def make_row(path: Path, line: int, cells: list[str], header: list[str], width: 
         cells = cells[: len(header)]
     if len(cells) != len(header):
         few = len(cells) < len(header)
-        raise SceneSyntaxError(
-            f"the row has too {'few' if few else 'many'} cells",
-            where=f"{path}: line {line}",
-            given=len(cells),
-            allowed=f"{len(header)} cells: {', '.join(header)}",
-            hint="an empty cell still needs its separator; a decimal comma splits a cell in two",
-        )
+        problem, location = f"the row has too {'few' if few else 'many'} cells", f"{path}: line {line}"
+        allowed = f"{len(header)} cells: {', '.join(header)}"
+        hint = "an empty cell still needs its separator; a decimal comma splits a cell in two"
+        raise SceneSyntaxError(problem, where=location, given=len(cells), allowed=allowed, hint=hint)
     return Row(path, line, dict(zip(header, cells, strict=True)))

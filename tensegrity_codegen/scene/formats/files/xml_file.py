@@ -30,12 +30,8 @@ def read_xml(path: Path, what: str) -> Element:
     for word in ("<!DOCTYPE", "<!ENTITY"):
         if word in text:
             line = text.count("\n", 0, text.index(word)) + 1
-            raise SceneSyntaxError(
-                "document types and entities are not read",
-                where=f"{where}: line {line}",
-                given=word,
-                allowed="XML without a document type",
-            )
+            problem, location = "document types and entities are not read", f"{where}: line {line}"
+            raise SceneSyntaxError(problem, where=location, given=word, allowed="XML without a document type")
     parser = XMLParser(target=_LimitedBuilder(where))
     try:
         # At once: in pieces the parser would begin a long element again with every piece.
@@ -43,10 +39,8 @@ def read_xml(path: Path, what: str) -> Element:
         root: Element = parser.close()
     except ParseError as error:
         line, column = error.position
-        raise SceneSyntaxError(
-            f"not valid XML: {str(error).partition(':')[0]}",
-            where=f"{where}: line {line}, column {column + 1}",
-        ) from None
+        problem = f"not valid XML: {str(error).partition(':')[0]}"
+        raise SceneSyntaxError(problem, where=f"{where}: line {line}, column {column + 1}") from None
     return root
 
 

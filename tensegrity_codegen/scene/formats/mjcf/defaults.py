@@ -55,12 +55,9 @@ class Defaults:
         """Return the attributes of an element with those of its class."""
         chosen = element.get("class", around)
         if chosen not in self._classes:
-            raise UnknownNameError(
-                "unknown class",
-                where=f"{self._file}: {element.tag} {element.get('name', '')[:60]}",
-                given=chosen[:80],
-                allowed="a default class of the file",
-            )
+            location = f"{self._file}: {element.tag} {element.get('name', '')[:60]}"
+            allowed = "a default class of the file"
+            raise UnknownNameError("unknown class", where=location, given=chosen[:80], allowed=allowed)
         return {**self._classes[chosen].get(kind, {}), **element.attrib}
 
 
@@ -68,13 +65,10 @@ def read_defaults(root: Element, file: str) -> Defaults:
     """Return the default classes of a model; raises InvalidValueError for elements that are not read."""
     for element in root.iter():
         if element.tag in REFUSED:
-            raise InvalidValueError(
-                f"the element <{element.tag}> is not read",
-                where=file,
-                given=element.tag,
-                allowed="bodies, joints, sites and spatial tendons",
-                hint="let MuJoCo write the model (mj_saveLastXML), which expands it",
-            )
+            problem = f"the element <{element.tag}> is not read"
+            allowed = "bodies, joints, sites and spatial tendons"
+            hint = "let MuJoCo write the model (mj_saveLastXML), which expands it"
+            raise InvalidValueError(problem, where=file, given=element.tag, allowed=allowed, hint=hint)
     classes: dict[str, dict[str, dict[str, str]]] = {MAIN: {}}
 
     def visit(element: Element, name: str, inherited: Mapping[str, dict[str, str]]) -> None:

@@ -94,13 +94,9 @@ class BuilderBook:
         rigid = [item for item in matching if item.kind != "cable"]
         found = rigid[0] if rigid else matching[0] if matching else None
         if found is not None and found.kind == "box":
-            raise InvalidValueError(
-                "boxes (tgBoxInfo) are not supported",
-                where=pair.where,
-                given=found.key,
-                allowed="rods (tgRodInfo) and cables",
-                hint="replace the box by rods",
-            )
+            problem, allowed = "boxes (tgBoxInfo) are not supported", "rods (tgRodInfo) and cables"
+            hint = "replace the box by rods"
+            raise InvalidValueError(problem, where=pair.where, given=found.key, allowed=allowed, hint=hint)
         return found
 
     def is_rod(self, pair: NtrtPair, owner: str) -> bool:
@@ -150,12 +146,8 @@ def _check_ranges(kind: str, values: Mapping[str, float], where: str) -> None:
     not_negative = {"cable": ("damping",), "box": ()}.get(kind, ("density",))
     for name in positive:
         if not values[name] > 0:
-            raise InvalidValueError(
-                "the value is out of range",
-                where=f"{where}.{name}",
-                given=values[name],
-                allowed="greater than 0",
-            )
+            problem, location = "the value is out of range", f"{where}.{name}"
+            raise InvalidValueError(problem, where=location, given=values[name], allowed="greater than 0")
     for name in not_negative:
         if values[name] < 0:
             raise InvalidValueError(

@@ -67,12 +67,9 @@ def _read(sides: tuple[NtrtStructure, NtrtStructure], pairs: Sequence[Any], wher
         place = f"{where}[{number}]"
         names = parse_pair(value, place)
         if sum("/" in name for name in names) != 1:
-            raise InvalidValueError(
-                "not a bond of a node and an edge",
-                where=place,
-                given=f"{names[0]}, {names[1]}",
-                allowed="one node and one edge: [node, node/node] or [node/node, node]",
-            )
+            problem = "not a bond of a node and an edge"
+            allowed = "one node and one edge: [node, node/node] or [node/node, node]"
+            raise InvalidValueError(problem, where=place, given=f"{names[0]}, {names[1]}", allowed=allowed)
         for structure, name, points in zip(sides, names, bond.points, strict=True):
             ends = [structure.find_node(part, place) for part in name.split("/", 1)]
             points.append(np.mean([node.position for node in ends], axis=0))
@@ -90,12 +87,9 @@ def _move(child: NtrtStructure, target: FloatArray, points: FloatArray, where: s
     middle, center = points.mean(axis=0), target.mean(axis=0)
     arms = (first @ (points[0] - middle), target[0] - center)
     if not all(np.linalg.norm(arm) > 0 for arm in arms):
-        raise StructureError(
-            "the first point of the bond is the centroid of all its points, so no direction is stated",
-            where=where,
-            allowed="a first pair away from the centroid",
-            hint="put another pair first",
-        )
+        problem = "the first point of the bond is the centroid of all its points, so no direction is stated"
+        allowed = "a first pair away from the centroid"
+        raise StructureError(problem, where=where, allowed=allowed, hint="put another pair first")
     turn = _turn(arms[0], arms[1], normals[1]) @ first
     child.transform(lambda point: center + turn @ (point - middle))
 
@@ -106,12 +100,9 @@ def _normal(points: FloatArray, where: str) -> FloatArray:
     normal: FloatArray = np.cross(one, other)
     length = float(np.linalg.norm(normal))
     if not length > _ON_A_LINE * float(np.linalg.norm(one) * np.linalg.norm(other)):
-        raise StructureError(
-            "the first three points of the bond lie on a line, so no plane is stated",
-            where=where,
-            allowed="three points that span a triangle, in both structures",
-            hint="put another pair first",
-        )
+        problem = "the first three points of the bond lie on a line, so no plane is stated"
+        allowed = "three points that span a triangle, in both structures"
+        raise StructureError(problem, where=where, allowed=allowed, hint="put another pair first")
     return normal / length
 
 

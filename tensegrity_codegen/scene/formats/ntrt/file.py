@@ -56,12 +56,9 @@ def read_yaml(path: Path) -> dict[str, Any]:
         content = yaml.load(text, Loader=_Loader)  # a BaseLoader: builds no objects
         size = _expanded_size(content, {})
     except _KeyTwiceError as error:
-        raise DuplicateNameError(
-            "a key is given twice in one table (or is not a text)",
-            where=f"{where}: line {error.line}",
-            given=error.key,
-            allowed="each key once",
-        ) from None
+        problem = "a key is given twice in one table (or is not a text)"
+        location = f"{where}: line {error.line}"
+        raise DuplicateNameError(problem, where=location, given=error.key, allowed="each key once") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         place = f": line {mark.line + 1}, column {mark.column + 1}" if mark else ""
@@ -70,12 +67,8 @@ def read_yaml(path: Path) -> dict[str, Any]:
         problem = "nested too deeply" if isinstance(error, RecursionError) else str(error).split("\n")[0]
         raise SceneSyntaxError(f"not valid YAML: {problem}", where=where) from None
     if size > MOST_VALUES:
-        raise SceneSyntaxError(
-            "the file has too many values, aliases written out",
-            where=where,
-            given=size,
-            allowed=f"up to {MOST_VALUES}",
-        )
+        problem = "the file has too many values, aliases written out"
+        raise SceneSyntaxError(problem, where=where, given=size, allowed=f"up to {MOST_VALUES}")
     table = read_table(content, where)
     check_keys(table, _SECTIONS, where)
     return table

@@ -63,12 +63,8 @@ class _Loading:
             ("levels of files", len(self.open), _DEEPEST),
         ):
             if count > most:
-                raise StructureError(
-                    "too many substructures",
-                    where=str(path),
-                    given=f"{count} {what}",
-                    allowed=f"up to {most} {what}",
-                )
+                problem, allowed = "too many substructures", f"up to {most} {what}"
+                raise StructureError(problem, where=str(path), given=f"{count} {what}", allowed=allowed)
 
 
 def load_structure(path: Path, builders: BuilderBook) -> NtrtStructure:
@@ -83,12 +79,9 @@ def load_structure(path: Path, builders: BuilderBook) -> NtrtStructure:
     for owner in structure.walk():
         for node in owner.nodes.values():
             if not np.isfinite(node.position).all():
-                raise NonFiniteError(
-                    "the position of a node is not finite once its structures are placed",
-                    where=str(path),
-                    given=node.path,
-                    allowed="scales and translations that keep positions finite",
-                )
+                problem = "the position of a node is not finite once its structures are placed"
+                allowed = "scales and translations that keep positions finite"
+                raise NonFiniteError(problem, where=str(path), given=node.path, allowed=allowed)
     return structure
 
 
@@ -173,13 +166,10 @@ def _child_path(path: Path, value: Any, where: str) -> Path:
         )
     child = path.parent / value
     if child.suffix.lower() not in _SUFFIXES or not child.is_file():
-        raise SceneError(
-            "no YAML file at the path of this substructure",
-            where=f"{where}.path",
-            given=value,
-            allowed=f"a {' or '.join(_SUFFIXES)} file, relative to {path.name}",
-            hint="copy the files that the structure refers to as well, in their folders",
-        )
+        problem = "no YAML file at the path of this substructure"
+        allowed = f"a {' or '.join(_SUFFIXES)} file, relative to {path.name}"
+        hint = "copy the files that the structure refers to as well, in their folders"
+        raise SceneError(problem, where=f"{where}.path", given=value, allowed=allowed, hint=hint)
     return child
 
 
@@ -264,11 +254,9 @@ def _add_bond_groups(structure: NtrtStructure, groups: Any, builders: BuilderBoo
         for second, pairs in read_table(inner, f"{where}.{first}").items():
             place = f"{where}.{first}.{second}"
             if ("/" in first) == ("/" in second):
-                raise InvalidValueError(
-                    "bonds and tags are not nested in one another",
-                    where=place,
-                    allowed="tag: {a/b/node_node: [...]} or a/b/node_node: {tag: [...]}",
-                )
+                problem = "bonds and tags are not nested in one another"
+                allowed = "tag: {a/b/node_node: [...]} or a/b/node_node: {tag: [...]}"
+                raise InvalidValueError(problem, where=place, allowed=allowed)
             bonds, tags = (first, second) if "/" in first else (second, first)
             _add_bonds(structure, bonds, tags, pairs, builders, place)
 
@@ -278,12 +266,8 @@ def _add_bonds(
 ) -> None:
     *names, kind = bonds.split("/")
     if kind not in ("node_node", "node_edge") or len(names) < 2:
-        raise InvalidValueError(
-            "not a bond between substructures",
-            where=where,
-            given=bonds,
-            allowed="child/child/.../node_node or child/child/.../node_edge",
-        )
+        allowed = "child/child/.../node_node or child/child/.../node_edge"
+        raise InvalidValueError("not a bond between substructures", where=where, given=bonds, allowed=allowed)
     for first, second in itertools.pairwise(names):
         sides = (structure.find_child(first, where), structure.find_child(second, where))
         if kind == "node_node":

@@ -92,11 +92,8 @@ def make_plan(structure: NtrtStructure, builders: BuilderBook, where: str) -> Pl
                 )
             (plan.rods if builder.kind == "rod" else plan.cables).append(built)
     if not plan.rods and not plan.cables:
-        raise StructureError(
-            "the file defines no rod and no cable",
-            where=where,
-            allowed="pairs of nodes whose tags match a builder",
-        )
+        problem = "the file defines no rod and no cable"
+        raise StructureError(problem, where=where, allowed="pairs of nodes whose tags match a builder")
     if unbuilt:
         plan.notes.append(f"{describe_count(unbuilt, 'pair')} without a builder left out, as in the toolkit")
     plan.bodies = find_bodies([rod.ends for rod in plan.rods], [sphere.center for sphere in plan.spheres])
@@ -121,12 +118,8 @@ def _drop_inner_cables(plan: Plan) -> None:
     for cable in plan.cables:
         for point, node in zip(cable.ends, cable.pair.ends, strict=True):
             if point not in body:
-                raise StructureError(
-                    "a cable ends where no rod is",
-                    where=cable.pair.where,
-                    given=node.path,
-                    allowed="cables between ends of rods, or spheres",
-                )
+                problem, allowed = "a cable ends where no rod is", "cables between ends of rods, or spheres"
+                raise StructureError(problem, where=cable.pair.where, given=node.path, allowed=allowed)
         if body[cable.ends[0]] != body[cable.ends[1]]:
             kept.append(cable)
     if len(kept) < len(plan.cables):

@@ -63,26 +63,18 @@ class NtrtStructure:
                 structure._found[last] = candidate.nodes[last]
                 return candidate.nodes[last]
         known = {node for candidate in structure.walk() for node in candidate.nodes}
-        raise UnknownNameError(
-            f"no node of this name in {structure.name or 'the structure'}",
-            where=where,
-            given=name,
-            allowed="the name of a node, or child.node",
-            hint=suggest(last, known),
-        )
+        problem = f"no node of this name in {structure.name or 'the structure'}"
+        allowed = "the name of a node, or child.node"
+        raise UnknownNameError(problem, where=where, given=name, allowed=allowed, hint=suggest(last, known))
 
     def find_child(self, name: str, where: str) -> "NtrtStructure":
         """Return the nearest substructure called `name`; raises UnknownNameError."""
         for candidate in self.walk():
             if name in candidate.children:
                 return candidate.children[name]
-        raise UnknownNameError(
-            "no substructure of this name",
-            where=where,
-            given=name,
-            allowed="the name of a substructure that has a path",
-            hint=suggest(name, self.children),
-        )
+        problem, allowed = "no substructure of this name", "the name of a substructure that has a path"
+        hint = suggest(name, self.children)
+        raise UnknownNameError(problem, where=where, given=name, allowed=allowed, hint=hint)
 
     def transform(self, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> None:
         """Replace every node position below by `change` of it."""
