@@ -35,11 +35,8 @@ def describe_ground(subject: Subject, name_node: Callable[[int], str]) -> dict[s
     }
     if (ground.radius != ground.radius[0]).any():
         if not np.array_equal(ground.radius, find_bar_radius(subject)[ground.node]):
-            raise InvalidValueError(
-                "radii of contacts that a scene cannot state",
-                where="ground.radius",
-                given=ground.radius.tolist(),
-                allowed="one radius, or those of the bars that end at the contacts",
-            )
+            problem, location = "radii of contacts that a scene cannot state", "ground.radius"
+            allowed = "one radius, or those of the bars that end at the contacts"
+            raise InvalidValueError(problem, where=location, given=ground.radius.tolist(), allowed=allowed)
         table["radius"] = "bar"
     return {key: value for key, value in table.items() if value is not None}

@@ -60,13 +60,9 @@ def check_name(text: str, where: str = "") -> None:
     """Raise InvalidNameError unless `text` can name a thing."""
     if not isinstance(text, str) or not is_name(text):
         keyword = isinstance(text, str) and text in KEYWORDS
-        raise InvalidNameError(
-            "the name is a keyword of C or C++" if keyword else "not a valid name",
-            where=where,
-            given=text,
-            allowed=NAME_RULE,
-            hint=f"rename it, for example {text}_1" if keyword else "",
-        )
+        problem = "the name is a keyword of C or C++" if keyword else "not a valid name"
+        hint = f"rename it, for example {text}_1" if keyword else ""
+        raise InvalidNameError(problem, where=where, given=text, allowed=NAME_RULE, hint=hint)
 
 
 def is_scene_name(text: str) -> bool:
@@ -78,13 +74,8 @@ def check_scene_name(text: str, where: str = "") -> None:
     """Raise InvalidNameError unless `text` can name a scene and the files that are generated of it."""
     check_name(text, where)
     if not is_scene_name(text):
-        raise InvalidNameError(
-            FILE_NAME_PROBLEM,
-            where=where,
-            given=text,
-            allowed=FILE_NAME_RULE,
-            hint=f"rename it, for example {text}_scene",
-        )
+        hint = f"rename it, for example {text}_scene"
+        raise InvalidNameError(FILE_NAME_PROBLEM, where=where, given=text, allowed=FILE_NAME_RULE, hint=hint)
 
 
 def check_names(names: Sequence[str], what: str, where: str = "") -> None:

@@ -84,12 +84,8 @@ def read_scene(path: str | Path | Mapping[str, Any] | Scene) -> Scene:
         except RecursionError:
             raise SceneSyntaxError("the scene is nested too deeply", where="scene") from None
     if not isinstance(path, str | os.PathLike):
-        raise InvalidValueError(
-            "not a scene",
-            where="scene",
-            given=type(path).__name__,
-            allowed="the path of a scene file, a mapping with its sections, or a Scene",
-        )
+        allowed = "the path of a scene file, a mapping with its sections, or a Scene"
+        raise InvalidValueError("not a scene", where="scene", given=type(path).__name__, allowed=allowed)
     return parse_scene(read_document(path, known=frozenset(Scene.model_fields)), str(path))
 
 
@@ -116,12 +112,8 @@ def parse_scene(document: Mapping[str, Any], where: str = "scene") -> Scene:
     if not isinstance(document, Mapping):
         raise InvalidValueError("not a scene", where=where, given=document, allowed="a table (dict)")
     if not document:
-        raise StructureError(
-            "the scene is empty",
-            where=where,
-            allowed="a name, nodes and members, or a name and a shape",
-            hint="start from an example",
-        )
+        allowed = "a name, nodes and members, or a name and a shape"
+        raise StructureError("the scene is empty", where=where, allowed=allowed, hint="start from an example")
     check_document(document, where)
     try:
         return validate(document)

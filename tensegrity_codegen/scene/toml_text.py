@@ -110,9 +110,6 @@ def _value(value: Any, where: str) -> str:
         return "{ " + ", ".join(_pairs(value, where)) + " }" if value else "{}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_value(item, where) for item in value) + "]"
-    raise InvalidValueError(
-        f"a {type(value).__name__} cannot be written to a scene file",
-        where=where,
-        given=value,
-        allowed="numbers, texts, true, false, lists and tables",
-    )
+    problem = f"a {type(value).__name__} cannot be written to a scene file"
+    allowed = "numbers, texts, true, false, lists and tables"
+    raise InvalidValueError(problem, where=where, given=value, allowed=allowed)

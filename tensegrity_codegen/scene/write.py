@@ -24,10 +24,6 @@ def write_scene(document: Mapping[str, Any], path: str | Path, *, overwrite: boo
         check_instance(key, str, "document", "names of sections, as texts")
     text = format_scene(document)
     if len(text) > LARGEST_FILE:
-        raise InvalidValueError(
-            "the scene is too large to be read again",
-            where=str(path),
-            given=f"{len(text) >> 20} MB",
-            allowed=f"up to {LARGEST_FILE >> 20} MB",
-        )
+        problem, allowed = "the scene is too large to be read again", f"up to {LARGEST_FILE >> 20} MB"
+        raise InvalidValueError(problem, where=str(path), given=f"{len(text) >> 20} MB", allowed=allowed)
     write_text(text, path, overwrite=overwrite)

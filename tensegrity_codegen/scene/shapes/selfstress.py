@@ -67,23 +67,16 @@ def find_selfstress(
     Raises StructureError unless there is exactly one self-stress and it has every cable in tension.
     """
     if len(pairs) > MOST_MEMBERS:
-        raise StructureError(
-            "the shape has too many members to find its self-stress",
-            where=f"{where}.prestress",
-            given=len(pairs),
-            allowed=f"up to {MOST_MEMBERS} members",
-            hint=_HINT,
-        )
+        problem, location = "the shape has too many members to find its self-stress", f"{where}.prestress"
+        allowed = f"up to {MOST_MEMBERS} members"
+        raise StructureError(problem, where=location, given=len(pairs), allowed=allowed, hint=_HINT)
     modes = selfstress_modes(points, pairs, alike)
     if len(modes) != 1:
         kind = "independent" if alike is None else "independent symmetrical"
-        raise StructureError(
-            f"the free structure has {len(modes)} {kind} self-stresses at this geometry",
-            where=f"{where}.prestress",
-            given=prestress,
-            allowed="a geometry with exactly one self-stress (leave out `twist` for the default one)",
-            hint=_HINT,
-        )
+        problem = f"the free structure has {len(modes)} {kind} self-stresses at this geometry"
+        location = f"{where}.prestress"
+        allowed = "a geometry with exactly one self-stress (leave out `twist` for the default one)"
+        raise StructureError(problem, where=location, given=prestress, allowed=allowed, hint=_HINT)
     cable = ~np.asarray(is_bar, dtype=bool)
     mode = modes[0] * np.sign(modes[0][cable].sum())
     if mode[cable].min() <= _TENSION_TOLERANCE * np.abs(mode).max():
