@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.scene.assemble.limits import find_limited
+from tensegrity_codegen.scene.assemble.control import find_limited
 from tensegrity_codegen.structure.actuators import MEMBER_SENSORS, UNLIMITED, Actuator, Sensor
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS

@@ -6,14 +6,15 @@ from dataclasses import replace
 import numpy as np
 from pydantic import ValidationError
 
-from tensegrity_codegen.scene.assemble.actuators import build_actuators, build_sensors
-from tensegrity_codegen.scene.assemble.ground import build_ground
-from tensegrity_codegen.scene.assemble.interference import build_collision, find_bar_pairs
-from tensegrity_codegen.scene.assemble.limits import build_limits
-from tensegrity_codegen.scene.assemble.members import build_member_arrays
-from tensegrity_codegen.scene.assemble.nodes import build_node_arrays, build_node_load, spread_vectors
-from tensegrity_codegen.scene.assemble.ring_friction import cut_at_rings
-from tensegrity_codegen.scene.assemble.segments import cut_cables
+from tensegrity_codegen.scene.assemble.contacts import build_collision, build_ground, find_bar_pairs
+from tensegrity_codegen.scene.assemble.control import build_actuators, build_limits, build_sensors
+from tensegrity_codegen.scene.assemble.members import (
+    build_member_arrays,
+    build_node_arrays,
+    build_node_load,
+    spread_vectors,
+)
+from tensegrity_codegen.scene.assemble.segments import cut_at_rings, cut_cables
 from tensegrity_codegen.scene.assemble.targets import (
     Targets,
     build_inputs,

@@ -2,6 +2,11 @@
 
 n pieces have n times the spring constant and damping, and 1/n of rest length and mass. A chain errs by
 O(1/n^2) against the catenary.
+
+Cables with friction at rings become a member for each of their segments between rings, which slip into one
+another. These share the rest length in proportion to their lengths, so that they begin with one tension, and
+have the axial stiffness EA of the cable. A change of the rest length of the cable by its name, group or class
+is one of its first segment: there the winch stands.
 """
 
 import itertools
@@ -10,11 +15,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tensegrity_codegen.scene.names import check_names
+from tensegrity_codegen.scene.names import check_known, check_names, key_path
 from tensegrity_codegen.scene.refuse import refuse
+from tensegrity_codegen.scene.schema.part_schema import Member
+from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.catenary import find_catenary
+from tensegrity_codegen.structure.sliding import MOST_RINGS, SlidingCable
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
-from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, TensegrityError
 from tensegrity_codegen.tables.laws import LAWS
 
 # Exponent of n in the values of a piece; others are those of the member.
@@ -105,11 +113,8 @@ def _cut(key: str, value: Any, owner: IntArray, counts: IntArray) -> Any:
     """Return the values of pieces from those of members."""
     if isinstance(value, Mapping):
         return {name: _cut(name, values, owner, counts) for name, values in value.items()}
-    if isinstance(value, tuple):  # no rings at all are ()
-        return tuple(value[e] for e in owner.tolist()) if value else value
-    if value is None or key not in _POWER:
-        return value if value is None else value[owner]
-    return value[owner] * counts[owner] ** _POWER[key]
+    spread = _spread(value, owner)
+    return spread * counts[owner] ** _POWER[key] if key in _POWER else spread
 
 
 def _place(
@@ -134,3 +139,186 @@ def _place(
     x, z = found.position(part[:, 0] * length).T[:, :, None]
     unit = across / (float(np.linalg.norm(across)) or 1.0)
     return np.asarray(ends[0] + (x - (least - span) * part) * unit + z * up)
+
+
+MOST_EXPONENT = 40.0  # friction times wrap: beyond it a ring is a clamp
+
+Values = tuple[str, tuple[str, ...], Any, Any]  # place of its keys, strands, friction, wrap
+
+
+def cut_at_rings(
+    parts: SegmentedParts, scene: Scene, members: Mapping[str, Member], where: str
+) -> tuple[SegmentedParts, tuple[SlidingCable, ...]]:
+    """Return the parts of a scene with its cables cut at rings with friction, and these cables.
+
+    parts: what `cut_cables` returns; members: of the scene, by name. Strands are NAME_1 and so on, at the
+    place of the cable, and group NAME holds them.
+
+    Raises InvalidValueError for a cable that cannot have friction, DuplicateNameError where strands have the
+    names of other members or groups, UnknownNameError for a strand that does not exist.
+    """
+    stated = _find_stated(scene, members, where)
+    found: dict[str, Values] = {}
+    index = {name: e for e, name in enumerate(parts.member["member_name"])}
+    rings = parts.member["ring_nodes"]
+    for name, (friction, wrap) in stated.items():
+        count = len(rings[index[name]]) if rings and name in index else 0
+        place = key_path(where, "members", name)
+        if not count:
+            problem, location = "friction of a member that passes no ring", f"{place}.friction"
+            allowed = "cables in one piece with more than two nodes"
+            hint = "leave friction out, or list the rings among its nodes"
+            raise InvalidValueError(problem, where=location, given=friction, allowed=allowed, hint=hint)
+        strands = tuple(f"{name}_{k + 1}" for k in range(count + 1))
+        found[name] = (place, strands, friction, wrap)
+    if found:
+        parts = _cut_at_strands(parts, {name: strands for name, (_, strands, _, _) in found.items()}, where)
+    for name, table in scene.sliding.items():
+        place = key_path(where, "sliding", name)
+        if name in found:
+            raise DuplicateNameError(
+                "a cable of this name has friction already", where=place, given=name, allowed="another name"
+            )
+        found[name] = (place, table.strands, table.friction, table.wrap_deg)
+    _refuse_shared(found)
+    return parts, tuple(_build(name, values, parts) for name, values in found.items())
+
+
+def _refuse_shared(found: Mapping[str, Values]) -> None:
+    """Raise DuplicateNameError for a strand of two cables."""
+    owner: dict[str, str] = {}
+    for name, (place, strands, *_) in found.items():
+        for strand in dict.fromkeys(strands):
+            if strand in owner:
+                problem = f"the strand belongs to the cable {owner[strand]!r} already"
+                allowed = "strands of no other cable"
+                raise DuplicateNameError(problem, where=f"{place}.strands", given=strand, allowed=allowed)
+            owner[strand] = name
+
+
+def _find_stated(scene: Scene, members: Mapping[str, Member], where: str) -> dict[str, tuple[Any, Any]]:
+    """Return friction and wrap of the members that have friction by themselves or, at rings, by class."""
+    found: dict[str, tuple[Any, Any]] = {}
+    for name, row in members.items():
+        shared = scene.classes.get(row.class_name or "")
+        friction, wrap = row.friction, row.wrap_deg
+        if shared is not None and len(row.nodes) > 2:
+            friction = shared.friction if friction is None else friction
+            wrap = shared.wrap_deg if wrap is None else wrap
+        if friction is None and row.wrap_deg is not None:
+            problem = "an angle of wrap without friction"
+            location = f"{key_path(where, 'members', name)}.wrap_deg"
+            raise InvalidValueError(problem, where=location, given=row.wrap_deg, allowed="only with friction")
+        if friction is not None and np.any(friction):
+            found[name] = (friction, wrap)
+    return found
+
+
+def _cut_at_strands(
+    parts: SegmentedParts, pieces: Mapping[str, tuple[str, ...]], where: str
+) -> SegmentedParts:
+    """Return the parts with these cables cut into strands of these names."""
+    member, names = parts.member, parts.member["member_name"]
+    new_names = tuple(itertools.chain.from_iterable(pieces.get(name, (name,)) for name in names))
+    check_names(new_names, "members", where)
+    check_names((*parts.groups, *pieces), "groups", where)
+    counts = np.array([len(pieces.get(name, (name,))) for name in names])
+    owner = np.repeat(np.arange(len(names)), counts)
+    values = {key: _spread(value, owner) for key, value in member.items()}
+    share, stiffness = np.ones(len(owner)), values["axial_stiffness"]
+    stiffness = np.where(np.isin(owner, [names.index(name) for name in pieces]), 0.0, stiffness)
+    place, ends, first = parts.node["node_position"], values["connectivity"].copy(), 0
+    for e, (name, count) in enumerate(zip(names, counts.tolist(), strict=True)):
+        rows = slice(first, first + count)
+        if name in pieces:
+            i, j = member["connectivity"][e].tolist()
+            path = np.array([i, *member["ring_nodes"][e], j])
+            ends[rows] = np.stack([path[:-1], path[1:]], axis=1)
+            length = np.linalg.norm(np.diff(place[path], axis=0), axis=1)
+            share[rows] = length / length.sum()
+            rest = member["rest_length"][e]
+            stiffness[rows] = member["axial_stiffness"][e] + member["spring_constant"][e] * rest
+            values["spring_constant"][rows] = 0.0
+        first += count
+    rings = member["ring_nodes"]
+    own = {
+        "member_name": new_names,
+        "connectivity": ends,
+        "axial_stiffness": stiffness,
+        "rest_length": values["rest_length"] * share,
+        "damping": values["damping"] / share,
+        "ring_nodes": tuple(() if names[e] in pieces else rings[e] for e in owner.tolist()),
+    }
+    if not any(own["ring_nodes"]):
+        own["ring_nodes"] = ()
+    groups = {
+        name: [piece for one in group for piece in pieces.get(one, (one,))]
+        for name, group in parts.groups.items()
+    }
+    # A change of the rest length of a cable is one of its first strand
+    acts = parts.share[owner] * np.r_[True, owner[1:] != owner[:-1]]
+    cables = (*parts.cables, *pieces)
+    return SegmentedParts(parts.node, values | own, groups | dict(pieces), acts, cables)
+
+
+def _spread(value: Any, owner: Any) -> Any:
+    """Return the values of strands from those of members."""
+    if isinstance(value, Mapping):
+        return {name: _spread(values, owner) for name, values in value.items()}
+    if isinstance(value, tuple):  # no rings at all are ()
+        return tuple(value[e] for e in owner.tolist()) if value else value
+    return value if value is None else value[owner]
+
+
+def _build(name: str, values: Values, parts: SegmentedParts) -> SlidingCable:
+    """Return a cable with friction from its strands; raises for strands that cannot slip."""
+    place, strands, *stated = values
+    names, member = parts.member["member_name"], parts.member
+    index = {item: e for e, item in enumerate(names)}
+    for strand in strands:
+        check_known(strand, index, "the strand is no member", "names of members", f"{place}.strands")
+    rows = [index[strand] for strand in strands]
+    laws = np.array(list(member["law_parameter"].values())).reshape(-1, len(names))
+    second, first = member["connectivity"][rows[:-1], 1], member["connectivity"][rows[1:], 0]
+    rings = member["ring_nodes"]
+    problems = {
+        f"more than {MOST_RINGS} rings with friction in one cable": len(rows) > MOST_RINGS + 1,
+        "strands that do not follow each other": bool((first != second).any())
+        or len(set(rows)) < len(rows)
+        or any(rings[e] for e in rows if rings),
+        "friction at rings without damping, by which the cable comes to rest as it slips": bool(
+            (member["damping"][rows] == 0).any()
+        ),
+        "friction at rings of what is no cable that only pulls": not member["tension_only"][rows].all(),
+        "friction at rings of a cable that is not linear": bool(laws[:, rows].any()),
+        "friction at rings of a cable with mass": bool(member["member_mass"][rows].any()),
+        "friction at rings of strands without axial_stiffness": not member["axial_stiffness"][rows].all(),
+    }
+    allowed = "linear cables without mass, with axial_stiffness or spring_constant, and damping above 0"
+    for problem, is_there in problems.items():
+        if is_there:
+            hint = "give damping [N s/m]: slip comes to rest within about damping / stiffness seconds"
+            hint = hint if "damping," in problem else ""
+            raise InvalidValueError(problem, where=place, given=list(strands), allowed=allowed, hint=hint)
+    friction, wrap = (
+        _of_rings(value, len(rows) - 1, f"{place}.{key}")
+        for key, value in zip(("friction", "wrap_deg"), stated, strict=True)
+    )
+    largest = max(mu * np.radians(angle or 180.0) for mu, angle in zip(friction, wrap, strict=True))
+    if largest > MOST_EXPONENT:
+        problem = "friction times the angle of wrap is so large that nothing slips"
+        allowed, hint = f"up to {MOST_EXPONENT:g} rad", "end the cable there, and begin another one"
+        raise InvalidValueError(
+            problem, where=f"{place}.friction", given=f"{largest:.6g} rad", allowed=allowed, hint=hint
+        )
+    return SlidingCable(name, strands, tuple(rows), friction, wrap)
+
+
+def _of_rings(value: Any, count: int, place: str) -> tuple[float, ...]:
+    """Return a number for each ring."""
+    values = (float(value or 0.0),) * count if not isinstance(value, tuple) else value
+    if len(values) != count:
+        problem = "not one number for each ring"
+        allowed = "one number" if count == 1 else f"{count} numbers, or one for all"
+        raise InvalidValueError(problem, where=place, given=list(values), allowed=allowed)
+    return values
