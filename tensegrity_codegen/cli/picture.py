@@ -174,7 +174,7 @@ def warn_of_balance(output: Output, structure: "Structure") -> None:
     """Warn where reactions and tensions of a picture balance other loads than those that it shows."""
     import numpy as np
 
-    from tensegrity_codegen.scene.checks.plausible_forces import find_unbalanced
+    from tensegrity_codegen.scene.checks.plausible_sizes import find_unbalanced
 
     force = np.linalg.norm(find_unbalanced(structure), axis=1)
     worst, pull = int(force.argmax()), float(np.abs(structure.static_tension()).max(initial=0.0))

@@ -10,8 +10,13 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from tensegrity_codegen.scene.checks.limits import LARGEST_FILE, check_document, check_regular, check_text
-from tensegrity_codegen.scene.checks.validate import validate
+from tensegrity_codegen.scene.checks.limits import (
+    LARGEST_FILE,
+    check_document,
+    check_regular,
+    check_text,
+    validate,
+)
 from tensegrity_codegen.scene.names import key_path, unknown_key
 from tensegrity_codegen.scene.plain_sections import cut_plain_sections
 from tensegrity_codegen.scene.schema.schema import Scene

@@ -26,7 +26,7 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
     with output.guard(scene):
         from tensegrity_codegen.pipeline.build_library import check_buildable
         from tensegrity_codegen.pipeline.compile_scene import load_scene
-        from tensegrity_codegen.scene.checks.plausible_forces import warn_of_imbalance
+        from tensegrity_codegen.scene.checks.plausible_sizes import warn_of_imbalance
         from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
         from tensegrity_codegen.structure.structure import Structure
         from tensegrity_codegen.system.summaries import describe_count

@@ -22,7 +22,7 @@ from tensegrity_codegen.scene.assemble.targets import (
     find_ground_numbers,
 )
 from tensegrity_codegen.scene.checks.check import check_structure
-from tensegrity_codegen.scene.checks.geometry import check_freedom
+from tensegrity_codegen.scene.checks.check_members import check_freedom
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.part_schema import (
     ForceInput,

@@ -11,7 +11,7 @@ from tensegrity_codegen.scene.assemble.contacts import build_ground, find_bar_pa
 from tensegrity_codegen.scene.assemble.control import build_actuators, build_limits, build_sensors
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
 from tensegrity_codegen.scene.assemble.targets import Targets, build_parameters, find_gain, normalise
-from tensegrity_codegen.scene.checks.check_laws import check_laws
+from tensegrity_codegen.scene.checks.check_members import check_laws
 from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.body_schema import (

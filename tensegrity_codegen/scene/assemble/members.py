@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.assemble.member_values import STIFFNESS, Columns, resolve_values
-from tensegrity_codegen.scene.checks.geometry import check_connectivity
+from tensegrity_codegen.scene.checks.check_members import check_connectivity
 from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Load, Member, MemberClass, Node

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.assemble.members import spread_vectors
-from tensegrity_codegen.scene.checks.geometry import find_fully_anchored
+from tensegrity_codegen.scene.checks.check_members import find_fully_anchored
 from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.scene.schema.model_schema import Parameters
 from tensegrity_codegen.scene.schema.part_schema import ForceInput, RestLengthInput, TemperatureInput

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.checks.check_control import check_control, check_indices
 from tensegrity_codegen.scene.checks.check_ground import check_ground
-from tensegrity_codegen.scene.checks.check_laws import check_laws
-from tensegrity_codegen.scene.checks.geometry import check_connectivity, check_freedom
+from tensegrity_codegen.scene.checks.check_members import check_connectivity, check_freedom, check_laws
 from tensegrity_codegen.scene.names import check_name, check_names, check_scene_name, key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.structure.actuators import REST_LENGTH_KINDS, Actuator, Sensor

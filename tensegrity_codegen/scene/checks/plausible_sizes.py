@@ -1,9 +1,14 @@
-"""Sizes that look like a wrong unit: lengths, radii, densities, and one node far from all others."""
+"""Sizes that look like a wrong unit, and forces at the start that look like a slip."""
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
+from tensegrity_codegen.scene.names import name_list
+from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
+from tensegrity_codegen.system.summaries import describe_count
 
 SUSPICIOUS_LENGTH = 50.0  # [m], median member length from which on millimetres are suspected
 MAX_DISTANCE_RATIO = 100.0  # distance of a node from the middle over the median of all nodes
@@ -112,3 +117,220 @@ def compute_median(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.full(values.shape[1:], np.nan)
     ordered, last = np.sort(values, axis=0), len(values) - 1
     return np.asarray(0.5 * (ordered[last // 2] + ordered[(last + 1) // 2]))
+
+
+EARTH = 9.81  # [m/s2]
+ROUNDING = 64 * float(np.finfo(float).eps)  # of lengths, over them
+MAX_GRAVITY = 200.0  # [m/s2]
+MIN_BAR_TENSION_RATIO = 1e-3  # tension of a bar over the largest of a cable
+BALANCE_TOLERANCE = 1e-9  # sum of loads over the sum of their sizes
+IMBALANCE_RATIO = 1.5  # unbalanced force of a node over all weights and loads; a fall has 1
+FREE_STIFFNESS_RATIO = 1e-9  # part of a node's largest stiffness below which a direction counts as free
+
+
+def warn_of_forces(structure: Structure) -> list[str]:
+    """Return a sentence for each kind of force that looks wrong, with the first culprit's name."""
+    if not structure.n_members:
+        return []
+    return [
+        *warn_of_upward_gravity(structure.gravity, structure.axes),
+        *warn_of_strong_gravity(structure.gravity),
+        *warn_of_falling_pieces(structure),
+        *warn_of_unstressed_bars(structure),
+        *warn_of_jump(structure),
+    ]
+
+
+def warn_of_upward_gravity(gravity: FloatArray, axes: tuple[int, ...]) -> list[str]:
+    """Return a warning where gravity points mostly along +z, or along +y."""
+    axis = int(np.argmax(np.abs(gravity)))
+    if axis == 0 or not gravity[axis] > 0:
+        return []
+    letter = "xyz"[axis]
+    down = [0.0, 0.0, 0.0]
+    down[axis] = -float(gravity[axis])
+    shown = [f"{value:g}" for value in down]
+    return [
+        f"gravity points upward, {gravity[axis]:g} m/s2 along +{letter}: if {letter} is up, write "
+        f"gravity = [{', '.join(shown[k] for k in axes)}]"
+    ]
+
+
+def warn_of_strong_gravity(gravity: FloatArray) -> list[str]:
+    """Return a warning where gravity is more than MAX_GRAVITY: that of the Earth in mm/s2 or cm/s2."""
+    size = float(np.linalg.norm(gravity))
+    if not size > MAX_GRAVITY:
+        return []
+    return [
+        f"gravity of {size:.4g} m/s2 is {size / EARTH:,.0f} times that of the Earth: a unit other than "
+        "the metre? Check gravity, positions, stiffness and mass"
+    ]
+
+
+def warn_of_falling_pieces(structure: Structure) -> list[str]:
+    """Return a warning for pieces that gravity or loads push along an axis on which nothing holds them."""
+    _, piece = find_pieces(structure.n_nodes, *structure.strands.ends.T)
+    count = int(piece.max()) + 1
+    found = []
+    for axis in structure.axes:
+        pull, held = float(structure.gravity[axis]), structure.node_anchored[:, axis]
+        rests = _find_resting(structure, pull)
+        load, size = np.zeros(count), np.zeros(count)
+        np.add.at(load, piece, structure.node_load[:, axis])
+        np.add.at(size, piece, np.abs(structure.node_load[:, axis]))
+        pushed = np.full(count, pull != 0) | (np.abs(load) > BALANCE_TOLERANCE * size)
+        pushed[piece[held | rests]] = False
+        loose = np.flatnonzero(pushed)
+        if not loose.size:
+            continue
+        first = [structure.node_name[int(np.argmax(piece == number))] for number in loose[:6]]
+        names = name_list(first + [""] * (len(loose) - len(first)))
+        whole = len(loose) == count
+        pieces = describe_count(len(loose), "piece")
+        what = "no node is" if whole else f"no node of {pieces} (beginning at {names}) is"
+        cause, effect = (
+            f"gravity of {abs(pull):g} m/s2 acts",
+            f"falls, {abs(pull) / 2:.3g} m in the first second",
+        )
+        if pull == 0:
+            cause, effect = f"loads add up to {load[loose[0]]:.4g} N", "slides"
+        found.append(
+            f"{cause} along {'xyz'[axis]} and {what} anchored along it: everything "
+            f"{'' if whole else 'there '}{effect}; anchor nodes, or omit "
+            f"{'gravity' if pull else 'the loads'}"
+        )
+    return found
+
+
+def _find_resting(structure: Structure, pull: float) -> BoolArray:
+    """Return which nodes the ground keeps from falling, friction from sliding without a pull, (n_nodes,)."""
+    rests, ground = np.zeros(structure.n_nodes, dtype=np.bool_), structure.ground
+    if ground is not None and structure.gravity @ ground.normal < 0 and (pull or ground.friction):
+        rests[ground.node] = True
+    return rests
+
+
+def warn_of_unstressed_bars(structure: Structure) -> list[str]:
+    """Return a warning where free nodes' cables are tight and no bar that could give carries anything."""
+    tension = structure.static_tension()
+    free = np.asarray(~structure.node_anchored[:, list(structure.axes)].all(axis=1))
+    moving = free[structure.connectivity].any(axis=1)
+    rounding = ROUNDING * structure.mu * structure.member_length()
+    tight = moving & ~structure.is_bar & (tension > rounding)
+    bars = moving & structure.is_bar
+    largest = float(tension[tight].max(initial=0.0))
+    if not tight.any() or not bars.any() or structure.is_rigid[bars].any():
+        return []
+    if np.abs(tension[bars]).max() > MIN_BAR_TENSION_RATIO * largest:
+        return []
+    cable = structure.member_name[int(np.argmax(np.where(tight, tension, 0.0)))]
+    bar = structure.member_name[int(np.flatnonzero(bars)[0])]
+    return [
+        f"cables start with up to {largest:.4g} N ({cable}) and no bar with any force (first: {bar}): the "
+        "nodes are out of balance and jump when a motion starts; settle first "
+        "(start from the equilibrium), or give the bars a prestress below 0"
+    ]
+
+
+def warn_of_imbalance(structure: Structure) -> list[str]:
+    """Return warnings of nodes pulled by more than all weights and loads, or that nothing can hold.
+
+    Motions may start so on purpose, so that only `check` says it.
+    """
+    if not structure.n_members or structure.ground is not None:
+        return []
+    force = np.linalg.norm(find_unbalanced(structure), axis=1)
+    whole = float(structure.lumped_mass.sum() * np.linalg.norm(structure.gravity))
+    whole += float(np.linalg.norm(structure.node_load, axis=1).sum())
+    tension, found = structure.static_tension(), []
+    ends = np.bincount(structure.strands.ends.ravel(), minlength=structure.n_nodes)
+    bare = (ends == 1) & (structure.lumped_mass == 0.0) & ~structure.node_load.any(axis=1)
+    for node in np.flatnonzero(bare & (force > BALANCE_TOLERANCE * np.abs(tension).max())):
+        member = int(np.flatnonzero((structure.connectivity == node).any(axis=1))[0])
+        found.append(
+            f"node {structure.node_name[node]} is held by member {structure.member_name[member]} alone, that "
+            f"starts with {tension[member]:.4g} N: anchor it (anchored = true), or join it to another member"
+        )
+    force[bare] = 0.0
+    worst = int(force.argmax())
+    if whole > 0.0 and force[worst] > IMBALANCE_RATIO * whole:
+        near = (structure.connectivity == worst).any(axis=1)
+        pulls = [structure.member_name[e] for e in np.flatnonzero(near & structure.is_bar & (tension > 0))]
+        cause = f"; bars that pull there: {name_list(pulls)} (a bar that pushes has a prestress below 0)"
+        found.append(
+            f"the start is out of balance by {force[worst]:.4g} N at node {structure.node_name[worst]}, "
+            f"{force[worst] / whole:.3g} times all weights and loads{cause if pulls else ''}; `equilibrium` "
+            "finds the shape in balance"
+        )
+    return found
+
+
+def warn_of_jump(structure: Structure) -> list[str]:
+    """Return a warning where a node's unbalanced force would move it, alone, by more than the structure.
+
+    The node moves by K^-1 f with all other nodes held: f the unbalanced force without what rigid bars can
+    take, K the stiffness of its members, 3 by 3. Directions without stiffness do not count: a pendulum may
+    swing.
+    """
+    size = float(np.ptp(structure.node_position, axis=0).max())
+    with np.errstate(all="ignore"):
+        force, stiffness = find_unbalanced(structure), _find_stiffness(structure)
+        if not (np.isfinite(force).all() and np.isfinite(stiffness).all()):
+            return []
+        value, vector = np.linalg.eigh(stiffness)
+        along = np.einsum("nij,ni->nj", vector, force)
+        holds = value > FREE_STIFFNESS_RATIO * value[:, -1:]
+        step = np.where(holds & (value > 0), along / np.where(value > 0, value, 1.0), 0.0)
+    way = np.linalg.norm(step, axis=1)
+    worst = int(np.argmax(way))
+    if not way[worst] > size:
+        return []
+    pull = float(np.linalg.norm(force[worst]))
+    return [
+        f"node {structure.node_name[worst]} starts with an unbalanced force of {pull:.4g} N, which its "
+        f"members would balance only {way[worst]:.4g} m away; the structure is {size:.4g} m large: check the "
+        "units of stiffness, mass, load and rest length"
+    ]
+
+
+def find_unbalanced(structure: Structure) -> FloatArray:
+    """Return the force that nothing balances at each node (n_nodes, 3) [N], zero where it is held."""
+    unit, _ = structure.strands.directions(structure.node_position)
+    strands = structure.strands
+    pull = strands.spread(structure.static_tension())[:, None] * unit
+    mass = structure.node_mass.copy()
+    force = structure.node_load.copy()
+    for side, sign in ((0, -1.0), (1, 1.0)):
+        np.add.at(mass, structure.connectivity[:, side], structure.member_mass / 2)
+        np.add.at(force, strands.ends[:, side], sign * pull)
+    force += mass[:, None] * structure.gravity
+    free = np.zeros(force.shape, dtype=bool)
+    free[:, list(structure.axes)] = ~structure.node_anchored[:, list(structure.axes)]
+    force[~free] = 0.0
+    rigid = np.flatnonzero(structure.is_rigid)
+    if not rigid.size:
+        return force
+    rows = 3 * structure.connectivity[rigid][:, :, None] + np.arange(3)  # (n_rigid, 2, 3)
+    along = unit[np.isin(strands.member, rigid)]
+    data = np.stack([along, -along], axis=1) * free.ravel()[rows]
+    column = np.broadcast_to(np.arange(len(rigid))[:, None, None], rows.shape)
+    matrix = scipy.sparse.csr_array(
+        (data.ravel(), (rows.ravel(), column.ravel())), shape=(force.size, len(rigid))
+    )
+    found = scipy.sparse.linalg.lsmr(matrix, force.ravel(), atol=1e-9, btol=1e-9)[0]
+    return np.asarray(force.ravel() - matrix @ found).reshape(force.shape)
+
+
+def _find_stiffness(structure: Structure) -> FloatArray:
+    """Return each node's stiffness with the others held, (n_nodes, 3, 3) [N/m]: of bars and tight cables."""
+    unit, length = structure.strands.directions(structure.node_position)
+    tension, strands = structure.static_tension(), structure.strands
+    slack = structure.tension_only & (structure.member_length() <= structure.rest_length)
+    mu, tension = (strands.spread(values) for values in (np.where(slack, 0.0, structure.mu), tension))
+    outer = unit[:, :, None] * unit[:, None, :]
+    across = np.maximum(tension, 0.0) / length
+    member = mu[:, None, None] * outer + across[:, None, None] * (np.eye(3) - outer)
+    total = np.zeros((structure.n_nodes, 3, 3))
+    for side in (0, 1):
+        np.add.at(total, strands.ends[:, side], member)
+    return total

@@ -1,4 +1,4 @@
-"""A start that looks like a mistake: no cable in tension, bars that cross, values unlike their neighbours."""
+"""A start that looks like a mistake: cables without tension, bars that cross, sag, nodes below the ground."""
 
 from dataclasses import replace
 
@@ -7,9 +7,16 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.bar_distance import compute_bar_distance
-from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.bodies import Bar, BodySystem
+from tensegrity_codegen.structure.contact_estimates import (
+    Subject,
+    compute_gap,
+    estimate_contacts,
+    find_position,
+)
 from tensegrity_codegen.structure.member_limits import check_members
 from tensegrity_codegen.structure.outline import outline_tendons
+from tensegrity_codegen.structure.segments import find_chains
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
@@ -125,3 +132,113 @@ def _describe(
     return (
         f"{what} are more than {FACTOR:,.0f} times off those of their neighbours: {name_list(shown, most=3)}"
     )
+
+
+MAX_SAG_LOSS = 1e-2  # w^2 L^2 EA / (12 T^3), by which a sagging cable is softer than a straight one
+
+
+def warn_of_sag(structure: Structure) -> list[str]:
+    """Return a warning for cables with mass in one piece whose sag matters at their tension at the start.
+
+    Ernst (1965): EA / (1 + w^2 L^2 EA / (12 T^3)), with the weight w for each metre of rest length and the
+    horizontal length L; a slack cable has no stiffness left.
+    """
+    size = float(np.linalg.norm(structure.gravity))
+    alone = ~structure.is_bar & (structure.member_mass > 0)
+    alone[[e for rows in find_chains(structure).values() for e in rows]] = False
+    if not alone.any() or not size:
+        return []
+    chord = np.diff(structure.node_position[structure.connectivity], axis=1)[:, 0]
+    level = np.linalg.norm(np.cross(chord, structure.gravity / size), axis=1)
+    weight = structure.member_mass * size / structure.rest_length
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cube = 12 * structure.static_tension() ** 3
+        loss = (weight * level) ** 2 * structure.mu * structure.rest_length / cube
+    rows = np.flatnonzero(alone & (level > 0) & ~(loss <= MAX_SAG_LOSS))
+    told = [
+        f"{structure.member_name[e]} ({loss[e]:.3g}, so {1 / (1 + loss[e]):.4g} of its stiffness)"
+        if np.isfinite(loss[e])
+        else f"{structure.member_name[e]} (slack as a straight line)"
+        for e in rows[np.argsort(-loss[rows], kind="stable")].tolist()
+    ]
+    text = f"the sag of cables with mass matters, w^2 L^2 EA / (12 T^3) is above {MAX_SAG_LOSS:g} (Ernst)"
+    todo = "add segments = 8 to them or their class, or tighten them"
+    return [f"{text}: {name_list(told)}: {todo}"] if told else []
+
+
+ROUNDING = 1e-9  # of the structure's size
+STIFFNESS_RATIOS = (0.1, 10.0)  # of tangential over normal stiffness
+MAX_MASS_RATIO = 100.0  # mean over least mass of the contacts
+SAMPLES_OF_A_PERIOD = 2.0  # below which samples do not show a vibration
+
+
+def warn_of_ground(subject: Subject) -> list[str]:
+    """Return a sentence for each fact about the ground that may surprise; none without a ground."""
+    ground = subject.ground
+    if ground is None:
+        return []
+    rest, gap = estimate_contacts(subject, ground), compute_gap(subject, ground)
+    size = float(np.ptp(find_position(subject), axis=0).max())
+    ratio = ground.stick_stiffness / rest.stiffness if rest.stiffness else 1.0
+    is_rough = ground.friction > 0
+    found = []
+    deep = np.flatnonzero(-gap > rest.largest_penetration * (1 + ROUNDING) + ROUNDING * size)
+    if deep.size:
+        deep = deep[np.argsort(gap[deep], kind="stable")]
+        shown = [f"{subject.node_name[ground.node[k]]} ({-gap[k]:.4g} m)" for k in deep]
+        found.append(
+            f"nodes start below the ground: {name_list(shown)}; the weight alone presses a contact at "
+            f"most {rest.largest_penetration:.3g} m into the ground, which throws them up"
+        )
+    if rest.weight == 0 and subject.gravity.any():
+        found.append("gravity does not act into the ground: the structure does not rest on it")
+    if is_rough and not STIFFNESS_RATIOS[0] <= ratio <= STIFFNESS_RATIOS[1]:
+        found.append(
+            f"the tangential stiffness of the ground is {ratio:.3g} times the normal one "
+            f"({ground.stick_stiffness:.4g} against {rest.stiffness:.4g} N/m); usual are "
+            f"{STIFFNESS_RATIOS[0]:g} to {STIFFNESS_RATIOS[1]:g}"
+        )
+    if not is_rough and ground.velocity.any():
+        found.append("the velocity of the ground has no effect without friction")
+    light = int(np.argmin(rest.mass))
+    if rest.mass.mean() > MAX_MASS_RATIO * rest.mass[light]:
+        found.append(
+            f"contact {subject.node_name[ground.node[light]]} has {rest.mass[light]:.3g} kg, contacts in the "
+            f"mean {rest.mass.mean():.3g} kg: alone it vibrates on the ground at {rest.frequency:.4g} Hz, "
+            "which takes small steps"
+        )
+    lying = _find_lying_bars(subject, gap, size) if is_rough else []
+    if lying:
+        found.append(
+            f"bars lie on the ground with both ends: {name_list(lying)}; bars have no spin, so that they "
+            "slide where a round bar would roll"
+        )
+    return found
+
+
+def warn_of_sampled_contacts(subject: Subject, interval: float) -> list[str]:
+    """Return a sentence where samples, `interval` [s] apart, do not show single contacts with the ground."""
+    if subject.ground is None:
+        return []
+    with np.errstate(all="ignore"):
+        frequency = estimate_contacts(subject, subject.ground).frequency
+    if frequency * interval * SAMPLES_OF_A_PERIOD <= 1.0:
+        return []
+    return [
+        f"contacts with the ground vibrate at up to {frequency:.4g} Hz (period {1 / frequency:.3g} s) and "
+        f"samples are {interval:.3g} s apart: they do not show single contacts"
+    ]
+
+
+def _find_lying_bars(subject: Subject, gap: FloatArray, size: float) -> list[str]:
+    """Return the names of the bars whose two end balls touch the ground at the start."""
+    ground = subject.ground
+    if ground is None:
+        return []
+    touches = np.zeros(subject.n_nodes, dtype=np.bool_)
+    touches[ground.node[gap <= ROUNDING * size]] = True
+    if isinstance(subject, Structure):
+        lying = subject.is_bar & touches[subject.connectivity].all(axis=1)
+        return [subject.member_name[e] for e in np.flatnonzero(lying)]
+    bars = [(k, body) for k, body in enumerate(subject.bodies) if isinstance(body, Bar)]
+    return [body.name for k, body in bars if touches[list(subject.bar_ends(k))].all()]

@@ -6,21 +6,21 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.checks.geometry import find_fully_anchored
-from tensegrity_codegen.scene.checks.plausible_forces import (
+from tensegrity_codegen.scene.checks.check_members import find_fully_anchored
+from tensegrity_codegen.scene.checks.plausible_sizes import (
     warn_of_forces,
+    warn_of_sizes,
     warn_of_strong_gravity,
     warn_of_unstressed_bars,
     warn_of_upward_gravity,
 )
-from tensegrity_codegen.scene.checks.plausible_ground import warn_of_ground
-from tensegrity_codegen.scene.checks.plausible_sag import warn_of_sag
-from tensegrity_codegen.scene.checks.plausible_sizes import warn_of_sizes
 from tensegrity_codegen.scene.checks.plausible_start import (
     LARGE_STRAIN,
     warn_of_crossing,
+    warn_of_ground,
     warn_of_members,
     warn_of_outliers,
+    warn_of_sag,
     warn_of_slack,
 )
 from tensegrity_codegen.scene.names import describe_pieces, name_list

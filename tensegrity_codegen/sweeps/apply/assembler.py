@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.analyses.cases.quantities import build_no_gust
 from tensegrity_codegen.pipeline.settle import choose_request
 from tensegrity_codegen.scene.checks.check import check_structure
-from tensegrity_codegen.scene.checks.check_laws import check_laws
+from tensegrity_codegen.scene.checks.check_members import check_laws
 from tensegrity_codegen.scene.read import name_source, parse_scene, read_document, to_plain
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.shapes import expand_shape

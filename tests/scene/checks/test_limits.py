@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.scene.checks.validate import PART
+from tensegrity_codegen.scene.checks.limits import PART
 from tensegrity_codegen.scene.formats.import_tables import import_tables
 from tensegrity_codegen.scene.read import parse_scene, read_scene
 from tensegrity_codegen.system.errors import SceneError

@@ -1,7 +1,9 @@
+"""Checks of how members join nodes, and of what stays free to move."""
+
 import numpy as np
 import pytest
 
-from tensegrity_codegen.scene.checks.geometry import (
+from tensegrity_codegen.scene.checks.check_members import (
     check_connectivity,
     check_freedom,
     find_fully_anchored,

@@ -9,7 +9,7 @@ from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_structure
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.checks.plausible_forces import warn_of_imbalance
+from tensegrity_codegen.scene.checks.plausible_sizes import warn_of_imbalance
 from tensegrity_codegen.scene.checks.scene_warnings import find_body_warnings, find_warnings
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.read import parse_scene
