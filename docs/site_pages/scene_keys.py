@@ -4,7 +4,7 @@ import json
 from typing import Any
 
 from site_pages.markdown import escape, write_item
-from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
+from tensegrity_codegen.scene.schema.schema import scene_json_schema
 
 Node = dict[str, Any]
 

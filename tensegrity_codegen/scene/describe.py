@@ -1,17 +1,135 @@
 """From a structure back to a scene document: every node and member in full, nothing implied."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.scene.describe_control import describe_control, share_values
-from tensegrity_codegen.scene.describe_ground import describe_ground
+from tensegrity_codegen.scene.assemble.control import find_limited
+from tensegrity_codegen.structure.actuators import MEMBER_SENSORS, UNLIMITED, Actuator, Sensor
 from tensegrity_codegen.structure.bodies import BodyInput, BodySystem
+from tensegrity_codegen.structure.contact_estimates import Subject, find_bar_radius, find_surface_nodes
 from tensegrity_codegen.structure.ground import CHANGEABLE
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.request import ModelRequest
+
+
+def describe_control(subject: Subject, key: str, name_node: Callable[[int], str]) -> dict[str, Any]:
+    """Return the sections `actuators`, `sensors` and `limits` of a scene document.
+
+    key: that of the nodes of a sensor, `nodes` or `points`; name_node: their names by index.
+    """
+    return {
+        "actuators": [_describe_actuator(subject, item) for item in subject.actuators],
+        "sensors": [_describe_sensor(subject, item, key, name_node) for item in subject.sensors],
+        "limits": _describe_limits(subject),
+    }
+
+
+def _describe_actuator(subject: Subject, item: Actuator) -> dict[str, Any]:
+    table: dict[str, Any] = {"name": item.name, "members": [subject.member_name[e] for e in item.members]}
+    if math.isfinite(item.rate):
+        table["rate"] = float(item.rate)
+    if tuple(item.range) != UNLIMITED:
+        table["range"] = [float(value) for value in item.range]
+    times = {"delay": float(item.delay), "time_constant": float(item.time_constant)}
+    return table | {name: value for name, value in times.items() if value}
+
+
+def _describe_sensor(
+    subject: Subject, item: Sensor, key: str, name_node: Callable[[int], str]
+) -> dict[str, Any]:
+    table: dict[str, Any] = {"name": item.name} if item.name else {}
+    table["kind"] = item.kind
+    if item.kind in MEMBER_SENSORS:
+        table["members"] = [subject.member_name[e] for e in item.targets]
+    else:
+        table[key] = [name_node(node) for node in item.targets]
+    return table | ({"noise": float(item.noise)} if item.noise else {})
+
+
+def _describe_limits(subject: Subject) -> dict[str, Any]:
+    """Return the limits: once where all members that can have one share it, else member by member."""
+    limits = subject.limits
+    document: dict[str, Any] = {}
+    members: dict[int, dict[str, float | bool]] = {}
+    usual = find_limited(subject)
+    if (limits.buckling[subject.is_bar] == -math.inf).all():
+        usual["buckling"] = subject.is_bar
+    for key, none in MEMBER_LIMITS.items():
+        values = getattr(limits, key)
+        shared = np.unique(values[usual[key]])
+        is_shared = len(shared) == 1 and shared[0] != none
+        if is_shared:
+            document[key] = _describe_value(key, shared[0])
+        for e in np.flatnonzero((values != none) & ~(usual[key] & is_shared)).tolist():
+            members.setdefault(e, {})[key] = _describe_value(key, values[e])
+    for key in ("clearance", "least_stiffness"):
+        if math.isfinite(getattr(limits, key)):
+            document[key] = float(getattr(limits, key))
+    by_name = {subject.member_name[e]: members[e] for e in sorted(members)}
+    document["classes"] = share_values(by_name, subject)
+    document["members"] = {name: table for name, table in by_name.items() if table}
+    return {key: value for key, value in document.items() if value not in ({}, None)}
+
+
+def share_values(tables: Mapping[str, dict[str, Any]], subject: Subject) -> dict[str, dict[str, Any]]:
+    """Move the values that all members of a class have alike out of their tables; return them by class."""
+    of_class: dict[str, list[dict[str, Any]]] = {}
+    for name, owner in zip(subject.member_name, subject.member_class, strict=True):
+        if owner:
+            of_class.setdefault(owner, []).append(tables.get(name, {}))
+    shared: dict[str, dict[str, Any]] = {}
+    for owner, members in of_class.items():
+        for key, value in list(members[0].items()) if len(members) > 1 else ():
+            if key not in ("class", "nodes", "points") and all(item.get(key) == value for item in members):
+                shared.setdefault(owner, {})[key] = value
+                for item in members:
+                    del item[key]
+    return shared
+
+
+def _describe_value(key: str, value: float) -> float | bool:
+    """Return a limit of members as scenes state it."""
+    return False if key == "buckling" and value < 0 else float(value)
+
+
+def describe_ground(subject: Subject, name_node: Callable[[int], str]) -> dict[str, Any]:
+    """Return the table [ground] with its numbers explicit, empty without a ground; name_node: names by index.
+
+    Reading it back gives the same ground bit by bit. Raises InvalidValueError for radii that differ and are
+    not those of bars, which no scene can state.
+    """
+    ground = subject.ground
+    if ground is None:
+        return {}
+    is_all = np.array_equal(ground.node, find_surface_nodes(subject, ground.normal))
+    table: dict[str, Any] = {
+        "normal": ground.normal.tolist(),
+        "offset": float(ground.offset),
+        "velocity": ground.velocity.tolist() if ground.velocity.any() else None,
+        "contacts": "all" if is_all else [name_node(int(node)) for node in ground.node],
+        "radius": float(ground.radius[0]),
+        "stiffness": float(ground.stiffness),
+        "exponent": float(ground.exponent),
+        "dissipation": float(ground.dissipation),
+        "friction": float(ground.friction),
+        "static_friction": ground.static_friction,
+        "stick_stiffness": float(ground.stick_stiffness) or None,
+        "stick_damping": float(ground.stick_damping) or None,
+    }
+    if (ground.radius != ground.radius[0]).any():
+        if not np.array_equal(ground.radius, find_bar_radius(subject)[ground.node]):
+            problem, location = "radii of contacts that a scene cannot state", "ground.radius"
+            allowed = "one radius, or those of the bars that end at the contacts"
+            raise InvalidValueError(problem, where=location, given=ground.radius.tolist(), allowed=allowed)
+        table["radius"] = "bar"
+    return {key: value for key, value in table.items() if value is not None}
+
 
 _LETTERS = "xyz"
 # Keys of the section `model` that are always written, and those that are where they are not as usual.

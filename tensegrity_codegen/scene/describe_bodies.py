@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.scene.describe import (
+    describe_control,
+    describe_ground,
     describe_request,
     describe_rest_length_input,
     describe_structure,
     describe_values,
+    share_values,
 )
-from tensegrity_codegen.scene.describe_control import describe_control, share_values
-from tensegrity_codegen.scene.describe_ground import describe_ground
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.actuators import REST_LENGTH_KINDS
 from tensegrity_codegen.structure.bodies import Bar, Body, BodyInput, BodySystem, RigidBody

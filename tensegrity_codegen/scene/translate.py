@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 
 from tensegrity_codegen.scene.names import FILE_NAME_RULE, NAME_RULE, is_name, key_path, unknown_key
 from tensegrity_codegen.scene.schema.body_schema import LOAD_TAGS
-from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
+from tensegrity_codegen.scene.schema.schema import scene_json_schema
 from tensegrity_codegen.system.errors import (
     InvalidNameError,
     InvalidValueError,

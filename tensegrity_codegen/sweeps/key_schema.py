@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.schema.body_schema import LOAD_TAGS, load_tag
-from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
+from tensegrity_codegen.scene.schema.schema import scene_json_schema
 
 NUMBERS = ("number", "integer")
 

@@ -9,7 +9,7 @@ import pytest
 
 import tensegrity_codegen
 from tensegrity_codegen.cli.commands import find_verbs
-from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
+from tensegrity_codegen.scene.schema.schema import scene_json_schema
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

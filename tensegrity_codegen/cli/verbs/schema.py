@@ -26,7 +26,7 @@ def schema(
     """
     output = Output(json)
     with output.guard():
-        from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
+        from tensegrity_codegen.scene.schema.schema import scene_json_schema
 
         if out is not None:
             check_ending(out, ".json")

@@ -9,8 +9,7 @@ from tensegrity_codegen.scene.assemble.members import spread_vectors
 from tensegrity_codegen.scene.assemble.targets import normalise
 from tensegrity_codegen.scene.checks.check_ground import check_contacts, check_normal
 from tensegrity_codegen.scene.names import check_known, key_path
-from tensegrity_codegen.scene.schema.ground_schema import GroundTable
-from tensegrity_codegen.scene.schema.part_schema import Interference
+from tensegrity_codegen.scene.schema.part_schema import GroundTable, Interference
 from tensegrity_codegen.structure.collision import EXPONENTS, Collision
 from tensegrity_codegen.structure.contact_estimates import (
     Subject,

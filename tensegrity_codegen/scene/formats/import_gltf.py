@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
-from tensegrity_codegen.scene.formats.files.json_file import parse_json
+from tensegrity_codegen.scene.formats.files.documents import parse_json
 from tensegrity_codegen.scene.formats.files.lines import Line, build_lines, is_bar
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_bytes

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from tensegrity_codegen.scene.formats.files.xml_file import find_root, read_numbers, read_xml
+from tensegrity_codegen.scene.formats.files.documents import find_root, read_numbers, read_xml
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult
 from tensegrity_codegen.scene.formats.mjcf.defaults import Defaults, read_defaults

@@ -14,10 +14,9 @@ from typing import Any
 
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, scene_name
-from tensegrity_codegen.scene.formats.ntrt.builders import BuilderBook
-from tensegrity_codegen.scene.formats.ntrt.document import Conversion, write_document
 from tensegrity_codegen.scene.formats.ntrt.load import load_structure
-from tensegrity_codegen.scene.formats.ntrt.plan import make_plan
+from tensegrity_codegen.scene.formats.ntrt.plan import Conversion, make_plan, write_document
+from tensegrity_codegen.scene.formats.ntrt.structure import BuilderBook
 from tensegrity_codegen.system.errors import InvalidValueError
 
 

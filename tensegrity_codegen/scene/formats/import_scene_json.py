@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.scene.formats.files.json_file import LARGEST_JSON, read_json
+from tensegrity_codegen.scene.formats.files.documents import LARGEST_JSON, read_json
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
 from tensegrity_codegen.scene.names import check_scene_name, key_path

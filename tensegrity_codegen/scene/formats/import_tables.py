@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.scene.formats.files.csv_table import LARGEST_TABLE, Row, read_lines, read_table
-from tensegrity_codegen.scene.formats.files.xml_file import read_numbers
+from tensegrity_codegen.scene.formats.files.documents import read_numbers
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
 from tensegrity_codegen.scene.formats.network import (

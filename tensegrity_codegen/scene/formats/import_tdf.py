@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
-from tensegrity_codegen.scene.formats.files.xml_file import (
+from tensegrity_codegen.scene.formats.files.documents import (
     find_root,
     read_attribute,
     read_number,

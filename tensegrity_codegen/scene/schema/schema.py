@@ -14,6 +14,8 @@ from pydantic import (
     Tag,
     ValidationError,
 )
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core.core_schema import NullableSchema
 
 from tensegrity_codegen.scene.schema.body_schema import (
     BodyTable,
@@ -31,10 +33,10 @@ from tensegrity_codegen.scene.schema.control_schema import (
     MemberSensor,
     NodeSensor,
 )
-from tensegrity_codegen.scene.schema.ground_schema import GroundTable
 from tensegrity_codegen.scene.schema.model_schema import ModelOptions, Parameters
 from tensegrity_codegen.scene.schema.part_schema import (
     ForceInput,
+    GroundTable,
     Interference,
     Load,
     Member,
@@ -203,3 +205,26 @@ class Scene(Summarised, SceneParts):
             that the scene was read from, and its layout, are not kept.
         """
         return format_scene(self.to_document())
+
+
+class _WithoutNull(GenerateJsonSchema):
+    """TOML has no null: an optional key is simply left out."""
+
+    def nullable_schema(self, schema: NullableSchema) -> JsonSchemaValue:
+        return self.generate_inner(schema["schema"])
+
+
+def scene_json_schema() -> dict[str, Any]:
+    """Return the JSON schema of a scene file, for editors that complete and check TOML."""
+    schema = Scene.model_json_schema(schema_generator=_WithoutNull)
+    return {"$schema": _WithoutNull.schema_dialect, **_without_null_defaults(schema)}
+
+
+def _without_null_defaults(node: Any) -> Any:
+    if isinstance(node, dict):
+        return {
+            key: _without_null_defaults(value)
+            for key, value in node.items()
+            if not (key == "default" and value is None)
+        }
+    return [_without_null_defaults(item) for item in node] if isinstance(node, list) else node

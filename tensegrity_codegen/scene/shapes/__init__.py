@@ -6,8 +6,8 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
 from tensegrity_codegen.scene.names import unknown_key
-from tensegrity_codegen.scene.shapes.facet import turn_onto_facet
 from tensegrity_codegen.scene.shapes.icosahedron import IcosahedronShape
+from tensegrity_codegen.scene.shapes.parts import turn_onto_facet
 from tensegrity_codegen.scene.shapes.prism import PrismShape
 from tensegrity_codegen.scene.shapes.tower import TowerShape
 from tensegrity_codegen.scene.shapes.two_nodes import TwoNodeShape

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.formats.files import json_file
+from tensegrity_codegen.scene.formats.files import documents
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.formats.import_json import MEMBER_KEYS, NODE_KEYS, SECTIONS, import_json
 from tensegrity_codegen.scene.formats.imported import ImportResult
@@ -232,7 +232,7 @@ def test_files_that_are_no_structure_are_refused(
 
 
 def test_a_file_that_is_too_large_is_refused(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(json_file, "LARGEST_JSON", 100)
+    monkeypatch.setattr(documents, "LARGEST_JSON", 100)
     with pytest.raises(SceneSyntaxError, match="too large"):
         load(BY_NAME)
 

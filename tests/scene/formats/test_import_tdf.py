@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.formats.files import xml_file
-from tensegrity_codegen.scene.formats.files.xml_file import read_xml
+from tensegrity_codegen.scene.formats.files import documents
+from tensegrity_codegen.scene.formats.files.documents import read_xml
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.formats.import_tdf import import_tdf
 from tensegrity_codegen.scene.formats.imported import ImportResult
@@ -101,10 +101,10 @@ def test_an_element_of_any_length_is_read_once(tmp_path: Path, monkeypatch: pyte
             sizes.append(len(data))
             super().feed(data)
 
-    monkeypatch.setattr(xml_file, "XMLParser", Parser)
+    monkeypatch.setattr(documents, "XMLParser", Parser)
     path = tmp_path / "a.xml"
     path.write_text(f'<tdf name="{"value " * 60_000}"/>')
-    assert xml_file.find_root(path) == "tdf"
+    assert documents.find_root(path) == "tdf"
     assert len(read_xml(path, "XML").attrib["name"]) == 360_000
     assert sizes == [path.stat().st_size] * 2
 

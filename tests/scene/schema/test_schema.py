@@ -3,9 +3,8 @@ import json
 import pytest
 from pydantic import ValidationError
 
-from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
 from tensegrity_codegen.scene.schema.model_schema import EMITTERS, INTEGRATORS, Parameters
-from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.scene.schema.schema import Scene, scene_json_schema
 from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.quantities import PARAMETERS, QUANTITIES
 from tests.scene.samples import ARCH

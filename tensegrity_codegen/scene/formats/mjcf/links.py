@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.formats.files.xml_file import read_number, read_numbers
+from tensegrity_codegen.scene.formats.files.documents import read_number, read_numbers
 from tensegrity_codegen.scene.formats.mjcf.defaults import MAIN, Defaults
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError

@@ -1,13 +1,22 @@
-"""The tree of NTRT structures: nodes, pairs and substructures, found by name as the toolkit finds them."""
+"""The tree of NTRT structures: nodes, pairs and substructures, found by name as the toolkit finds them.
+
+Builders say which tags make a rod or a cable of a pair, or a sphere of a node, and their parameters. Defaults
+and the order of search are the toolkit's (NTRTsim, src/yamlbuilder/TensegrityModel.h and
+src/tgcreator/tgStructureInfo.cpp): the builder that was added last counts, rods before cables, and a builder
+matches where a pair, with the name of the structure that owns it, has all of its tags.
+"""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.system.errors import StructureError, UnknownNameError, suggest
+from tensegrity_codegen.scene.formats.ntrt.file import check_keys, parse_number, read_table
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError, UnknownNameError, suggest
 
 
 @dataclass(eq=False)
@@ -89,3 +98,144 @@ class NtrtStructure:
             raise StructureError("a structure without nodes has no centroid", where=where)
         mean: NDArray[np.float64] = np.mean(points, axis=0)
         return mean
+
+
+_ROD = {"radius": 0.5, "density": 1.0, "friction": 1.0, "roll_friction": 0.0, "restitution": 0.2}
+_CABLE = {
+    "stiffness": 1000.0,
+    "damping": 10.0,
+    "pretension": 0.0,
+    "history": 0.0,
+    "max_tension": 1000.0,
+    "target_velocity": 100.0,
+    "min_actual_length": 0.1,
+    "min_rest_length": 0.1,
+    "rotation": 0.0,
+}
+_FLAGS = ("moveCablePointAToEdge", "moveCablePointBToEdge")
+_MOTOR = {"radius": 1.0, "motor_friction": 0.0, "motor_inertia": 1.0, "back_drivable": 0.0}
+_SPHERE = {"radius": 0.5, "density": 1.0, "friction": 1.0, "roll_friction": 0.0, "restitution": 0.2}
+_BOX = ("width", "height", "density", "friction", "roll_friction", "restitution")
+_USED = ("radius", "density", "stiffness", "damping", "pretension")
+
+Kind = Literal["rod", "cable", "box", "sphere"]
+
+_CLASSES: Mapping[str, tuple[Kind, dict[str, float], tuple[str, ...]]] = {
+    "tgRodInfo": ("rod", _ROD, ()),
+    "tgBasicActuatorInfo": ("cable", _CABLE, _FLAGS),
+    "tgBasicContactCableInfo": ("cable", _CABLE, _FLAGS),
+    "tgKinematicActuatorInfo": ("cable", _CABLE | _MOTOR, ()),
+    "tgKinematicContactCableInfo": ("cable", _CABLE | _MOTOR, ()),
+    "tgSphereInfo": ("sphere", _SPHERE, ()),
+    "tgBoxInfo": ("box", dict.fromkeys(_BOX, 1.0), ()),
+}
+
+
+@dataclass(frozen=True)
+class NtrtBuilder:
+    """One builder: its tags, what it makes, and the values that count here, in the file's own units."""
+
+    key: str
+    kind: Kind
+    class_name: str
+    values: Mapping[str, float]
+    ignored: tuple[str, ...]
+    where: str
+
+    @cached_property
+    def tags(self) -> frozenset[str]:
+        """The tags that a pair must have."""
+        return frozenset(self.key.split())
+
+
+class BuilderBook:
+    """All builders of a structure and its substructures, in the order in which the toolkit adds them."""
+
+    def __init__(self) -> None:
+        self._builders: list[NtrtBuilder] = []
+        self._places: set[str] = set()
+        defaults = (
+            *(("rod", "tgRodInfo"), ("string", "tgBasicActuatorInfo")),
+            *(("box", "tgBoxInfo"), ("sphere", "tgSphereInfo")),
+        )
+        for key, class_name in defaults:
+            self._builders.append(_read_builder(key, {"class": class_name}, "the toolkit's default builders"))
+
+    def add(self, builders: dict[str, Any], where: str) -> None:
+        """Add the builders section of one file; raises InvalidValueError or UnknownKeyError."""
+        self._builders += [
+            _read_builder(key, value, f"{where}.{key}")
+            for key, value in builders.items()
+            if f"{where}.{key}" not in self._places
+        ]
+        self._places |= {f"{where}.{key}" for key in builders}
+
+    def __len__(self) -> int:
+        return len(self._builders)
+
+    def find(self, pair: NtrtPair, owner: str) -> NtrtBuilder | None:
+        """Return the builder of a pair that the structure `owner` holds, or None."""
+        tags = pair.tags | {owner}
+        matching = [item for item in self._last_first("rod", "cable", "box") if item.tags <= tags]
+        rigid = [item for item in matching if item.kind != "cable"]
+        found = rigid[0] if rigid else matching[0] if matching else None
+        if found is not None and found.kind == "box":
+            problem, allowed = "boxes (tgBoxInfo) are not supported", "rods (tgRodInfo) and cables"
+            hint = "replace the box by rods"
+            raise InvalidValueError(problem, where=pair.where, given=found.key, allowed=allowed, hint=hint)
+        return found
+
+    def is_rod(self, pair: NtrtPair, owner: str) -> bool:
+        """Return whether a pair that the structure `owner` holds becomes a rod, by the builders so far."""
+        found = self.find(pair, owner)
+        return found is not None and found.kind == "rod"
+
+    def find_sphere(self, node: str, owner: str) -> NtrtBuilder | None:
+        """Return the builder that makes a sphere of a node of the structure `owner`, or None."""
+        tags = {*node.split(), owner}
+        return next((item for item in self._last_first("sphere") if item.tags <= tags), None)
+
+    def _last_first(self, *kinds: Kind) -> Iterator[NtrtBuilder]:
+        return (item for item in reversed(self._builders) if item.kind in kinds)
+
+
+def _read_builder(key: str, value: Any, where: str) -> NtrtBuilder:
+    table = read_table(value, where)
+    check_keys(table, ("class", "parameters"), where)
+    class_name = table.get("class")
+    if not isinstance(class_name, str) or class_name not in _CLASSES:
+        raise InvalidValueError(
+            "not a builder class that is supported",
+            where=f"{where}.class",
+            given=class_name if isinstance(class_name, str) else None,
+            allowed=", ".join(_CLASSES),
+        )
+    if not key.split():
+        raise InvalidValueError("a builder without tags", where=where, allowed="one tag or more")
+    kind, defaults, flags = _CLASSES[class_name]
+    given = read_table(table.get("parameters"), f"{where}.parameters")
+    check_keys(given, (*defaults, *flags), f"{where}.parameters")
+    numbers = {
+        name: parse_number(item, f"{where}.parameters.{name}")
+        for name, item in given.items()
+        if name not in flags
+    }
+    values = {name: number for name, number in {**defaults, **numbers}.items() if name in _USED}
+    _check_ranges(kind, values, f"{where}.parameters")
+    used = _USED[2:] if kind == "cable" else _USED
+    ignored = tuple(name for name in given if name not in used)
+    return NtrtBuilder(key, kind, class_name, values, ignored, where)
+
+
+def _check_ranges(kind: str, values: Mapping[str, float], where: str) -> None:
+    positive = {"cable": ("stiffness",), "box": ()}.get(kind, ("radius",))
+    not_negative = {"cable": ("damping",), "box": ()}.get(kind, ("density",))
+    for name in positive:
+        if not values[name] > 0:
+            problem, location = "the value is out of range", f"{where}.{name}"
+            raise InvalidValueError(problem, where=location, given=values[name], allowed="greater than 0")
+    for name in not_negative:
+        if values[name] < 0:
+            raise InvalidValueError(
+                "the value is out of range", where=f"{where}.{name}", given=values[name], allowed="0 or more"
+            )

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.scene.shapes import expand_shape, tower
-from tensegrity_codegen.scene.shapes.long_tower import find_long_twist
-from tensegrity_codegen.scene.shapes.tower import TowerShape, find_tower_twist
+from tensegrity_codegen.scene.shapes.tower import TowerShape, find_long_twist, find_tower_twist
 from tensegrity_codegen.system.errors import StructureError
 
 
