@@ -55,15 +55,15 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     """
     check_instance(scene, Scene, "scene", SCENE)
     loads, inputs = _of_nodes(scene, where)
-    parts = list_parts(scene, where)
+    expanded = list_parts(scene, where)
     axes = tuple("xyz".index(letter) for letter in scene.axes)
-    node = build_node_arrays(parts.nodes, axes, where)
+    node = build_node_arrays(expanded.nodes, axes, where)
     member = build_member_arrays(
-        scene.classes, parts.members, node["node_name"], node["node_position"], where
+        scene.classes, expanded.members, node["node_name"], node["node_position"], where
     )
     gravity = spread_vectors([scene.gravity], axes, [("gravity",)], where)[0]
-    cut = cut_cables(node, member, parts.groups, gravity, axes, where)
-    cut, sliding = cut_at_rings(cut, scene, parts.members, where)
+    cut = cut_cables(node, member, expanded.groups, gravity, axes, where)
+    cut, sliding = cut_at_rings(cut, scene, expanded.members, where)
     node, member = cut.node, cut.member
     node["node_load"] = build_node_load(node["node_name"], loads, axes, where)
     targets = Targets(
@@ -79,13 +79,13 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     ends = list_strands(member["connectivity"], member["ring_nodes"]).ends
     check_freedom(ends, node["node_anchored"], axes, node["node_name"], where)
     acting = build_inputs(inputs, targets, member, axes)
-    actuators = build_actuators(scene.actuators, [item.name for item in acting], targets, rigid)
+    actuators = build_actuators(scene.actuators, [entry.name for entry in acting], targets, rigid)
     structure = Structure(
         name=scene.name,
         axes=axes,
         gravity=gravity,
         groups=targets.groups,
-        inputs=(*acting, *(ActuatedInput(item.name, "rest_length", item.members) for item in actuators)),
+        inputs=(*acting, *(ActuatedInput(entry.name, "rest_length", entry.members) for entry in actuators)),
         actuators=actuators,
         sensors=build_sensors(scene.sensors, targets),
         sliding=sliding,
@@ -109,8 +109,8 @@ def _of_nodes(
     scene: Scene, where: str
 ) -> tuple[list[Load], list[RestLengthInput | TemperatureInput | ForceInput]]:
     """Return loads and inputs of a scene without bodies; InvalidValueError for what only bodies have."""
-    loads = [item for item in scene.loads if isinstance(item, Load)]
-    inputs = [item for item in scene.inputs if isinstance(item, INPUTS)]
+    loads = [entry for entry in scene.loads if isinstance(entry, Load)]
+    inputs = [entry for entry in scene.inputs if isinstance(entry, INPUTS)]
     foreign = [
         ("bodies", bool(scene.bodies)),
         ("tendons", bool(scene.tendons)),

@@ -92,26 +92,26 @@ class BodyFinder:
 def build_body_loads(scene: Scene, find: BodyFinder) -> tuple[FloatArray, tuple[BodyLoad, ...]]:
     """Return the forces of constant direction (n_nodes, 3) [N], and the loads that have no potential."""
     total, turning = np.zeros((len(find.built.node_name), 3)), []
-    for number, item in enumerate(scene.loads):
-        place = ("loads", number)
-        if isinstance(item, PointLoad):
-            node = find.point(item.point, *place, "point")
-            force = three_numbers(item.force, find.where, *place, "force")
-            frame = find.frame(item.frame, int(find.built.node_body[node]), *place, "frame")
+    for number, load in enumerate(scene.loads):
+        keys = ("loads", number)
+        if isinstance(load, PointLoad):
+            node = find.point(load.point, *keys, "point")
+            force = three_numbers(load.force, find.where, *keys, "force")
+            frame = find.frame(load.frame, int(find.built.node_body[node]), *keys, "frame")
             if frame == "inertial":
                 total[node] += force
             else:
                 turning.append(BodyLoad("force", node, force, frame))
-        elif isinstance(item, BodyTorque):
-            body = find.moving(find.body(item.body, *place, "body"), *place, "body")
-            frame = find.frame(item.frame, body, *place, "frame")
+        elif isinstance(load, BodyTorque):
+            body = find.moving(find.body(load.body, *keys, "body"), *keys, "body")
+            frame = find.frame(load.frame, body, *keys, "frame")
             turning.append(
-                BodyLoad("torque", body, three_numbers(item.torque, find.where, *place, "torque"), frame)
+                BodyLoad("torque", body, three_numbers(load.torque, find.where, *keys, "torque"), frame)
             )
         else:
-            problem, location = "a scene of bodies has no nodes", key_path(find.where, *place, "node")
+            problem, location = "a scene of bodies has no nodes", key_path(find.where, *keys, "node")
             allowed, hint = "point and force, or body and torque", 'point = "body.point"'
-            raise InvalidValueError(problem, where=location, given=item.node, allowed=allowed, hint=hint)
+            raise InvalidValueError(problem, where=location, given=load.node, allowed=allowed, hint=hint)
     return total, tuple(turning)
 
 
@@ -134,32 +134,32 @@ def build_body_inputs(
     Raises DuplicateNameError, UnknownNameError or InvalidValueError, with file and key.
     """
     built: list[BodyInput] = []
-    for number, item in enumerate(scene.inputs):
-        place: tuple[str | int, ...] = ("inputs", number)
-        if any(item.name == other.name for other in built):
-            problem, location = "two inputs under one name", key_path(find.where, *place, "name")
+    for number, entry in enumerate(scene.inputs):
+        keys: tuple[str | int, ...] = ("inputs", number)
+        if any(entry.name == earlier.name for earlier in built):
+            problem, location = "two inputs under one name", key_path(find.where, *keys, "name")
             allowed, hint = "each name once", "rename one of the two"
-            raise DuplicateNameError(problem, where=location, given=item.name, allowed=allowed, hint=hint)
-        if isinstance(item, RestLengthInput | TemperatureInput):
-            members = targets.find_members(item.members, *place, "members")
+            raise DuplicateNameError(problem, where=location, given=entry.name, allowed=allowed, hint=hint)
+        if isinstance(entry, RestLengthInput | TemperatureInput):
+            members = targets.find_members(entry.members, *keys, "members")
             expanded = system.rest_length, system.thermal_expansion
-            gain = find_gain(item, members, targets, place, *expanded)
-            built.append(BodyInput(item.name, item.kind, members, gain=gain))
-        elif isinstance(item, PointForceInput):
-            nodes = [find.point(name, *place, "points") for name in item.points]
-            frames = [find.frame(item.frame, int(find.built.node_body[n]), *place, "frame") for n in nodes]
-            unit = _unit(item.direction, find.where, *place, "direction")
-            built.append(BodyInput(item.name, "force", tuple(dict.fromkeys(nodes)), unit, frames[0]))
-        elif isinstance(item, TorqueInput):
-            bodies = [find.moving(find.body(n, *place, "bodies"), *place, "bodies") for n in item.bodies]
-            frames = [find.frame(item.frame, body, *place, "frame") for body in bodies]
-            unit = _unit(item.direction, find.where, *place, "direction")
-            built.append(BodyInput(item.name, "torque", tuple(dict.fromkeys(bodies)), unit, frames[0]))
+            gain = find_gain(entry, members, targets, keys, *expanded)
+            built.append(BodyInput(entry.name, entry.kind, members, gain=gain))
+        elif isinstance(entry, PointForceInput):
+            nodes = [find.point(name, *keys, "points") for name in entry.points]
+            frames = [find.frame(entry.frame, int(find.built.node_body[n]), *keys, "frame") for n in nodes]
+            unit = _unit(entry.direction, find.where, *keys, "direction")
+            built.append(BodyInput(entry.name, "force", tuple(dict.fromkeys(nodes)), unit, frames[0]))
+        elif isinstance(entry, TorqueInput):
+            bodies = [find.moving(find.body(n, *keys, "bodies"), *keys, "bodies") for n in entry.bodies]
+            frames = [find.frame(entry.frame, body, *keys, "frame") for body in bodies]
+            unit = _unit(entry.direction, find.where, *keys, "direction")
+            built.append(BodyInput(entry.name, "torque", tuple(dict.fromkeys(bodies)), unit, frames[0]))
         else:
-            problem, location = "a scene of bodies has no nodes", key_path(find.where, *place, "kind")
+            problem, location = "a scene of bodies has no nodes", key_path(find.where, *keys, "kind")
             allowed = "rest_length, temperature, point_force, torque"
             hint = 'kind = "point_force" with points = ["body.point"]'
-            raise InvalidValueError(problem, where=location, given=item.kind, allowed=allowed, hint=hint)
+            raise InvalidValueError(problem, where=location, given=entry.kind, allowed=allowed, hint=hint)
     return tuple(built)
 
 
@@ -168,7 +168,7 @@ def three_numbers(vector: Sequence[float], where: str, *place: str | int) -> Vec
     if len(vector) != 3:
         problem, location = "a vector of the wrong size", key_path(where, *place)
         raise InvalidValueError(problem, where=location, given=list(vector), allowed="3 numbers")
-    x, y, z = (float(part) for part in vector)
+    x, y, z = (float(number) for number in vector)
     return (x, y, z)
 
 
@@ -237,13 +237,13 @@ def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, Mod
     load, turning = build_body_loads(scene, find)
     inputs = build_body_inputs(scene, targets, find, system)
     rigid = np.zeros(system.n_members, dtype=np.bool_)
-    actuators = build_actuators(scene.actuators, [item.name for item in inputs], targets, rigid)
+    actuators = build_actuators(scene.actuators, [entry.name for entry in inputs], targets, rigid)
     system = system.with_changes(
         groups=targets.groups,
         node_load=load,
         loads=turning,
-        friction=tuple(build_friction(item, k, find) for k, item in enumerate(scene.joint_friction)),
-        inputs=(*inputs, *(BodyInput(item.name, "rest_length", item.members) for item in actuators)),
+        friction=tuple(build_friction(entry, k, find) for k, entry in enumerate(scene.joint_friction)),
+        inputs=(*inputs, *(BodyInput(entry.name, "rest_length", entry.members) for entry in actuators)),
         actuators=actuators,
         sensors=build_sensors(scene.sensors, targets, find.point),
         interference=_watch_bars(scene, system, where),

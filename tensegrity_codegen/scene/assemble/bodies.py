@@ -52,14 +52,14 @@ def build_bodies_of_scene(tables: Mapping[str, Table], where: str) -> BuiltBodie
     q: list[float] = []
     v: list[float] = []
     for name, table in tables.items():
-        place = key_path(where, "bodies", name)
+        location = key_path(where, "bodies", name)
         if isinstance(table, BarBody):
-            bar, angles, rates = _bar(name, table, node, place)
+            bar, angles, rates = _bar(name, table, node, location)
             bodies.append(bar)
             q += [*(() if bar.held else table.centre or ()), *angles]
             v += [*(() if bar.held else table.centre_velocity or (0.0, 0.0, 0.0)), *rates]
         elif isinstance(table, RigidPart):
-            bodies.append(_rigid(name, table, place))
+            bodies.append(_rigid(name, table, location))
             q += [*_radians(table.psi_deg, table.phi_deg, table.theta_deg), *table.centre]
             v += [
                 *_radians(table.psi_rate_deg, table.phi_rate_deg, table.theta_rate_deg),
@@ -87,7 +87,7 @@ def _points(tables: Mapping[str, Table], where: str) -> tuple[list[str], list[in
     """Return names "body.point", bodies and places of all points."""
     names: list[str] = []
     owners: list[int] = []
-    places: list[tuple[float, ...]] = []
+    positions: list[tuple[float, ...]] = []
     for row, (body, table) in enumerate(tables.items()):
         points: dict[str, tuple[float, ...]]
         if isinstance(table, BarBody):
@@ -103,19 +103,19 @@ def _points(tables: Mapping[str, Table], where: str) -> tuple[list[str], list[in
             points = dict(table.points)
         names += [f"{body}.{point}" for point in points]
         owners += [row] * len(points)
-        places += points.values()
+        positions += points.values()
     _check_c_names(names, where)
-    return names, owners, places
+    return names, owners, positions
 
 
 def _check_c_names(names: Sequence[str], where: str) -> None:
     """Raise DuplicateNameError where two points have one name in C, as "a_b.c" and "a.b_c"."""
     seen: dict[str, str] = {}
     for name in names:
-        other = seen.setdefault(name.replace(".", "_"), name)
-        if other != name:
+        earlier = seen.setdefault(name.replace(".", "_"), name)
+        if earlier != name:
             raise DuplicateNameError(
-                f"the point has the same name in C as {other}",
+                f"the point has the same name in C as {earlier}",
                 where=key_path(where, "bodies", *name.split(".")),
                 given=name.replace(".", "_"),
                 allowed="bodies and points whose names joined by _ differ",
@@ -139,12 +139,14 @@ def _bar(
         is_met, hint = inertia > 0, "omit it for the inertia of a uniform bar"
         _need(is_met, "a free bar without inertia", f"{place}.inertia", inertia, "more than 0 [kg m2]", hint)
     else:
-        given = table.centre or table.centre_velocity
-        is_met, allowed = given is None, "anchor or centre, not both"
-        _need(is_met, "a held bar has no position of its own", f"{place}.centre", given, allowed, "remove it")
-        others = [point for point in node if not point.startswith(f"{name}.") or point == table.anchor]
+        position = table.centre or table.centre_velocity
+        is_met, allowed = position is None, "anchor or centre, not both"
+        _need(
+            is_met, "a held bar has no position of its own", f"{place}.centre", position, allowed, "remove it"
+        )
+        points = [point for point in node if not point.startswith(f"{name}.") or point == table.anchor]
         problem = "the bar is held at a point that does not exist"
-        check_known(table.anchor, others, problem, '"body.point"', f"{place}.anchor")
+        check_known(table.anchor, points, problem, '"body.point"', f"{place}.anchor")
     chart, polar, azimuth = _chart(table, place)
     bar = Bar(
         name,
@@ -161,8 +163,8 @@ def _bar(
 
 
 def _bar_mass(table: BarBody, place: str) -> float:
-    given = {"mass": table.mass, "density": table.density}
-    is_met = sum(value is not None for value in given.values()) == 1
+    stated = {"mass": table.mass, "density": table.density}
+    is_met = sum(value is not None for value in stated.values()) == 1
     problem = "a body without mass" if table.mass is None else "mass and density cannot be given together"
     allowed = "one of mass [kg], density [kg/m3] with radius"
     _need(is_met, problem, f"{place}.mass", table.mass, allowed, "every body that moves needs a mass")

@@ -40,23 +40,22 @@ def find_bar_pairs(
     """
     if wanted.pairs == "all":
         return None
-    found: dict[frozenset[int], tuple[int, int]] = {}
+    pairs: dict[frozenset[int], tuple[int, int]] = {}
     for number, names in enumerate(wanted.pairs):
-        place = key_path(where, "interference", "pairs", number)
+        location = key_path(where, "interference", "pairs", number)
         for name in names:
-            _check_bar(name, bars, radius, place)
-        first, second = names
-        if set(joints[first]) & set(joints[second]):
+            _check_bar(name, bars, radius, location)
+        bar_a, bar_b = names
+        if set(joints[bar_a]) & set(joints[bar_b]):
             problem = "these bars share a node, so that they always touch"
             allowed, hint = "two bars that share no node", "take the pair out of the list"
-            raise InvalidValueError(problem, where=place, given=list(names), allowed=allowed, hint=hint)
-        pair = bars[first], bars[second]
-        if frozenset(pair) in found:
-            raise DuplicateNameError(
-                "the pair of bars is listed twice", where=place, given=list(names), allowed="each pair once"
-            )
-        found[frozenset(pair)] = pair
-    return tuple(found.values())
+            raise InvalidValueError(problem, where=location, given=list(names), allowed=allowed, hint=hint)
+        pair = bars[bar_a], bars[bar_b]
+        if frozenset(pair) in pairs:
+            problem = "the pair of bars is listed twice"
+            raise DuplicateNameError(problem, where=location, given=list(names), allowed="each pair once")
+        pairs[frozenset(pair)] = pair
+    return tuple(pairs.values())
 
 
 def build_collision(stated: Interference, where: str) -> Collision | None:
@@ -65,8 +64,8 @@ def build_collision(stated: Interference, where: str) -> Collision | None:
     Raises InvalidValueError for damping that is given twice, an unknown exponent, and keys without stiffness.
     """
     impact = stated.restitution
-    given = {key: getattr(stated, key) for key in ("restitution", "dissipation")}
-    idle = [key for key, value in given.items() if value is not None]
+    damping = {key: getattr(stated, key) for key in ("restitution", "dissipation")}
+    idle = [key for key, value in damping.items() if value is not None]
     rules = (
         (stated.exponent in EXPONENTS, "not an exponent of the contact force", "exponent", "1 or 1.5"),
         (
@@ -166,9 +165,9 @@ class _Table:
     def require(self, is_met: bool, problem: str, key: str, allowed: str, hint: str = "") -> None:
         """Raise InvalidValueError about one key unless a condition is met."""
         if not is_met:
-            place = key_path(self.where, "ground", key)
-            given = getattr(self.stated, key)
-            raise InvalidValueError(problem, where=place, given=given, allowed=allowed, hint=hint)
+            location = key_path(self.where, "ground", key)
+            value = getattr(self.stated, key)
+            raise InvalidValueError(problem, where=location, given=value, allowed=allowed, hint=hint)
 
     def check_alternatives(self) -> None:
         """Raise InvalidValueError for keys that exclude each other, lack each other or are out of range."""
@@ -177,15 +176,15 @@ class _Table:
         damped_twice = stated.restitution is not None and stated.dissipation is not None
         turned_twice = stated.slope_deg is not None and stated.normal is not None
         low = static is not None and static < stated.friction
-        need, one = self.require, "one of stiffness [N/m] and penetration [m], the depth at rest"
-        need(has_stiffness or has_depth, "the ground has no stiffness", "stiffness", one)
-        need(not (has_stiffness and has_depth), "the stiffness is given twice", "penetration", one)
-        one = "one of restitution = { value, speed } and dissipation [s/m]"
-        need(not damped_twice, "the damping of impacts is given twice", "dissipation", one)
+        need, alternatives = self.require, "one of stiffness [N/m] and penetration [m], the depth at rest"
+        need(has_stiffness or has_depth, "the ground has no stiffness", "stiffness", alternatives)
+        need(not (has_stiffness and has_depth), "the stiffness is given twice", "penetration", alternatives)
+        alternatives = "one of restitution = { value, speed } and dissipation [s/m]"
+        need(not damped_twice, "the damping of impacts is given twice", "dissipation", alternatives)
         need(not turned_twice, "the normal is given twice", "slope_deg", "one of normal and slope_deg")
         need(stated.exponent in EXPONENTS, "not an exponent of the contact force", "exponent", "1 or 1.5")
-        least = f"at least {stated.friction:g}, the friction"
-        need(not low, "the static friction is below the friction", "static_friction", least)
+        range_text = f"at least {stated.friction:g}, the friction"
+        need(not low, "the static friction is below the friction", "static_friction", range_text)
         without = bool(static) and not stated.friction
         need(not without, "static friction without friction", "static_friction", "with friction > 0")
 
@@ -199,36 +198,36 @@ class _Table:
             normal[axes[0]] = math.sin(angle)
             normal[axes[-1]] = math.cos(angle)
             return normal
-        place = ("ground", "normal")
-        vector: FloatArray = spread_vectors([stated.normal], axes, [place], self.where)[0]
+        keys = ("ground", "normal")
+        vector: FloatArray = spread_vectors([stated.normal], axes, [keys], self.where)[0]
         check_normal(vector, axes, self.where)
         if abs(float(np.linalg.norm(vector)) - 1.0) <= ROUNDING:  # as it is written: reads back bit-equal
             return vector
-        return np.array(normalise(vector, stated.normal, key_path(self.where, *place)))
+        return np.array(normalise(vector, stated.normal, key_path(self.where, *keys)))
 
     def find_velocity(self, normal: FloatArray, axes: tuple[int, ...]) -> FloatArray:
         """Return the velocity of a belt without what rounding leaves of it along the normal, (3,) [m/s]."""
-        given, place = self.stated.velocity, ("ground", "velocity")
-        velocity: FloatArray = spread_vectors([given], axes, [place], self.where)[0]
+        stated, keys = self.stated.velocity, ("ground", "velocity")
+        velocity: FloatArray = spread_vectors([stated], axes, [keys], self.where)[0]
         outside = [axis for axis in range(3) if axis not in axes and velocity[axis] != 0]
         if outside:
             letter = "xyz"[outside[0]]
             problem = f"a velocity along {letter}, an axis that the scene does not model"
-            location, allowed = key_path(self.where, *place), f"0 along {letter}"
-            raise StructureError(problem, where=location, given=list(given or ()), allowed=allowed)
+            location, allowed = key_path(self.where, *keys), f"0 along {letter}"
+            raise StructureError(problem, where=location, given=list(stated or ()), allowed=allowed)
         largest = float(np.abs(velocity).max())
         unit = velocity / largest if largest else velocity
-        speed, part = float(np.linalg.norm(unit)), float(unit @ normal)
-        along: FloatArray = (unit - part * normal) * largest
+        speed, normal_speed = float(np.linalg.norm(unit)), float(unit @ normal)
+        along: FloatArray = (unit - normal_speed * normal) * largest
         shown = ", ".join(f"{along[axis]:.9g}" for axis in axes)
         self.require(
-            abs(part) <= MAX_NORMAL_PART * speed,
+            abs(normal_speed) <= MAX_NORMAL_PART * speed,
             "the belt moves along the normal of the ground",
             "velocity",
             "a velocity along the plane",
             f"the part along the plane: velocity = [{shown}]",
         )
-        return along if abs(part) > ROUNDING * speed else velocity
+        return along if abs(normal_speed) > ROUNDING * speed else velocity
 
     def find_contacts(self, subject: Subject, normal: FloatArray, node_of: Mapping[str, int]) -> IntArray:
         """Return the nodes that can touch the ground, ascending."""
@@ -239,11 +238,11 @@ class _Table:
             self.require(node.size > 0, problem, "contacts", "nodes that can")
             return node
         for number, name in enumerate(names):
-            place = ("ground", "contacts", number)
-            check_known(name, node_of, "the contact is not defined", _allowed(node_of), self.where, *place)
+            keys = ("ground", "contacts", number)
+            check_known(name, node_of, "the contact is not defined", _allowed(node_of), self.where, *keys)
             if name in names[:number]:
                 raise DuplicateNameError(
-                    "the contact is listed twice", where=key_path(self.where, *place), given=name
+                    "the contact is listed twice", where=key_path(self.where, *keys), given=name
                 )
         return np.array(sorted(node_of[name] for name in names), dtype=np.int64)
 

@@ -34,29 +34,29 @@ def build_actuators(
     input_name: names of the inputs; rigid: (n_members,), members that have no rest length to change.
     Raises DuplicateNameError, UnknownNameError or InvalidValueError, with file and key.
     """
-    taken = dict.fromkeys(input_name, "an input")
+    owner_of_name = dict.fromkeys(input_name, "an input")
     built: list[Actuator] = []
-    for number, item in enumerate(stated):
-        place = ("actuators", number)
-        if item.name in taken:
+    for number, actuator in enumerate(stated):
+        keys = ("actuators", number)
+        if actuator.name in owner_of_name:
             raise DuplicateNameError(
-                f"the name is that of {taken[item.name]} already",
-                where=key_path(targets.where, *place, "name"),
-                given=item.name,
+                f"the name is that of {owner_of_name[actuator.name]} already",
+                where=key_path(targets.where, *keys, "name"),
+                given=actuator.name,
                 allowed="a name that no other input or actuator has; an actuator is an input too",
                 hint="rename it, or remove the other one",
             )
-        taken[item.name] = "another actuator"
-        members = _find_members(item.members, targets, *place, "members")
+        owner_of_name[actuator.name] = "another actuator"
+        members = _find_members(actuator.members, targets, *keys, "members")
         problem = "a rigid bar has no rest length to change"
-        refuse_members(members, rigid, problem, targets, (*place, "members"))
-        named = (item.members,) if isinstance(item.members, str) else item.members
-        own = np.isin(targets.member_name, named)
+        refuse_members(members, rigid, problem, targets, (*keys, "members"))
+        named = (actuator.members,) if isinstance(actuator.members, str) else actuator.members
+        is_named = np.isin(targets.member_name, named)
         problem = "the rest length of a cable in pieces has no actuator, but an input or a single piece"
-        refuse_members(members, ~own & (targets.share != 1.0), problem, targets, (*place, "members"))
-        limits = _find_range(item, key_path(targets.where, *place, "range"))
-        rate = Actuator.rate if item.rate is None else item.rate
-        built.append(Actuator(item.name, members, rate, limits, item.delay, item.time_constant))
+        refuse_members(members, ~is_named & (targets.share != 1.0), problem, targets, (*keys, "members"))
+        limits = _find_range(actuator, key_path(targets.where, *keys, "range"))
+        rate = Actuator.rate if actuator.rate is None else actuator.rate
+        built.append(Actuator(actuator.name, members, rate, limits, actuator.delay, actuator.time_constant))
     return tuple(built)
 
 
@@ -71,32 +71,32 @@ def build_sensors(
     Raises DuplicateNameError, UnknownNameError or InvalidValueError, with file and key.
     """
     built: list[Sensor] = []
-    for number, item in enumerate(stated):
-        name = item.name or ""
-        if name and any(name == other.name for other in built):
+    for number, sensor in enumerate(stated):
+        name = sensor.name or ""
+        if name and any(name == earlier.name for earlier in built):
             problem = "two sensors under one name"
             location, hint = key_path(targets.where, "sensors", number, "name"), "rename one of the two"
             raise DuplicateNameError(problem, where=location, given=name, allowed="each name once", hint=hint)
-        if isinstance(item, MemberSensor):
+        if isinstance(sensor, MemberSensor):
             every = tuple(range(len(targets.member_name)))
-            place = ("sensors", number, "members")
-            rows = every if item.members == "all" else _find_members(item.members, targets, *place)
+            keys = ("sensors", number, "members")
+            rows = every if sensor.members == "all" else _find_members(sensor.members, targets, *keys)
         else:
-            rows = _find_nodes(item, number, targets, find_point)
-        built.append(Sensor(item.kind, rows, item.noise, name))
+            rows = _find_nodes(sensor, number, targets, find_point)
+        built.append(Sensor(sensor.kind, rows, sensor.noise, name))
     return tuple(built)
 
 
 def _find_range(item: ActuatorTable, where: str) -> tuple[float, float]:
     if item.range is None:
         return UNLIMITED
-    least, most = item.range
-    if not least < most:
+    lower, upper = item.range
+    if not lower < upper:
         problem = "the range of rest lengths is reversed or empty"
         allowed = "[least, largest] rest length [m], the first less than the second"
-        hint = f"range = [{most:g}, {least:g}]" if most < least else "remove the key for no limit"
-        raise InvalidValueError(problem, where=where, given=[least, most], allowed=allowed, hint=hint)
-    return (least, most)
+        hint = f"range = [{upper:g}, {lower:g}]" if upper < lower else "remove the key for no limit"
+        raise InvalidValueError(problem, where=where, given=[lower, upper], allowed=allowed, hint=hint)
+    return (lower, upper)
 
 
 def _find_members(names: str | Sequence[str], targets: Targets, *place: str | int) -> tuple[int, ...]:
@@ -110,30 +110,33 @@ def _find_nodes(
     item: NodeSensor, number: int, targets: Targets, find_point: Callable[..., int] | None
 ) -> tuple[int, ...]:
     """Return the nodes of a sensor: named as nodes, or in a scene of bodies as points."""
-    key, other = ("nodes", "points") if find_point is None else ("points", "nodes")
-    wanted = getattr(item, key)
-    if getattr(item, other) not in (None, "all") or (getattr(item, other) and wanted):
-        what = "nodes, which have no bodies" if find_point is None else "bodies, which have no nodes"
-        problem, location = f"this scene is one of {what}", key_path(targets.where, "sensors", number, other)
-        hint = f"use {key} in place of {other}"
-        raise InvalidValueError(
-            problem, where=location, given=getattr(item, other), allowed=f"the key {key!r}", hint=hint
+    key, foreign_key = ("nodes", "points") if find_point is None else ("points", "nodes")
+    requested = getattr(item, key)
+    if getattr(item, foreign_key) not in (None, "all") or (getattr(item, foreign_key) and requested):
+        kind = "nodes, which have no bodies" if find_point is None else "bodies, which have no nodes"
+        problem, location = (
+            f"this scene is one of {kind}",
+            key_path(targets.where, "sensors", number, foreign_key),
         )
-    wanted = wanted or getattr(item, other)
-    if wanted is None:
+        hint = f"use {key} in place of {foreign_key}"
+        raise InvalidValueError(
+            problem, where=location, given=getattr(item, foreign_key), allowed=f"the key {key!r}", hint=hint
+        )
+    requested = requested or getattr(item, foreign_key)
+    if requested is None:
         problem, location = "a needed key is missing", key_path(targets.where, "sensors", number, key)
         allowed = 'names of nodes, or "all"' if find_point is None else '"body.point"; nodes = "all"'
         raise InvalidValueError(problem, where=location, allowed=allowed, hint=f"add {key!r}")
-    if wanted == "all":
+    if requested == "all":
         return tuple(range(len(targets.node_name)))
-    place = ("sensors", number, key)
+    keys = ("sensors", number, key)
 
     def find(name: str) -> tuple[int, ...]:
         if find_point is None:
-            return targets.find_nodes([name], *place)
-        return (find_point(name, *place),)
+            return targets.find_nodes([name], *keys)
+        return (find_point(name, *keys),)
 
-    return _find_each_once(wanted, find, targets.node_name, targets.where, place)
+    return _find_each_once(requested, find, targets.node_name, targets.where, keys)
 
 
 def _find_each_once(
@@ -170,8 +173,8 @@ Subject = Structure | BodySystem
 
 def with_section(subject: Subject) -> BoolArray:
     """Return which members have a section, (n_members,)."""
-    found: BoolArray = subject.radius > 0
-    return found
+    is_round: BoolArray = subject.radius > 0
+    return is_round
 
 
 def find_limited(subject: Subject) -> dict[str, BoolArray]:
@@ -242,12 +245,12 @@ class _MemberValues:
 
     def set_named(self, table: MemberLimits, rows: NDArray[np.int64], section: str, name: str) -> None:
         """Set the limits of members that were named; raises InvalidValueError where one has no meaning."""
-        place = ("limits", section, name)
+        keys = ("limits", section, name)
         for key in MEMBER_LIMITS:
             value = getattr(table, key)
             if value is not None and value is not False:
-                self._check_members(key, rows, key_path(self.where, *place, key), value)
-            self.set(table, key, rows, *place)
+                self._check_members(key, rows, key_path(self.where, *keys, key), value)
+            self.set(table, key, rows, *keys)
 
     def _check_members(self, key: str, rows: NDArray[np.int64], place: str, value: Any) -> None:
         """Raise InvalidValueError unless the limit has a meaning for each of these members."""
@@ -274,16 +277,18 @@ class _MemberValues:
 
     def check_order(self) -> None:
         """Raise InvalidValueError for a least tension above the largest one of the same member."""
-        least, most = self.values["least_tension"], self.values["most_tension"]
-        wrong = np.flatnonzero(least > most)
+        lower, upper = self.values["least_tension"], self.values["most_tension"]
+        wrong = np.flatnonzero(lower > upper)
         if not wrong.size:
             return
-        row, more = int(wrong[0]), f" (and of {wrong.size - 1} more)" if wrong.size > 1 else ""
-        problem = f"the least tension of member {self.member_name[row]}{more} is above its largest tension"
+        row, others_text = int(wrong[0]), f" (and of {wrong.size - 1} more)" if wrong.size > 1 else ""
+        problem = (
+            f"the least tension of member {self.member_name[row]}{others_text} is above its largest tension"
+        )
         location = f"{self.where}: {self._source['least_tension'][row]}"
-        allowed = f"at most {most[row]:g} N, the value of {self._source['most_tension'][row]}"
+        allowed = f"at most {upper[row]:g} N, the value of {self._source['most_tension'][row]}"
         hint = "lower least_tension, or raise most_tension"
-        raise InvalidValueError(problem, where=location, given=float(least[row]), allowed=allowed, hint=hint)
+        raise InvalidValueError(problem, where=location, given=float(lower[row]), allowed=allowed, hint=hint)
 
 
 def _check_all(stated: LimitsTable, subject: Subject, where: str) -> None:
@@ -327,7 +332,7 @@ def _check_name(
     if name in known:
         return
     section = {"class": "classes", "member": "members"}
-    kind = next((word for word, names in others.items() if name in names), "")
+    kind = next((section_kind for section_kind, names in others.items() if name in names), "")
     hint = suggest(name, known)
     if kind:
         hint = f"{name!r} is a {kind}: " + (

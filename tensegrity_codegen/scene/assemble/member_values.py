@@ -59,12 +59,14 @@ def find_section(section: str | SectionTable, place: str) -> RoundSection:
     the radius.
     """
     if isinstance(section, str):
-        known, match = list_catalogue(), _NAME.fullmatch(section)
+        catalogue, match = list_catalogue(), _NAME.fullmatch(section)
         name = f"CHS {float(match[1]):g}x{float(match[2]):g}" if match else section
-        if name not in known:
+        if name not in catalogue:
             problem = "the catalogue has no section of that name"
-            allowed = f"{len(known)} hollow sections of EN 10210-2, {known[0]} to {known[-1]} [mm]"
-            hint = suggest(name, known) or "{ tube = [outer diameter, wall] } or { rod = diameter } [m]"
+            allowed = (
+                f"{len(catalogue)} hollow sections of EN 10210-2, {catalogue[0]} to {catalogue[-1]} [mm]"
+            )
+            hint = suggest(name, catalogue) or "{ tube = [outer diameter, wall] } or { rod = diameter } [m]"
             raise InvalidValueError(problem, where=place, given=section, allowed=allowed, hint=hint)
         diameter, wall = (float(number) / 1000 for number in name.removeprefix("CHS ").split("x"))
         return RoundSection(diameter / 2, diameter / 2 - wall)
@@ -94,8 +96,8 @@ def put_radii(row: Row, place: str) -> Row:
             given=row.section if isinstance(row.section, str) else row.section.model_dump(exclude_none=True),
             allowed="section, or radius with or without inner_radius",
         )
-    found = find_section(row.section, f"{place}.section")
-    return row.model_copy(update={"section": None, **vars(found)})
+    radii = find_section(row.section, f"{place}.section")
+    return row.model_copy(update={"section": None, **vars(radii)})
 
 
 Columns = dict[str, FloatArray]  # one value a row, NaN where the scene gives none
@@ -134,12 +136,16 @@ def resolve_values(
         row if row.section is None else put_radii(row, key_path(where, "members", name))
         for name, row in members.items()
     ]
-    class_values, own = _columns(shared), _columns(rows)
+    class_values, member_values = _columns(shared), _columns(rows)
     class_slack, own_slack = _tension_only(shared), _tension_only(rows)
     _check_values(class_values, class_slack, class_is_bar, tuple(classes), "classes", where)
-    _check_values(own, own_slack, is_bar, names, "members", where)
+    _check_values(member_values, own_slack, is_bar, names, "members", where)
     chosen = np.where(np.isnan(own_slack), np.append(class_slack, np.nan)[index], own_slack)
-    return _put_stiffness(_inherit(own, class_values, index), names, where), is_bar, ~is_bar & (chosen != 0)
+    return (
+        _put_stiffness(_inherit(member_values, class_values, index), names, where),
+        is_bar,
+        ~is_bar & (chosen != 0),
+    )
 
 
 def _put_stiffness(values: Columns, names: tuple[str, ...], where: str) -> Columns:
@@ -169,14 +175,14 @@ def _class_index(
     for name, row in zip(names, rows, strict=True):
         if (row.class_name is None) != (row.kind is None) and (row.kind or row.class_name in index):
             continue
-        place = key_path(where, "members", name)
+        location = key_path(where, "members", name)
         if row.class_name is not None:
             problem, allowed = "the member class is not defined", "the name of a table [classes.<name>]"
-            check_known(row.class_name, index, problem, allowed, f"{place}.class")
-        both = row.kind is not None
+            check_known(row.class_name, index, problem, allowed, f"{location}.class")
+        has_kind = row.kind is not None
         raise InvalidValueError(
-            "a member of a class takes its kind from the class" if both else "neither a class nor a kind",
-            where=f"{place}.kind" if both else place,
+            "a member of a class takes its kind from the class" if has_kind else "neither a class nor a kind",
+            where=f"{location}.kind" if has_kind else location,
             given=row.kind,
             allowed="either class or kind",
         )
@@ -212,7 +218,7 @@ def _check_values(
 ) -> None:
     """Raise for values that the kind of member does not have, or that say one thing twice."""
     for key in (*BAR_ONLY, *CABLE_ONLY):
-        kind, other = ("cable", "bar") if key in BAR_ONLY else ("bar", "cable")
+        kind, owner_kind = ("cable", "bar") if key in BAR_ONLY else ("bar", "cable")
         refuse(
             (~is_bar if key in BAR_ONLY else is_bar) & (values[key] > 0),
             InvalidValueError,
@@ -222,7 +228,7 @@ def _check_values(
             where=where,
             key=key,
             given=values[key],
-            allowed=f"only for {other}s",
+            allowed=f"only for {owner_kind}s",
             hint="mass_per_length" if key == "density" else "",
         )
     refuse(
@@ -249,14 +255,14 @@ def _check_alternatives(
     if not bad.any():
         return
     row = int(np.argmax(bad))
-    given = {key: float(values[key][row]) for key, here in zip(group, present, strict=True) if here[row]}
+    stated = {key: float(values[key][row]) for key, here in zip(group, present, strict=True) if here[row]}
     refuse(
         bad,
         InvalidValueError,
-        f"{' and '.join(given)} cannot be given together",
+        f"{' and '.join(stated)} cannot be given together",
         section=section,
         names=names,
         where=where,
-        given={row: given},
+        given={row: stated},
         allowed=f"at most one of {', '.join(group)}",
     )

@@ -26,9 +26,9 @@ def build_node_arrays(nodes: Mapping[str, Node], axes: tuple[int, ...], where: s
     """
     names = tuple(nodes)
     rows = list(nodes.values())
-    places = [("nodes", name) for name in names]
-    position = spread_vectors([row.position for row in rows], axes, [(*p, "position") for p in places], where)
-    velocity = spread_vectors([row.velocity for row in rows], axes, [(*p, "velocity") for p in places], where)
+    paths = [("nodes", name) for name in names]
+    position = spread_vectors([row.position for row in rows], axes, [(*p, "position") for p in paths], where)
+    velocity = spread_vectors([row.velocity for row in rows], axes, [(*p, "velocity") for p in paths], where)
     return {
         "node_name": names,
         "node_position": position,
@@ -71,8 +71,10 @@ def _anchored(
             location = key_path(where, "nodes", name, "anchored")
             allowed = f"true, false, or some of {modelled!r}"
             raise InvalidValueError(problem, where=location, given=row.anchored, allowed=allowed)
-    flags = {word: tuple(axis in word for axis in "xyz") for word in set(letters)}
-    return np.array([flags[word] for word in letters], dtype=np.bool_).reshape(-1, 3)
+    flags = {
+        letters_of_node: tuple(axis in letters_of_node for axis in "xyz") for letters_of_node in set(letters)
+    }
+    return np.array([flags[letters_of_node] for letters_of_node in letters], dtype=np.bool_).reshape(-1, 3)
 
 
 def build_node_load(
@@ -86,10 +88,10 @@ def build_node_load(
     for number, load in enumerate(loads):
         problem, allowed = "a load on a node that is not defined", "the name of a node"
         check_known(load.node, index, problem, allowed, where, "loads", number, "node")
-    places = [("loads", number, "force") for number in range(len(loads))]
+    paths = [("loads", number, "force") for number in range(len(loads))]
     total = np.zeros((len(names), 3))
     target = np.array([index[load.node] for load in loads], dtype=np.int64)
-    np.add.at(total, target, spread_vectors([load.force for load in loads], axes, places, where))
+    np.add.at(total, target, spread_vectors([load.force for load in loads], axes, paths, where))
     return total
 
 
@@ -106,17 +108,17 @@ def build_member_arrays(
     the member and key named.
     """
     names, rows = tuple(members), list(members.values())
-    given, is_bar, tension_only = resolve_values(classes, members, where)
-    _check_needed(given, names, is_bar, where)
+    values, is_bar, tension_only = resolve_values(classes, members, where)
+    _check_needed(values, names, is_bar, where)
     connectivity, ring_nodes = _find_nodes(names, rows, node_name, where)
     strands = list_strands(connectivity, ring_nodes)
-    slack_length = np.where(tension_only & ~(given["segments"] > 1), given["rest_length"], np.nan)
+    slack_length = np.where(tension_only & ~(values["segments"] > 1), values["rest_length"], np.nan)
     check_connectivity(strands, names, node_name, node_position, slack_length, where)
     length = strands.lengths(node_position)
-    stiffness = {key: _or_zero(given[key]) for key in STIFFNESS}
-    laws = _find_laws(given, names, is_bar, where)
-    rest_length = _rest_length({**given, **stiffness}, laws, length, tension_only, names, where)
-    expansion = _or_zero(given["thermal_expansion"])
+    stiffness = {key: _or_zero(values[key]) for key in STIFFNESS}
+    laws = _find_laws(values, names, is_bar, where)
+    rest_length = _rest_length({**values, **stiffness}, laws, length, tension_only, names, where)
+    expansion = _or_zero(values["thermal_expansion"])
     return {
         "member_name": names,
         "member_class": tuple(row.class_name or "" for row in rows),
@@ -126,15 +128,15 @@ def build_member_arrays(
         "tension_only": tension_only,
         "rest_length": rest_length,
         **stiffness,
-        "damping": _or_zero(given["damping"]),
-        "member_mass": _member_mass(given, length, rest_length),
-        "segments": np.where(np.isnan(given["segments"]), 1, given["segments"]).astype(np.int64),
-        "radius": _or_zero(given["radius"]),
+        "damping": _or_zero(values["damping"]),
+        "member_mass": _member_mass(values, length, rest_length),
+        "segments": np.where(np.isnan(values["segments"]), 1, values["segments"]).astype(np.int64),
+        "radius": _or_zero(values["radius"]),
         # None where no member is a tube
-        "inner_radius": _or_zero(given["inner_radius"]) if (given["inner_radius"] > 0).any() else None,
+        "inner_radius": _or_zero(values["inner_radius"]) if (values["inner_radius"] > 0).any() else None,
         "thermal_expansion": expansion if expansion.any() else None,
         "law_parameter": _law_parameter(
-            {**given, **stiffness},
+            {**values, **stiffness},
             laws,
             compute_spring_constant(**stiffness, rest_length=rest_length),
             names,
@@ -151,8 +153,8 @@ def compute_rest_length(
     For linear springs. k: rho = l - t / k. EA: rho = EA l / (EA + t). The stiffness is the one that is not
     zero. A result that is not positive or not finite means that no rest length does it.
     """
-    given = {"spring_constant": spring_constant, "axial_stiffness": axial_stiffness}
-    return LINEAR.find_rest_length(length, tension, given)
+    stiffness = {"spring_constant": spring_constant, "axial_stiffness": axial_stiffness}
+    return LINEAR.find_rest_length(length, tension, stiffness)
 
 
 def _find_nodes(
@@ -196,7 +198,7 @@ def _check_needed(given: Columns, names: tuple[str, ...], is_bar: BoolArray, whe
 
 def _find_laws(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where: str) -> dict[Law, BoolArray]:
     """Return the members of each law; raise for a law that lacks a value or belongs to a rigid bar."""
-    others, laws = np.ones(len(names), dtype=np.bool_), {}
+    is_linear, laws = np.ones(len(names), dtype=np.bool_), {}
     for law in LAWS:
         groups = (*law.keys, *law.optional_keys)
         present = [~np.all([np.isnan(given[key]) for key in group], axis=0) for group in groups]
@@ -214,21 +216,21 @@ def _find_laws(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where:
                 allowed="; ".join(" or ".join(keys) for keys in law.keys),
                 hint="give it to the member or to its class",
             )
-        is_bad, problem = mask & ~others, "a member of two laws"
+        is_bad, problem = mask & ~is_linear, "a member of two laws"
         allowed = "the values of one law"
         refuse(
             is_bad, InvalidValueError, problem, section="members", names=names, where=where, allowed=allowed
         )
         laws[law] = mask
-        others &= ~mask
-    return {LINEAR: others, **laws}
+        is_linear &= ~mask
+    return {LINEAR: is_linear, **laws}
 
 
 def _law_parameter(
     given: Columns, laws: Mapping[Law, BoolArray], mu: FloatArray, names: tuple[str, ...], where: str
 ) -> dict[str, FloatArray]:
     """Return the parameters of laws that some members have, 0 where a member has another one."""
-    found: dict[str, FloatArray] = {}
+    parameters: dict[str, FloatArray] = {}
     for law, mask in laws.items():
         if law.parameters and mask.any():
             refuse(
@@ -241,19 +243,19 @@ def _law_parameter(
                 allowed="only with spring_constant or axial_stiffness",
             )
             chosen = {key: np.where(mask, values, np.nan) for key, values in given.items()}
-            found |= {name: _or_zero(values) for name, values in law.find_parameters(chosen, mu).items()}
-            first = law.parameters[0].name
+            parameters |= {name: _or_zero(values) for name, values in law.find_parameters(chosen, mu).items()}
+            parameter = law.parameters[0].name
             refuse(
-                mask & (found[first] == 0),
+                mask & (parameters[parameter] == 0),
                 InvalidValueError,
-                f"{first} is zero",
+                f"{parameter} is zero",
                 section="members",
                 names=names,
                 where=where,
-                key=first,
+                key=parameter,
                 allowed="not 0",
             )
-    return found
+    return parameters
 
 
 def _rest_length(
@@ -275,14 +277,14 @@ def _rest_length(
     for law, mask in laws.items():
         chosen = {key: values[mask] for key, values in given.items()}
         by_tension[mask] = law.find_rest_length(length[mask], tension[mask], chosen)
-    rest = np.where(np.isnan(given["prestress"]), length, by_tension)
-    bad = ~((rest > 0) & np.isfinite(rest)) & np.isnan(given["rest_length"])
+    rest_length = np.where(np.isnan(given["prestress"]), length, by_tension)
+    bad = ~((rest_length > 0) & np.isfinite(rest_length)) & np.isnan(given["rest_length"])
     problem = "no rest length gives this prestress: it would not be positive"
     allowed = _prestress_limit(int(np.argmax(bad)), given, length, laws) if bad.any() else ""
     hint = "check the units of prestress [N] and stiffness ([N/m] or [N])"
     refuse_prestress(bad, InvalidValueError, problem, allowed=allowed, hint=hint)
-    rest = np.where(np.isnan(given["strain"]), rest, length / (1 + _or_zero(given["strain"])))
-    return np.where(np.isnan(given["rest_length"]), rest, given["rest_length"])
+    rest_length = np.where(np.isnan(given["strain"]), rest_length, length / (1 + _or_zero(given["strain"])))
+    return np.where(np.isnan(given["rest_length"]), rest_length, given["rest_length"])
 
 
 def _prestress_limit(row: int, given: Columns, length: FloatArray, laws: Mapping[Law, BoolArray]) -> str:

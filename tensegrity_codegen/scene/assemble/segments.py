@@ -76,32 +76,33 @@ def cut_cables(
     pieces = {names[e]: [f"{names[e]}_{k + 1}" for k in range(counts[e])] for e in cut}
     inner = [f"{names[e]}_node_{k}" for e in cut for k in range(1, counts[e])]
     nodes: dict[str, Any] = {"node_name": (*node["node_name"], *inner)}
-    own = {"member_name": tuple(piece for name in names for piece in pieces.get(name, [name]))}
-    made = (nodes["node_name"], "nodes"), (own["member_name"], "members"), ((*groups, *pieces), "groups")
+    changed = {"member_name": tuple(piece for name in names for piece in pieces.get(name, [name]))}
+    made = (nodes["node_name"], "nodes"), (changed["member_name"], "members"), ((*groups, *pieces), "groups")
     for new, section in made:
         check_names(new, section, where)
     # The ends of all pieces, and their values.
     ends: list[tuple[int, int]] = []
-    owner, first = np.repeat(np.arange(len(counts)), counts), len(node["node_name"])
+    owner, node_start = np.repeat(np.arange(len(counts)), counts), len(node["node_name"])
     for (i, j), count in zip(member["connectivity"].tolist(), counts.tolist(), strict=True):
-        ends += itertools.pairwise([i, *range(first, first + count - 1), j])
-        first += count - 1
+        ends += itertools.pairwise([i, *range(node_start, node_start + count - 1), j])
+        node_start += count - 1
     values = {key: _cut(key, value, owner, counts) for key, value in member.items()}
-    values |= own | {"connectivity": np.array(ends, dtype=np.int64)}
+    values |= changed | {"connectivity": np.array(ends, dtype=np.int64)}
     # Inner nodes move with the ends of their cable; their masses are those of members, and they are free.
     fresh: dict[str, list[FloatArray]] = {"node_position": [], "node_velocity": []}
     for e in cut:
-        part, pair = np.arange(1, counts[e])[:, None] / counts[e], member["connectivity"][e]
+        fraction, pair = np.arange(1, counts[e])[:, None] / counts[e], member["connectivity"][e]
         cable = {key: float(member[key][e]) for key in _OF_SHAPE}
-        fresh["node_position"].append(_place(node["node_position"][pair], cable, gravity, axes, part))
+        fresh["node_position"].append(_place(node["node_position"][pair], cable, gravity, axes, fraction))
         speed = node["node_velocity"][pair]
-        fresh["node_velocity"].append(speed[0] + part * (speed[1] - speed[0]))
+        fresh["node_velocity"].append(speed[0] + fraction * (speed[1] - speed[0]))
     for key in node.keys() - nodes.keys():
         value = node[key]
         added = fresh.get(key, [np.zeros((len(inner), *value.shape[1:]), value.dtype)])
         nodes[key] = np.concatenate([value, *added])
     spread = {
-        name: [piece for one in group for piece in pieces.get(one, [one])] for name, group in groups.items()
+        name: [piece for member_name in group for piece in pieces.get(member_name, [member_name])]
+        for name, group in groups.items()
     }
     return SegmentedParts(nodes, values, spread | pieces, 1.0 / counts[owner], tuple(pieces))
 
@@ -125,20 +126,20 @@ def _place(
     straight: FloatArray = ends[0] + part * chord
     up = -gravity / (pull or 1.0)
     across = chord - (chord @ up) * up
-    span = least = float(np.linalg.norm(across))
+    span = min_span = float(np.linalg.norm(across))
     if span < LEAST_SPAN * length and length > np.linalg.norm(chord):  # to the axis that is most across
         unit = np.eye(3)[min(axes, key=lambda axis: abs(up[axis]))]
         across = unit - (unit @ up) * up
-        least = LEAST_SPAN * length if across.any() else span
+        min_span = LEAST_SPAN * length if across.any() else span
     try:
         weight = cable["member_mass"] * pull / length
         stiffness = cable["axial_stiffness"] + cable["spring_constant"] * length
-        found = find_catenary(least, float(chord @ up), length, weight, stiffness)
+        catenary = find_catenary(min_span, float(chord @ up), length, weight, stiffness)
     except TensegrityError:
         return straight
-    x, z = found.position(part[:, 0] * length).T[:, :, None]
+    x, z = catenary.position(part[:, 0] * length).T[:, :, None]
     unit = across / (float(np.linalg.norm(across)) or 1.0)
-    return np.asarray(ends[0] + (x - (least - span) * part) * unit + z * up)
+    return np.asarray(ends[0] + (x - (min_span - span) * part) * unit + z * up)
 
 
 MOST_EXPONENT = 40.0  # friction times wrap: beyond it a ring is a clamp
@@ -158,47 +159,47 @@ def cut_at_rings(
     names of other members or groups, UnknownNameError for a strand that does not exist.
     """
     stated = _find_stated(scene, members, where)
-    found: dict[str, Values] = {}
+    cables: dict[str, Values] = {}
     index = {name: e for e, name in enumerate(parts.member["member_name"])}
     rings = parts.member["ring_nodes"]
     for name, (friction, wrap) in stated.items():
         count = len(rings[index[name]]) if rings and name in index else 0
-        place = key_path(where, "members", name)
+        path = key_path(where, "members", name)
         if not count:
-            problem, location = "friction of a member that passes no ring", f"{place}.friction"
+            problem, location = "friction of a member that passes no ring", f"{path}.friction"
             allowed = "cables in one piece with more than two nodes"
             hint = "leave friction out, or list the rings among its nodes"
             raise InvalidValueError(problem, where=location, given=friction, allowed=allowed, hint=hint)
         strands = tuple(f"{name}_{k + 1}" for k in range(count + 1))
-        found[name] = (place, strands, friction, wrap)
-    if found:
-        parts = _cut_at_strands(parts, {name: strands for name, (_, strands, _, _) in found.items()}, where)
+        cables[name] = (path, strands, friction, wrap)
+    if cables:
+        parts = _cut_at_strands(parts, {name: strands for name, (_, strands, _, _) in cables.items()}, where)
     for name, table in scene.sliding.items():
-        place = key_path(where, "sliding", name)
-        if name in found:
+        path = key_path(where, "sliding", name)
+        if name in cables:
             raise DuplicateNameError(
-                "a cable of this name has friction already", where=place, given=name, allowed="another name"
+                "a cable of this name has friction already", where=path, given=name, allowed="another name"
             )
-        found[name] = (place, table.strands, table.friction, table.wrap_deg)
-    _refuse_shared(found)
-    return parts, tuple(_build(name, values, parts) for name, values in found.items())
+        cables[name] = (path, table.strands, table.friction, table.wrap_deg)
+    _refuse_shared(cables)
+    return parts, tuple(_build(name, values, parts) for name, values in cables.items())
 
 
 def _refuse_shared(found: Mapping[str, Values]) -> None:
     """Raise DuplicateNameError for a strand of two cables."""
     owner: dict[str, str] = {}
-    for name, (place, strands, *_) in found.items():
+    for name, (location, strands, *_) in found.items():
         for strand in dict.fromkeys(strands):
             if strand in owner:
                 problem = f"the strand belongs to the cable {owner[strand]!r} already"
                 allowed = "strands of no other cable"
-                raise DuplicateNameError(problem, where=f"{place}.strands", given=strand, allowed=allowed)
+                raise DuplicateNameError(problem, where=f"{location}.strands", given=strand, allowed=allowed)
             owner[strand] = name
 
 
 def _find_stated(scene: Scene, members: Mapping[str, Member], where: str) -> dict[str, tuple[Any, Any]]:
     """Return friction and wrap of the members that have friction by themselves or, at rings, by class."""
-    found: dict[str, tuple[Any, Any]] = {}
+    stated: dict[str, tuple[Any, Any]] = {}
     for name, row in members.items():
         shared = scene.classes.get(row.class_name or "")
         friction, wrap = row.friction, row.wrap_deg
@@ -210,8 +211,8 @@ def _find_stated(scene: Scene, members: Mapping[str, Member], where: str) -> dic
             location = f"{key_path(where, 'members', name)}.wrap_deg"
             raise InvalidValueError(problem, where=location, given=row.wrap_deg, allowed="only with friction")
         if friction is not None and np.any(friction):
-            found[name] = (friction, wrap)
-    return found
+            stated[name] = (friction, wrap)
+    return stated
 
 
 def _cut_at_strands(
@@ -225,40 +226,40 @@ def _cut_at_strands(
     counts = np.array([len(pieces.get(name, (name,))) for name in names])
     owner = np.repeat(np.arange(len(names)), counts)
     values = {key: _spread(value, owner) for key, value in member.items()}
-    share, stiffness = np.ones(len(owner)), values["axial_stiffness"]
+    fraction, stiffness = np.ones(len(owner)), values["axial_stiffness"]
     stiffness = np.where(np.isin(owner, [names.index(name) for name in pieces]), 0.0, stiffness)
-    place, ends, first = parts.node["node_position"], values["connectivity"].copy(), 0
+    position, ends, start = parts.node["node_position"], values["connectivity"].copy(), 0
     for e, (name, count) in enumerate(zip(names, counts.tolist(), strict=True)):
-        rows = slice(first, first + count)
+        rows = slice(start, start + count)
         if name in pieces:
             i, j = member["connectivity"][e].tolist()
             path = np.array([i, *member["ring_nodes"][e], j])
             ends[rows] = np.stack([path[:-1], path[1:]], axis=1)
-            length = np.linalg.norm(np.diff(place[path], axis=0), axis=1)
-            share[rows] = length / length.sum()
-            rest = member["rest_length"][e]
-            stiffness[rows] = member["axial_stiffness"][e] + member["spring_constant"][e] * rest
+            length = np.linalg.norm(np.diff(position[path], axis=0), axis=1)
+            fraction[rows] = length / length.sum()
+            rest_length = member["rest_length"][e]
+            stiffness[rows] = member["axial_stiffness"][e] + member["spring_constant"][e] * rest_length
             values["spring_constant"][rows] = 0.0
-        first += count
+        start += count
     rings = member["ring_nodes"]
-    own = {
+    changed = {
         "member_name": new_names,
         "connectivity": ends,
         "axial_stiffness": stiffness,
-        "rest_length": values["rest_length"] * share,
-        "damping": values["damping"] / share,
+        "rest_length": values["rest_length"] * fraction,
+        "damping": values["damping"] / fraction,
         "ring_nodes": tuple(() if names[e] in pieces else rings[e] for e in owner.tolist()),
     }
-    if not any(own["ring_nodes"]):
-        own["ring_nodes"] = ()
+    if not any(changed["ring_nodes"]):
+        changed["ring_nodes"] = ()
     groups = {
-        name: [piece for one in group for piece in pieces.get(one, (one,))]
+        name: [piece for member_name in group for piece in pieces.get(member_name, (member_name,))]
         for name, group in parts.groups.items()
     }
     # A change of the rest length of a cable is one of its first strand
     acts = parts.share[owner] * np.r_[True, owner[1:] != owner[:-1]]
     cables = (*parts.cables, *pieces)
-    return SegmentedParts(parts.node, values | own, groups | dict(pieces), acts, cables)
+    return SegmentedParts(parts.node, values | changed, groups | dict(pieces), acts, cables)
 
 
 def _spread(value: Any, owner: Any) -> Any:
@@ -272,18 +273,18 @@ def _spread(value: Any, owner: Any) -> Any:
 
 def _build(name: str, values: Values, parts: SegmentedParts) -> SlidingCable:
     """Return a cable with friction from its strands; raises for strands that cannot slip."""
-    place, strands, *stated = values
+    location, strands, *stated = values
     names, member = parts.member["member_name"], parts.member
-    index = {item: e for e, item in enumerate(names)}
+    index = {member_name: e for e, member_name in enumerate(names)}
     for strand in strands:
-        check_known(strand, index, "the strand is no member", "names of members", f"{place}.strands")
+        check_known(strand, index, "the strand is no member", "names of members", f"{location}.strands")
     rows = [index[strand] for strand in strands]
     laws = np.array(list(member["law_parameter"].values())).reshape(-1, len(names))
-    second, first = member["connectivity"][rows[:-1], 1], member["connectivity"][rows[1:], 0]
+    previous_end, next_start = member["connectivity"][rows[:-1], 1], member["connectivity"][rows[1:], 0]
     rings = member["ring_nodes"]
     problems = {
         f"more than {MOST_RINGS} rings with friction in one cable": len(rows) > MOST_RINGS + 1,
-        "strands that do not follow each other": bool((first != second).any())
+        "strands that do not follow each other": bool((next_start != previous_end).any())
         or len(set(rows)) < len(rows)
         or any(rings[e] for e in rows if rings),
         "friction at rings without damping, by which the cable comes to rest as it slips": bool(
@@ -299,9 +300,9 @@ def _build(name: str, values: Values, parts: SegmentedParts) -> SlidingCable:
         if is_there:
             hint = "give damping [N s/m]: slip comes to rest within about damping / stiffness seconds"
             hint = hint if "damping," in problem else ""
-            raise InvalidValueError(problem, where=place, given=list(strands), allowed=allowed, hint=hint)
+            raise InvalidValueError(problem, where=location, given=list(strands), allowed=allowed, hint=hint)
     friction, wrap = (
-        _of_rings(value, len(rows) - 1, f"{place}.{key}")
+        _of_rings(value, len(rows) - 1, f"{location}.{key}")
         for key, value in zip(("friction", "wrap_deg"), stated, strict=True)
     )
     largest = max(mu * np.radians(angle or 180.0) for mu, angle in zip(friction, wrap, strict=True))
@@ -309,7 +310,7 @@ def _build(name: str, values: Values, parts: SegmentedParts) -> SlidingCable:
         problem = "friction times the angle of wrap is so large that nothing slips"
         allowed, hint = f"up to {MOST_EXPONENT:g} rad", "end the cable there, and begin another one"
         raise InvalidValueError(
-            problem, where=f"{place}.friction", given=f"{largest:.6g} rad", allowed=allowed, hint=hint
+            problem, where=f"{location}.friction", given=f"{largest:.6g} rad", allowed=allowed, hint=hint
         )
     return SlidingCable(name, strands, tuple(rows), friction, wrap)
 

@@ -58,24 +58,24 @@ class Targets:
 
     def find_members(self, names: Iterable[str], *place: str | int) -> tuple[int, ...]:
         """Return the indices of the members that `names` (members, groups, classes) stand for, each once."""
-        found: dict[int, None] = {}
+        members: dict[int, None] = {}
         for name in names:
             if name in self._member:
-                found[self._member[name]] = None
+                members[self._member[name]] = None
             elif name in self._set:
-                found.update(dict.fromkeys(self._set[name]))
+                members.update(dict.fromkeys(self._set[name]))
             else:
                 self._refuse_unknown(name, [*self._member, *self._set], "members, groups or classes", place)
-        return tuple(found)
+        return tuple(members)
 
     def find_nodes(self, names: Iterable[str], *place: str | int) -> tuple[int, ...]:
         """Return the indices of the nodes of these names, each once."""
-        found: dict[int, None] = {}
+        nodes: dict[int, None] = {}
         for name in names:
             if name not in self._node:
                 self._refuse_unknown(name, self._node, "nodes", place)
-            found[self._node[name]] = None
-        return tuple(found)
+            nodes[self._node[name]] = None
+        return tuple(nodes)
 
     def _find_group(self, name: str, names: Sequence[str]) -> tuple[int, ...]:
         for member in names:
@@ -86,10 +86,10 @@ class Targets:
     def _refuse_clashes(
         self, names: Iterable[str], section: str, taken: Mapping[str, Mapping[str, Any]]
     ) -> None:
-        for name, (other, others) in itertools.product(names, taken.items()):
-            if name in others:
+        for name, (kind, names_of_kind) in itertools.product(names, taken.items()):
+            if name in names_of_kind:
                 raise DuplicateNameError(
-                    f"the name stands for {'an' if other[0] in 'aeiou' else 'a'} {other} too, so a list that "
+                    f"the name stands for {'an' if kind[0] in 'aeiou' else 'a'} {kind} too, so a list that "
                     "uses it has two meanings",
                     where=key_path(self.where, section, name),
                     given=name,
@@ -122,29 +122,29 @@ def build_inputs(
     Raises DuplicateNameError, UnknownNameError or InvalidValueError.
     """
     built: list[ActuatedInput] = []
-    for number, item in enumerate(inputs):
-        if any(item.name == other.name for other in built):
+    for number, entry in enumerate(inputs):
+        if any(entry.name == earlier.name for earlier in built):
             location, allowed = key_path(targets.where, "inputs", number, "name"), "each name once"
             hint = "rename one of the two"
             raise DuplicateNameError(
-                "two inputs under one name", where=location, given=item.name, allowed=allowed, hint=hint
+                "two inputs under one name", where=location, given=entry.name, allowed=allowed, hint=hint
             )
-        if isinstance(item, ForceInput):
-            nodes = targets.find_nodes(item.nodes, "inputs", number, "nodes")
-            place = ("inputs", number, "direction")
-            vector = spread_vectors([item.direction], axes, [place], targets.where)[0]
-            direction = normalise(vector, item.direction, key_path(targets.where, *place))
-            built.append(ActuatedInput(item.name, "force", nodes, direction))
+        if isinstance(entry, ForceInput):
+            nodes = targets.find_nodes(entry.nodes, "inputs", number, "nodes")
+            keys = ("inputs", number, "direction")
+            vector = spread_vectors([entry.direction], axes, [keys], targets.where)[0]
+            direction = normalise(vector, entry.direction, key_path(targets.where, *keys))
+            built.append(ActuatedInput(entry.name, "force", nodes, direction))
         else:
-            members = targets.find_members(item.members, "inputs", number, "members")
+            members = targets.find_members(entry.members, "inputs", number, "members")
             if not members:
-                _refuse_empty(targets.where, ("inputs", number, "members"), item.members)
+                _refuse_empty(targets.where, ("inputs", number, "members"), entry.members)
             rigid = (member["spring_constant"] == 0) & (member["axial_stiffness"] == 0)
             problem = "a rigid bar has no rest length to change"
             refuse_members(members, rigid, problem, targets, ("inputs", number, "members"))
             expanded = member["rest_length"], member["thermal_expansion"]
-            gain = find_gain(item, members, targets, ("inputs", number), *expanded)
-            built.append(ActuatedInput(item.name, item.kind, members, gain=gain))
+            gain = find_gain(entry, members, targets, ("inputs", number), *expanded)
+            built.append(ActuatedInput(entry.name, entry.kind, members, gain=gain))
     return tuple(built)
 
 
@@ -209,22 +209,22 @@ def build_parameters(
         "anchor_position": ("node", some_held, some_held, "the node is not anchored"),
     }
     built: dict[str, tuple[int, ...]] = {}
-    for key, (what, usual, possible, problem) in rules.items():
+    for key, (target_kind, usual, possible, problem) in rules.items():
         chosen: Literal["all"] | tuple[str, ...] | None = getattr(parameters, key)
         if chosen is None:
             continue
-        place = ("parameters", key)
+        keys = ("parameters", key)
         if chosen == "all":
-            found = tuple(np.flatnonzero(usual).tolist())
-        elif what == "member":
-            found = targets.find_members(chosen, *place)
-            refuse_members(found, ~possible, problem, targets, place)
+            targets_of_key = tuple(np.flatnonzero(usual).tolist())
+        elif target_kind == "member":
+            targets_of_key = targets.find_members(chosen, *keys)
+            refuse_members(targets_of_key, ~possible, problem, targets, keys)
         else:
-            found = targets.find_nodes(chosen, *place)
-            _refuse_rows(found, ~possible, problem, targets.node_name, targets.where, place)
-        if not found:
-            _refuse_empty(targets.where, place, chosen)
-        built[key] = tuple(sorted(found))
+            targets_of_key = targets.find_nodes(chosen, *keys)
+            _refuse_rows(targets_of_key, ~possible, problem, targets.node_name, targets.where, keys)
+        if not targets_of_key:
+            _refuse_empty(targets.where, keys, chosen)
+        built[key] = tuple(sorted(targets_of_key))
     return built | ({"gravity": ()} if parameters.gravity else {})
 
 
@@ -238,17 +238,19 @@ def find_ground_numbers(
     """
     if given is None:
         return {}
-    place = key_path(where, "parameters", "ground")
+    location = key_path(where, "parameters", "ground")
     if ground is None:
-        raise InvalidValueError("the scene has no ground", where=place, given=given, hint="add [ground]")
-    known = CHANGEABLE if ground.friction else CHANGEABLE[:2]
-    chosen = known if given == "all" else given
+        raise InvalidValueError("the scene has no ground", where=location, given=given, hint="add [ground]")
+    valid_names = CHANGEABLE if ground.friction else CHANGEABLE[:2]
+    chosen = valid_names if given == "all" else given
     for name in chosen:
-        check_choice(name, CHANGEABLE, "number of the ground", place)
-        if name not in known:
+        check_choice(name, CHANGEABLE, "number of the ground", location)
+        if name not in valid_names:
             problem = "the ground has no friction, so that nothing would follow this number"
             hint = "give the ground a friction above 0"
-            raise InvalidValueError(problem, where=place, given=name, allowed=", ".join(known), hint=hint)
+            raise InvalidValueError(
+                problem, where=location, given=name, allowed=", ".join(valid_names), hint=hint
+            )
     return {"ground": tuple(sorted({CHANGEABLE.index(name) for name in chosen}))}
 
 
