@@ -69,8 +69,8 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
     _check_plane(structure, where)
     for group, members in structure.groups.items():
         check_indices(members, structure.n_members, key_path(where, "groups", group))
-    for number, item in enumerate(structure.inputs):
-        _check_input(structure, number, item, where)
+    for number, entry in enumerate(structure.inputs):
+        _check_input(structure, number, entry, where)
     check_control(structure, where)
     check_ground(structure, where)
 
@@ -79,9 +79,9 @@ def _check_kinds(structure: Structure, where: str) -> None:
     """Check the kinds of all that is no array: texts, numbers of axes, groups, inputs, actuators, sensors."""
 
     def hold(key: str, kind: Any, values: Any, allowed: str) -> None:
-        if not isinstance(values, tuple | list) or not all(isinstance(item, kind) for item in values):
-            given = type(values).__name__ if not isinstance(values, tuple | list) else values
-            raise InvalidValueError("wrong type", where=key_path(where, key), given=given, allowed=allowed)
+        if not isinstance(values, tuple | list) or not all(isinstance(value, kind) for value in values):
+            shown = type(values).__name__ if not isinstance(values, tuple | list) else values
+            raise InvalidValueError("wrong type", where=key_path(where, key), given=shown, allowed=allowed)
 
     for key in ("node_name", "member_name", "member_class"):
         hold(key, str, getattr(structure, key), "a tuple of texts")
@@ -98,18 +98,20 @@ def _check_kinds(structure: Structure, where: str) -> None:
     for pair in pairs or ():
         hold("interference", Integral, pair, "None, or pairs of indices of bars")
         if len(pair) != 2 or not all(0 <= e < structure.n_members and structure.is_bar[e] for e in pair):
-            place = key_path(where, "interference")
-            raise InvalidValueError("no pair of bars", where=place, given=pair, allowed="indices of two bars")
+            location = key_path(where, "interference")
+            raise InvalidValueError(
+                "no pair of bars", where=location, given=pair, allowed="indices of two bars"
+            )
 
 
 def _check_rings(structure: Structure, where: str) -> None:
     """Check the nodes that members pass between their ends: one tuple a member, of cables that only pull."""
-    rings, place = structure.ring_nodes, key_path(where, "ring_nodes")
+    rings, location = structure.ring_nodes, key_path(where, "ring_nodes")
     if rings and len(rings) != structure.n_members:
         problem, allowed = "one tuple for each member is needed", f"{structure.n_members}, or none at all"
-        raise InvalidValueError(problem, where=place, given=len(rings), allowed=allowed)
+        raise InvalidValueError(problem, where=location, given=len(rings), allowed=allowed)
     for number, nodes in ((number, nodes) for number, nodes in enumerate(rings) if nodes):
-        check_indices(nodes, structure.n_nodes, f"{place}[{number}]")
+        check_indices(nodes, structure.n_nodes, f"{location}[{number}]")
     passes = structure.passes_rings
     report = partial(refuse, section="members", names=structure.member_name, where=where)
     is_bad, problem = passes & ~structure.tension_only, "only a cable that cannot push passes rings"
@@ -131,14 +133,16 @@ def _check_arrays(structure: Structure, where: str) -> None:
         if field.name not in _SHAPE:
             continue
         value = getattr(structure, field.name)
-        shape = tuple(size[part] if isinstance(part, str) else part for part in _SHAPE[field.name])
+        shape = tuple(
+            size[size_name] if isinstance(size_name, str) else size_name for size_name in _SHAPE[field.name]
+        )
         kind = "b" if field.name in _BOOLEAN else "i" if field.name == "connectivity" else "f"
         if not isinstance(value, np.ndarray) or value.shape != shape or value.dtype.kind != kind:
-            found = f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
-            words = {"b": "bool", "i": "int64", "f": "float64"}[kind]
+            shown = f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
+            dtype_name = {"b": "bool", "i": "int64", "f": "float64"}[kind]
             problem = "an array of the wrong shape or kind of number"
-            allowed = f"{words} array of shape {shape}"
-            raise InvalidValueError(problem, where=key_path(where, field.name), given=found, allowed=allowed)
+            allowed = f"{dtype_name} array of shape {shape}"
+            raise InvalidValueError(problem, where=key_path(where, field.name), given=shown, allowed=allowed)
     _check_tubes(structure, where)
     _check_expansion(structure, where)
     if len(structure.member_class) != structure.n_members:
@@ -175,7 +179,7 @@ def _check_names(structure: Structure, where: str) -> None:
     check_names(structure.node_name, "nodes", where)
     check_names(structure.member_name, "members", where)
     check_names(tuple(structure.groups), "groups", where)
-    check_names([item.name for item in structure.inputs], "inputs", where)
+    check_names([entry.name for entry in structure.inputs], "inputs", where)
     for name in set(structure.member_class) - {""}:
         check_name(name, key_path(where, "classes"))
 
@@ -220,9 +224,9 @@ def _check_laws(structure: Structure, where: str) -> None:
     """Check that every member has one law that its kind can have."""
     spring, axial, bar = structure.spring_constant > 0, structure.axial_stiffness > 0, structure.is_bar
     report = partial(refuse, section="members", names=structure.member_name, where=where)
-    one = "one of spring_constant [N/m], axial_stiffness [N]"
-    report(spring & axial, InvalidValueError, "stiffness given twice", allowed=one)
-    report(~spring & ~axial & ~bar, InvalidValueError, "a cable without stiffness", allowed=one)
+    allowed = "one of spring_constant [N/m], axial_stiffness [N]"
+    report(spring & axial, InvalidValueError, "stiffness given twice", allowed=allowed)
+    report(~spring & ~axial & ~bar, InvalidValueError, "a cable without stiffness", allowed=allowed)
     report(
         bar & structure.tension_only, InvalidValueError, "a bar cannot be tension_only", key="tension_only"
     )
@@ -265,14 +269,14 @@ def _check_plane(structure: Structure, where: str) -> None:
     for axis in sorted({0, 1, 2} - set(structure.axes)):
         letter = "xyz"[axis]
         report = partial(refuse, section="nodes", names=structure.node_name, where=where)
-        place = structure.node_position[:, axis]
+        coordinate = structure.node_position[:, axis]
         report(
-            place != place[0],
+            coordinate != coordinate[0],
             StructureError,
             f"a planar scene without the axis {letter}, and the nodes differ in {letter}",
             key="position",
             given=structure.node_position,
-            allowed=f"{letter} = {place[0]:g}, as the first node has it",
+            allowed=f"{letter} = {coordinate[0]:g}, as the first node has it",
             hint=f"put {letter} into axes, or give all nodes one {letter}",
         )
         for key, value in (("velocity", structure.node_velocity), ("load", structure.node_load)):
@@ -294,27 +298,28 @@ def _check_gain(item: ActuatedInput, place: str) -> None:
 
 
 def _check_input(structure: Structure, number: int, item: ActuatedInput, where: str) -> None:
-    place = key_path(where, "inputs", number)
+    location = key_path(where, "inputs", number)
     if item.kind not in (*REST_LENGTH_KINDS, "force"):
-        raise InvalidValueError(
-            "unknown kind of input", where=place, given=item.kind, allowed="rest_length, temperature, force"
-        )
+        allowed = "rest_length, temperature, force"
+        raise InvalidValueError("unknown kind of input", where=location, given=item.kind, allowed=allowed)
     force = item.kind == "force"
-    check_indices(item.targets, structure.n_nodes if force else structure.n_members, place)
+    check_indices(item.targets, structure.n_nodes if force else structure.n_members, location)
     if not force:
         if structure.is_rigid[list(item.targets)].any():
-            raise InvalidValueError("a rigid bar has no rest length to change", where=place, given=item.name)
-        _check_gain(item, place)
+            raise InvalidValueError(
+                "a rigid bar has no rest length to change", where=location, given=item.name
+            )
+        _check_gain(item, location)
         return
     direction = np.array(item.direction)
     if not np.isfinite(direction).all():
-        raise NonFiniteError("not a finite number", where=place, given=item.direction)
+        raise NonFiniteError("not a finite number", where=location, given=item.direction)
     if direction.shape != (3,) or abs(np.linalg.norm(direction) - 1) > RIGID_TOLERANCE:
         raise InvalidValueError(
-            "the direction is no unit vector", where=place, given=item.direction, allowed="length 1"
+            "the direction is no unit vector", where=location, given=item.direction, allowed="length 1"
         )
     dropped = sorted({0, 1, 2} - set(structure.axes))
     if direction[dropped].any():
         problem = "a force along an axis that the scene does not model"
         allowed = "0 along " + ", ".join("xyz"[axis] for axis in dropped)
-        raise StructureError(problem, where=f"{place}.direction", given=item.direction, allowed=allowed)
+        raise StructureError(problem, where=f"{location}.direction", given=item.direction, allowed=allowed)

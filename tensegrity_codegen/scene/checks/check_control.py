@@ -17,31 +17,31 @@ def check_control(structure: Structure, where: str) -> None:
 
     Raises InvalidValueError, NonFiniteError or DuplicateNameError, with `where` and the key.
     """
-    last = structure.inputs[len(structure.inputs) - len(structure.actuators) :]
-    wanted = [(item.name, "rest_length", tuple(item.members), ()) for item in structure.actuators]
-    if wanted != [(item.name, item.kind, tuple(item.targets), tuple(item.gain)) for item in last]:
+    actuated = structure.inputs[len(structure.inputs) - len(structure.actuators) :]
+    expected = [(entry.name, "rest_length", tuple(entry.members), ()) for entry in structure.actuators]
+    if expected != [(entry.name, entry.kind, tuple(entry.targets), tuple(entry.gain)) for entry in actuated]:
         raise InvalidValueError(
             "the actuators are not the last inputs",
             where=key_path(where, "actuators"),
-            given=[item.name for item in structure.actuators],
+            given=[entry.name for entry in structure.actuators],
             allowed="one input of kind rest_length for each actuator, with its name and members, in order, "
             "after all other inputs",
         )
-    for number, item in enumerate(structure.actuators):
-        _check_actuator(item, key_path(where, "actuators", number))
-    check_names([item.name for item in structure.sensors if item.name], "sensors", where)
+    for number, entry in enumerate(structure.actuators):
+        _check_actuator(entry, key_path(where, "actuators", number))
+    check_names([entry.name for entry in structure.sensors if entry.name], "sensors", where)
     for number, sensor in enumerate(structure.sensors):
-        place = key_path(where, "sensors", number)
-        known = (*MEMBER_SENSORS, *NODE_SENSORS)
-        if sensor.kind not in known:
+        location = key_path(where, "sensors", number)
+        valid_kinds = (*MEMBER_SENSORS, *NODE_SENSORS)
+        if sensor.kind not in valid_kinds:
             raise InvalidValueError(
-                "unknown kind of sensor", where=place, given=sensor.kind, allowed=", ".join(known)
+                "unknown kind of sensor", where=location, given=sensor.kind, allowed=", ".join(valid_kinds)
             )
         size = structure.n_members if sensor.kind in MEMBER_SENSORS else structure.n_nodes
-        check_indices(sensor.targets, size, place)
+        check_indices(sensor.targets, size, location)
         if not 0 <= sensor.noise < np.inf:
             raise InvalidValueError(
-                "not a standard deviation", where=place, given=sensor.noise, allowed="0 or more, finite"
+                "not a standard deviation", where=location, given=sensor.noise, allowed="0 or more, finite"
             )
     _check_limits(structure, where)
 
@@ -70,13 +70,13 @@ def _check_actuator(item: Actuator, place: str) -> None:
 
 
 def _check_limits(structure: Structure, where: str) -> None:
-    limits, place = structure.limits, key_path(where, "limits")
+    limits, location = structure.limits, key_path(where, "limits")
     for key in MEMBER_LIMITS:
         values = getattr(limits, key)
         if values.shape != (structure.n_members,) or values.dtype.kind != "f":
             raise InvalidValueError(
                 "an array of the wrong shape or kind of number",
-                where=f"{place}.{key}",
+                where=f"{location}.{key}",
                 given=f"{values.dtype} {values.shape}",
                 allowed=f"float64 array of shape ({structure.n_members},)",
             )
@@ -105,4 +105,4 @@ def _check_limits(structure: Structure, where: str) -> None:
         value = getattr(limits, key)
         if np.isnan(value) or (value < 0 and not np.isneginf(value)) or np.isposinf(value):
             allowed = "0 or more, finite; -infinity without a limit"
-            raise InvalidValueError("not a limit", where=f"{place}.{key}", given=value, allowed=allowed)
+            raise InvalidValueError("not a limit", where=f"{location}.{key}", given=value, allowed=allowed)

@@ -76,13 +76,13 @@ def check_contacts(
     for is_bad, problem, allowed, hint in rules:
         bad = [names[int(k)] for k in node[is_bad]]
         if bad:
-            text, place = f"{problem}: {name_list(bad)}", key_path(where, "ground", "contacts")
-            raise StructureError(text, where=place, given=bad[0], allowed=allowed, hint=hint)
+            message, location = f"{problem}: {name_list(bad)}", key_path(where, "ground", "contacts")
+            raise StructureError(message, where=location, given=bad[0], allowed=allowed, hint=hint)
     position = find_position(subject)
     height = position @ normal - offset
-    least = -DEPTH_TOLERANCE * max(float(np.ptp(position, axis=0).max()), abs(offset))
+    min_height = -DEPTH_TOLERANCE * max(float(np.ptp(position, axis=0).max()), abs(offset))
     buried = [
-        f"{names[int(k)]} ({-height[k]:.4g} m deep)" for k in np.flatnonzero(~movable & (height < least))
+        f"{names[int(k)]} ({-height[k]:.4g} m deep)" for k in np.flatnonzero(~movable & (height < min_height))
     ]
     if buried:
         raise StructureError(

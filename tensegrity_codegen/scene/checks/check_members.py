@@ -46,11 +46,11 @@ def check_connectivity(
 
     Raises StructureError or DuplicateNameError (two members on one pair, in either order).
     """
-    first, second = strands.ends.T
-    place = _Ends(strands.ends, node_name)
+    start, end = strands.ends.T
+    end_names = _Ends(strands.ends, node_name)
     owner = member_name if strands.is_plain else tuple(member_name[e] for e in strands.member)
     refuse(
-        first == second,
+        start == end,
         StructureError,
         "the member joins a node to itself"
         if strands.is_plain
@@ -59,7 +59,7 @@ def check_connectivity(
         names=owner,
         where=where,
         key="nodes",
-        given=place,
+        given=end_names,
         allowed="two different nodes",
     )
     is_alone = np.bincount(strands.member, minlength=strands.n_members)[strands.member] == 1
@@ -74,7 +74,7 @@ def check_connectivity(
         names=owner,
         where=where,
         key="nodes",
-        given=place,
+        given=end_names,
         allowed="positions [m] of ordinary size",
     )
     extent = float(np.ptp(node_position, axis=0).max()) if len(node_position) else 0.0
@@ -86,7 +86,7 @@ def check_connectivity(
         names=owner,
         where=where,
         key="nodes",
-        given=place,
+        given=end_names,
         allowed="nodes at different positions, or a cable that is slack there",
         hint="move one of the nodes, make the two one node, or give a cable a rest_length",
     )
@@ -136,14 +136,14 @@ def _check_pairs(
 ) -> None:
     low, high = np.sort(connectivity, axis=1).T
     pair = low * max(len(node_name), 1) + high
-    _, first, inverse = np.unique(pair, return_index=True, return_inverse=True)
-    twin = first[inverse.ravel()]
+    _, first_row, inverse = np.unique(pair, return_index=True, return_inverse=True)
+    twin = first_row[inverse.ravel()]
     again = np.flatnonzero(twin != np.arange(len(pair)))
     if again.size:
-        others = f" (and again {name_list(member_name[row] for row in again[1:])})" if again.size > 1 else ""
+        repeats = f" (and again {name_list(member_name[row] for row in again[1:])})" if again.size > 1 else ""
         row = int(again[0])
         raise DuplicateNameError(
-            f"members {member_name[twin[row]]!r} and {member_name[row]!r} join the same two nodes{others}",
+            f"members {member_name[twin[row]]!r} and {member_name[row]!r} join the same two nodes{repeats}",
             where=key_path(where, "members", member_name[row], "nodes"),
             given=[node_name[node] for node in connectivity[row]],
             allowed="one member for a pair of nodes",
@@ -198,15 +198,17 @@ def check_laws(subject: Structure | BodySystem, where: str) -> None:
 
 def _check_array(subject: Structure | BodySystem, name: str, values: object, where: str) -> None:
     """Check the name of a parameter, its shape, and that its values are finite."""
-    place, array = key_path(where, "law_parameter", name), np.asarray(values)
+    location, array = key_path(where, "law_parameter", name), np.asarray(values)
     if name not in LAW_PARAMETERS:
         raise UnknownNameError(
-            "no member law has this parameter", where=place, given=name, hint=suggest(name, LAW_PARAMETERS)
+            "no member law has this parameter", where=location, given=name, hint=suggest(name, LAW_PARAMETERS)
         )
     if array.shape != (subject.n_members,) or array.dtype.kind != "f":
         problem = "an array of the wrong shape or kind of number"
         allowed = f"float64 array of shape ({subject.n_members},)"
-        raise InvalidValueError(problem, where=place, given=f"{array.dtype} {array.shape}", allowed=allowed)
+        raise InvalidValueError(
+            problem, where=location, given=f"{array.dtype} {array.shape}", allowed=allowed
+        )
     refuse(
         ~np.isfinite(array),
         NonFiniteError,

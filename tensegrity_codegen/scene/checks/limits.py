@@ -47,10 +47,10 @@ def check_text(text: str, where: str, plain: bool = False) -> None:
 
 def check_counts(counts: Mapping[str, tuple[int, int]], problem: str, where: str, hint: str = "") -> None:
     """Raise SceneSyntaxError, `problem` with the name in it, for a count above the most that is allowed."""
-    for what, (count, most) in counts.items():
-        if count > most:
+    for name, (count, limit) in counts.items():
+        if count > limit:
             raise SceneSyntaxError(
-                problem.format(what), where=where, given=count, allowed=f"up to {most}", hint=hint
+                problem.format(name), where=where, given=count, allowed=f"up to {limit}", hint=hint
             )
 
 
@@ -61,10 +61,10 @@ def check_document(document: Mapping[str, Any], where: str) -> None:
             raise too_large(section, len(content), where)
         entries = content.items() if isinstance(content, dict) else ()
         for name, entry in entries:
-            most = MOST_ENTRIES if section == "limits" else MOST_KEYS
-            if isinstance(entry, dict) and len(entry) > most:
+            limit = MOST_ENTRIES if section == "limits" else MOST_KEYS
+            if isinstance(entry, dict) and len(entry) > limit:
                 problem, location = "a table with too many keys", key_path(where, str(section), str(name))
-                allowed = f"up to {most}"
+                allowed = f"up to {limit}"
                 raise InvalidValueError(problem, where=location, given=f"{len(entry)} keys", allowed=allowed)
     if len(document) > MOST_KEYS:
         raise InvalidValueError(
@@ -102,15 +102,15 @@ def validate(document: Mapping[str, Any]) -> Scene:
     if not large:
         return scene
     bare = {"name": scene.name}
-    whole = {
+    sections = {
         name: {
             key: entry
-            for part in _parts(content)
-            for key, entry in getattr(Scene.model_validate({**bare, name: part}), name).items()
+            for batch in _parts(content)
+            for key, entry in getattr(Scene.model_validate({**bare, name: batch}), name).items()
         }
         for name, content in large.items()
     }
-    return scene.model_copy(update=whole)
+    return scene.model_copy(update=sections)
 
 
 def _check_list(small: Mapping[str, Any], key: str, value: list[Any]) -> None:
@@ -125,10 +125,10 @@ def _check_list(small: Mapping[str, Any], key: str, value: list[Any]) -> None:
 
 
 def _parts(content: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    part: dict[str, Any] = {}
+    batch: dict[str, Any] = {}
     for key, value in content.items():
-        part[key] = value
-        if len(part) == PART:
-            yield part
-            part = {}
-    yield part
+        batch[key] = value
+        if len(batch) == PART:
+            yield batch
+            batch = {}
+    yield batch

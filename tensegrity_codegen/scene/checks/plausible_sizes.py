@@ -49,19 +49,19 @@ def warn_of_far_nodes(structure: Structure) -> list[str]:
     """Return a warning for nodes much farther from the middle than half of all nodes are."""
     if structure.n_nodes < 3:
         return []
-    place = structure.node_position
-    distance = np.linalg.norm(place - compute_median(place), axis=1)
+    position = structure.node_position
+    distance = np.linalg.norm(position - compute_median(position), axis=1)
     usual = float(compute_median(distance))
     if usual == 0:
         usual = float(distance[distance > 0].min(initial=np.inf))
-    far = np.flatnonzero(distance > MAX_DISTANCE_RATIO * usual)
-    if not far.size:
+    distant = np.flatnonzero(distance > MAX_DISTANCE_RATIO * usual)
+    if not distant.size:
         return []
-    first = int(far[0])
-    others = f" (and {far.size - 1} more)" if far.size > 1 else ""
+    node = int(distant[0])
+    count_text = f" (and {distant.size - 1} more)" if distant.size > 1 else ""
     return [
-        f"node {structure.node_name[first]}{others} is {distance[first]:.4g} m from the middle of the "
-        f"structure, {distance[first] / usual:,.0f} times as far as half of the nodes: is its "
+        f"node {structure.node_name[node]}{count_text} is {distance[node]:.4g} m from the middle of the "
+        f"structure, {distance[node] / usual:,.0f} times as far as half of the nodes: is its "
         "position, or its unit, wrong?"
     ]
 
@@ -72,10 +72,10 @@ def warn_of_radii(structure: Structure) -> list[str]:
     thick = np.flatnonzero(structure.radius > MAX_RADIUS_RATIO * length)
     if not thick.size:
         return []
-    first = int(thick[0])
+    member = int(thick[0])
     return [
-        f"{_count(thick, 'member')} nearly as thick as long: {structure.member_name[first]} has a radius of "
-        f"{structure.radius[first]:.4g} m and a length of {length[first]:.4g} m: a radius in mm?"
+        f"{_count(thick, 'member')} nearly as thick as long: {structure.member_name[member]} has a radius of "
+        f"{structure.radius[member]:.4g} m and a length of {length[member]:.4g} m: a radius in mm?"
     ]
 
 
@@ -83,27 +83,27 @@ def warn_of_densities(structure: Structure) -> list[str]:
     """Return a warning for bars whose mass over volume no solid has."""
     with np.errstate(divide="ignore", invalid="ignore"):
         density = structure.member_mass / (np.pi * structure.radius**2 * structure.member_length())
-    known = np.asarray(structure.radius > 0) & (structure.member_mass > 0)
+    is_known = np.asarray(structure.radius > 0) & (structure.member_mass > 0)
 
     def solids(unit: float) -> NDArray[np.int64]:
         scaled = density / unit
-        return np.flatnonzero(known & (scaled >= 1000 * LIGHT[0]) & (scaled <= 1000 * LIGHT[1]))
+        return np.flatnonzero(is_known & (scaled >= 1000 * LIGHT[0]) & (scaled <= 1000 * LIGHT[1]))
 
     small = () if warn_of_lengths(structure) else MILLIMETRES
-    heavy = np.flatnonzero(known & (density > SUSPICIOUS_DENSITY) & np.isfinite(density))
-    found = []
-    for which, question in (
+    heavy = np.flatnonzero(is_known & (density > SUSPICIOUS_DENSITY) & np.isfinite(density))
+    sentences = []
+    for rows, question in (
         (solids(1e-3), "a density in g/cm3? Write it in kg/m3: 1,000 times as much"),
         *((solids(unit), f"a density in {name}, or lengths in mm? Use kg/m3 and m") for name, unit in small),
         (heavy, "more than any solid: a mass in g, a radius in cm, or a density in g/m3?"),
     ):
-        if which.size:
-            first = int(which[0])
-            found.append(
-                f"{_count(which, 'bar')} of mass over volume (pi radius^2 length) {density[first]:.4g} "
-                f"kg/m3: {structure.member_name[first]}; {question}"
+        if rows.size:
+            member = int(rows[0])
+            sentences.append(
+                f"{_count(rows, 'bar')} of mass over volume (pi radius^2 length) {density[member]:.4g} "
+                f"kg/m3: {structure.member_name[member]}; {question}"
             )
-    return found
+    return sentences
 
 
 def _count(which: NDArray[np.int64], word: str) -> str:
@@ -115,8 +115,8 @@ def compute_median(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the median over the first axis; np.median imports numpy.ma first, which takes 10 ms."""
     if len(values) == 0:
         return np.full(values.shape[1:], np.nan)
-    ordered, last = np.sort(values, axis=0), len(values) - 1
-    return np.asarray(0.5 * (ordered[last // 2] + ordered[(last + 1) // 2]))
+    ordered, end = np.sort(values, axis=0), len(values) - 1
+    return np.asarray(0.5 * (ordered[end // 2] + ordered[(end + 1) // 2]))
 
 
 EARTH = 9.81  # [m/s2]
@@ -171,7 +171,7 @@ def warn_of_falling_pieces(structure: Structure) -> list[str]:
     """Return a warning for pieces that gravity or loads push along an axis on which nothing holds them."""
     _, piece = find_pieces(structure.n_nodes, *structure.strands.ends.T)
     count = int(piece.max()) + 1
-    found = []
+    sentences = []
     for axis in structure.axes:
         pull, held = float(structure.gravity[axis]), structure.node_anchored[:, axis]
         rests = _find_resting(structure, pull)
@@ -183,23 +183,23 @@ def warn_of_falling_pieces(structure: Structure) -> list[str]:
         loose = np.flatnonzero(pushed)
         if not loose.size:
             continue
-        first = [structure.node_name[int(np.argmax(piece == number))] for number in loose[:6]]
-        names = name_list(first + [""] * (len(loose) - len(first)))
-        whole = len(loose) == count
+        start_nodes = [structure.node_name[int(np.argmax(piece == number))] for number in loose[:6]]
+        names = name_list(start_nodes + [""] * (len(loose) - len(start_nodes)))
+        is_all = len(loose) == count
         pieces = describe_count(len(loose), "piece")
-        what = "no node is" if whole else f"no node of {pieces} (beginning at {names}) is"
+        subject = "no node is" if is_all else f"no node of {pieces} (beginning at {names}) is"
         cause, effect = (
             f"gravity of {abs(pull):g} m/s2 acts",
             f"falls, {abs(pull) / 2:.3g} m in the first second",
         )
         if pull == 0:
             cause, effect = f"loads add up to {load[loose[0]]:.4g} N", "slides"
-        found.append(
-            f"{cause} along {'xyz'[axis]} and {what} anchored along it: everything "
-            f"{'' if whole else 'there '}{effect}; anchor nodes, or omit "
+        sentences.append(
+            f"{cause} along {'xyz'[axis]} and {subject} anchored along it: everything "
+            f"{'' if is_all else 'there '}{effect}; anchor nodes, or omit "
             f"{'gravity' if pull else 'the loads'}"
         )
-    return found
+    return sentences
 
 
 def _find_resting(structure: Structure, pull: float) -> BoolArray:
@@ -240,29 +240,29 @@ def warn_of_imbalance(structure: Structure) -> list[str]:
     if not structure.n_members or structure.ground is not None:
         return []
     force = np.linalg.norm(find_unbalanced(structure), axis=1)
-    whole = float(structure.lumped_mass.sum() * np.linalg.norm(structure.gravity))
-    whole += float(np.linalg.norm(structure.node_load, axis=1).sum())
-    tension, found = structure.static_tension(), []
+    total = float(structure.lumped_mass.sum() * np.linalg.norm(structure.gravity))
+    total += float(np.linalg.norm(structure.node_load, axis=1).sum())
+    tension, sentences = structure.static_tension(), []
     ends = np.bincount(structure.strands.ends.ravel(), minlength=structure.n_nodes)
     bare = (ends == 1) & (structure.lumped_mass == 0.0) & ~structure.node_load.any(axis=1)
     for node in np.flatnonzero(bare & (force > BALANCE_TOLERANCE * np.abs(tension).max())):
         member = int(np.flatnonzero((structure.connectivity == node).any(axis=1))[0])
-        found.append(
+        sentences.append(
             f"node {structure.node_name[node]} is held by member {structure.member_name[member]} alone, that "
             f"starts with {tension[member]:.4g} N: anchor it (anchored = true), or join it to another member"
         )
     force[bare] = 0.0
     worst = int(force.argmax())
-    if whole > 0.0 and force[worst] > IMBALANCE_RATIO * whole:
-        near = (structure.connectivity == worst).any(axis=1)
-        pulls = [structure.member_name[e] for e in np.flatnonzero(near & structure.is_bar & (tension > 0))]
+    if total > 0.0 and force[worst] > IMBALANCE_RATIO * total:
+        joins = (structure.connectivity == worst).any(axis=1)
+        pulls = [structure.member_name[e] for e in np.flatnonzero(joins & structure.is_bar & (tension > 0))]
         cause = f"; bars that pull there: {name_list(pulls)} (a bar that pushes has a prestress below 0)"
-        found.append(
+        sentences.append(
             f"the start is out of balance by {force[worst]:.4g} N at node {structure.node_name[worst]}, "
-            f"{force[worst] / whole:.3g} times all weights and loads{cause if pulls else ''}; `equilibrium` "
+            f"{force[worst] / total:.3g} times all weights and loads{cause if pulls else ''}; `equilibrium` "
             "finds the shape in balance"
         )
-    return found
+    return sentences
 
 
 def warn_of_jump(structure: Structure) -> list[str]:
@@ -317,8 +317,8 @@ def find_unbalanced(structure: Structure) -> FloatArray:
     matrix = scipy.sparse.csr_array(
         (data.ravel(), (rows.ravel(), column.ravel())), shape=(force.size, len(rigid))
     )
-    found = scipy.sparse.linalg.lsmr(matrix, force.ravel(), atol=1e-9, btol=1e-9)[0]
-    return np.asarray(force.ravel() - matrix @ found).reshape(force.shape)
+    bar_force = scipy.sparse.linalg.lsmr(matrix, force.ravel(), atol=1e-9, btol=1e-9)[0]
+    return np.asarray(force.ravel() - matrix @ bar_force).reshape(force.shape)
 
 
 def _find_stiffness(structure: Structure) -> FloatArray:

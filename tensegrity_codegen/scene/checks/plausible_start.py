@@ -38,9 +38,9 @@ def warn_of_slack(structure: Structure) -> list[str]:
         return []
     shorter = structure.rest_length - structure.member_length() > SAME_LENGTH * structure.rest_length
     slack = int((cables & shorter).sum())
-    which = f"{slack} are slack" if slack else "all start at their rest length"
+    state = f"{slack} are slack" if slack else "all start at their rest length"
     return [
-        f"none of the {count} cables starts in tension ({which}): there is no prestress; `analyse SCENE "
+        f"none of the {count} cables starts in tension ({state}): there is no prestress; `analyse SCENE "
         "--prestress FORCE --scene-out FILE` finds one with all cables in tension, if there is any"
     ]
 
@@ -60,8 +60,8 @@ def warn_of_crossing(subject: Structure | BodySystem) -> list[str]:
     size = float(np.ptp(outline_tendons(subject).node_position, axis=0).max())
     pairs, distance = compute_bar_distance(subject)
     shown = [" and ".join(pairs[k]) for k in np.argsort(distance).tolist() if distance[k] < -OVERLAP * size]
-    text = "bars cross or overlap at the start, and nothing keeps them apart in a motion"
-    return [f"{text}: {name_list(shown, most=3)}"] if shown else []
+    problem = "bars cross or overlap at the start, and nothing keeps them apart in a motion"
+    return [f"{problem}: {name_list(shown, most=3)}"] if shown else []
 
 
 def warn_of_members(subject: Structure | BodySystem) -> list[str]:
@@ -72,9 +72,9 @@ def warn_of_members(subject: Structure | BodySystem) -> list[str]:
     """
     structure = outline_tendons(subject)
     tension = np.where(structure.is_rigid, np.nan, structure.static_tension())
-    found = check_members(structure, tension, structure.member_length())
-    new = [item for item in found.doubtful if item.limit != "strain" or abs(item.value) <= LARGE_STRAIN]
-    return [f"at the start {text}" for text in replace(found, doubtful=tuple(new)).describe()]
+    report = check_members(structure, tension, structure.member_length())
+    new = [entry for entry in report.doubtful if entry.limit != "strain" or abs(entry.value) <= LARGE_STRAIN]
+    return [f"at the start {sentence}" for sentence in replace(report, doubtful=tuple(new)).describe()]
 
 
 def warn_of_outliers(structure: Structure) -> list[str]:
@@ -83,32 +83,34 @@ def warn_of_outliers(structure: Structure) -> list[str]:
     Neighbours of a node are the nodes that members join to it, those of a member the members of its kind at
     its nodes, or all of its kind where there is none. Means are geometric.
     """
-    first, second = structure.connectivity.T
+    start, stop = structure.connectivity.T
     mass = structure.node_mass.copy()
-    for end in (first, second):
+    for end in (start, stop):
         np.add.at(mass, end, structure.member_mass / 2)
     free = ~structure.node_anchored.all(axis=1) & (mass > 0)
     log = np.log(np.where(free, mass, 1.0))
     total, count = np.zeros(len(mass)), np.zeros(len(mass))
-    for one, other in ((first, second), (second, first)):
-        np.add.at(total, one, log[other])
-        np.add.at(count, one, free[other])
-    found = [_describe("masses", "kg", structure.node_name, mass, log, total, count, free)]
+    for node, neighbour in ((start, stop), (stop, start)):
+        np.add.at(total, node, log[neighbour])
+        np.add.at(count, node, free[neighbour])
+    sentences = [_describe("masses", "kg", structure.node_name, mass, log, total, count, free)]
     elastic = structure.mu * structure.rest_length
     for kind, name in ((structure.is_bar, "bars"), (~structure.is_bar, "cables")):
         chosen = kind & (elastic > 0)
         log = np.log(np.where(chosen, elastic, 1.0))
         at_node, number = np.zeros(len(mass)), np.zeros(len(mass))
-        for end in (first, second):
+        for end in (start, stop):
             np.add.at(at_node, end, log)
             np.add.at(number, end, chosen)
-        total, count = (x[first] + x[second] - 2 * own for x, own in ((at_node, log), (number, chosen)))
+        total, count = (
+            x[start] + x[stop] - 2 * own_value for x, own_value in ((at_node, log), (number, chosen))
+        )
         alone = count == 0
         total, count = np.where(alone, log.sum() - log, total), np.where(alone, chosen.sum() - 1, count)
-        found.append(
+        sentences.append(
             _describe(f"EA of {name}", "N", structure.member_name, elastic, log, total, count, chosen)
         )
-    return [text for text in found if text]
+    return [sentence for sentence in sentences if sentence]
 
 
 def _describe(
@@ -122,9 +124,9 @@ def _describe(
     chosen: NDArray[np.bool_],
 ) -> str:
     """Return which values are far from the mean of their neighbours, the farthest from all others first."""
-    known = chosen & (count > 0)
-    mean = total / np.where(known, count, 1.0)
-    rows = np.flatnonzero(known & (np.abs(log - mean) > np.log(FACTOR)))
+    has_neighbours = chosen & (count > 0)
+    mean = total / np.where(has_neighbours, count, 1.0)
+    rows = np.flatnonzero(has_neighbours & (np.abs(log - mean) > np.log(FACTOR)))
     if not rows.size:
         return ""
     rows = rows[np.argsort(-np.abs(log[rows] - np.median(log[chosen])), kind="stable")]
@@ -161,9 +163,9 @@ def warn_of_sag(structure: Structure) -> list[str]:
         else f"{structure.member_name[e]} (slack as a straight line)"
         for e in rows[np.argsort(-loss[rows], kind="stable")].tolist()
     ]
-    text = f"the sag of cables with mass matters, w^2 L^2 EA / (12 T^3) is above {MAX_SAG_LOSS:g} (Ernst)"
+    problem = f"the sag of cables with mass matters, w^2 L^2 EA / (12 T^3) is above {MAX_SAG_LOSS:g} (Ernst)"
     todo = "add segments = 8 to them or their class, or tighten them"
-    return [f"{text}: {name_list(told)}: {todo}"] if told else []
+    return [f"{problem}: {name_list(told)}: {todo}"] if told else []
 
 
 ROUNDING = 1e-9  # of the structure's size
@@ -177,43 +179,43 @@ def warn_of_ground(subject: Subject) -> list[str]:
     ground = subject.ground
     if ground is None:
         return []
-    rest, gap = estimate_contacts(subject, ground), compute_gap(subject, ground)
+    at_rest, gap = estimate_contacts(subject, ground), compute_gap(subject, ground)
     size = float(np.ptp(find_position(subject), axis=0).max())
-    ratio = ground.stick_stiffness / rest.stiffness if rest.stiffness else 1.0
+    ratio = ground.stick_stiffness / at_rest.stiffness if at_rest.stiffness else 1.0
     is_rough = ground.friction > 0
-    found = []
-    deep = np.flatnonzero(-gap > rest.largest_penetration * (1 + ROUNDING) + ROUNDING * size)
+    sentences = []
+    deep = np.flatnonzero(-gap > at_rest.largest_penetration * (1 + ROUNDING) + ROUNDING * size)
     if deep.size:
         deep = deep[np.argsort(gap[deep], kind="stable")]
         shown = [f"{subject.node_name[ground.node[k]]} ({-gap[k]:.4g} m)" for k in deep]
-        found.append(
+        sentences.append(
             f"nodes start below the ground: {name_list(shown)}; the weight alone presses a contact at "
-            f"most {rest.largest_penetration:.3g} m into the ground, which throws them up"
+            f"most {at_rest.largest_penetration:.3g} m into the ground, which throws them up"
         )
-    if rest.weight == 0 and subject.gravity.any():
-        found.append("gravity does not act into the ground: the structure does not rest on it")
+    if at_rest.weight == 0 and subject.gravity.any():
+        sentences.append("gravity does not act into the ground: the structure does not rest on it")
     if is_rough and not STIFFNESS_RATIOS[0] <= ratio <= STIFFNESS_RATIOS[1]:
-        found.append(
+        sentences.append(
             f"the tangential stiffness of the ground is {ratio:.3g} times the normal one "
-            f"({ground.stick_stiffness:.4g} against {rest.stiffness:.4g} N/m); usual are "
+            f"({ground.stick_stiffness:.4g} against {at_rest.stiffness:.4g} N/m); usual are "
             f"{STIFFNESS_RATIOS[0]:g} to {STIFFNESS_RATIOS[1]:g}"
         )
     if not is_rough and ground.velocity.any():
-        found.append("the velocity of the ground has no effect without friction")
-    light = int(np.argmin(rest.mass))
-    if rest.mass.mean() > MAX_MASS_RATIO * rest.mass[light]:
-        found.append(
-            f"contact {subject.node_name[ground.node[light]]} has {rest.mass[light]:.3g} kg, contacts in the "
-            f"mean {rest.mass.mean():.3g} kg: alone it vibrates on the ground at {rest.frequency:.4g} Hz, "
+        sentences.append("the velocity of the ground has no effect without friction")
+    mass, light = at_rest.mass, int(np.argmin(at_rest.mass))
+    if mass.mean() > MAX_MASS_RATIO * mass[light]:
+        sentences.append(
+            f"contact {subject.node_name[ground.node[light]]} has {mass[light]:.3g} kg, contacts in the "
+            f"mean {mass.mean():.3g} kg: alone it vibrates on the ground at {at_rest.frequency:.4g} Hz, "
             "which takes small steps"
         )
     lying = _find_lying_bars(subject, gap, size) if is_rough else []
     if lying:
-        found.append(
+        sentences.append(
             f"bars lie on the ground with both ends: {name_list(lying)}; bars have no spin, so that they "
             "slide where a round bar would roll"
         )
-    return found
+    return sentences
 
 
 def warn_of_sampled_contacts(subject: Subject, interval: float) -> list[str]:

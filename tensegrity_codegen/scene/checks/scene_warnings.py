@@ -42,20 +42,22 @@ MOST_PAIRS = 200_000  # of bars whose distances are compared
 def warn_of_ranges(subject: Structure | BodySystem) -> list[str]:
     """Return a warning for actuators whose range does not contain the rest lengths of the scene."""
     outside = []
-    for item in subject.actuators:
-        for e in item.members:
-            rest = float(subject.rest_length[e])
-            excess = max(item.range[0] - rest, rest - item.range[1])
-            if excess > ROUNDING * rest:
-                outside.append(f"{item.name} ({subject.member_name[e]}: {rest:.6g} m, by {excess:.3g} m)")
-    text = "the range of actuators does not contain the rest length of the scene"
-    return [f"{text}: {name_list(outside)}"] if outside else []
+    for actuator in subject.actuators:
+        for e in actuator.members:
+            rest_length = float(subject.rest_length[e])
+            excess = max(actuator.range[0] - rest_length, rest_length - actuator.range[1])
+            if excess > ROUNDING * rest_length:
+                outside.append(
+                    f"{actuator.name} ({subject.member_name[e]}: {rest_length:.6g} m, by {excess:.3g} m)"
+                )
+    problem = "the range of actuators does not contain the rest length of the scene"
+    return [f"{problem}: {name_list(outside)}"] if outside else []
 
 
 def warn_of_limits(subject: Structure | BodySystem) -> list[str]:
     """Return warnings for bars nearer than the clearance, and for members that a limit cannot reach."""
-    found = (_warn_of_clearance(subject), _without_section(outline_tendons(subject)))
-    return [text for text in found if text]
+    sentences = (_warn_of_clearance(subject), _without_section(outline_tendons(subject)))
+    return [sentence for sentence in sentences if sentence]
 
 
 def _warn_of_clearance(subject: Structure | BodySystem) -> str:
@@ -69,8 +71,8 @@ def _warn_of_clearance(subject: Structure | BodySystem) -> str:
         for k in np.argsort(distance).tolist()
         if distance[k] < clearance - ROUNDING * max(clearance, 1e-3)
     ]
-    text = f"bars start nearer to each other than the clearance of {clearance:g} m"
-    return f"{text}: {name_list(shown, most=3)}" if shown else ""
+    problem = f"bars start nearer to each other than the clearance of {clearance:g} m"
+    return f"{problem}: {name_list(shown, most=3)}" if shown else ""
 
 
 def _without_section(structure: Structure) -> str:
@@ -158,8 +160,10 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
     np.logical_and.at(between_anchors, structure.strands.member, held[structure.strands.ends].all(axis=1))
     pushed = held & (np.abs(structure.node_load).sum(axis=1) > 0)
     damped = structure.is_rigid & (structure.damping > 0)
-    idle = [item.name for item in structure.inputs if item.kind == "force" and held[list(item.targets)].all()]
-    found = [
+    idle = [
+        force.name for force in structure.inputs if force.kind == "force" and held[list(force.targets)].all()
+    ]
+    sentences = [
         _strain_warning(structure),
         _sentence(pushed, structure.node_name, "a load on a fully anchored node moves nothing"),
         _sentence(
@@ -180,7 +184,7 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
         *warn_of_ground(structure),
         *warn_of_members(structure),
     ]
-    return tuple(sentence for sentence in found if sentence)
+    return tuple(sentence for sentence in sentences if sentence)
 
 
 def find_body_warnings(system: BodySystem) -> tuple[str, ...]:
@@ -195,7 +199,7 @@ def find_body_warnings(system: BodySystem) -> tuple[str, ...]:
     between = held[ends[:, 0]] & held[ends[:, 1]]
     joined = {int(body) for body in system.node_body[ends.ravel()]}
     lonely = [body not in joined and not isinstance(b, FixedBody) for body, b in enumerate(system.bodies)]
-    found = [
+    sentences = [
         _strain_warning(structure) if structure.n_members else "",
         _sentence(pushed, system.node_name, "a load on a fixed point moves nothing"),
         _sentence(between, system.member_name, "tendons between two fixed points never move"),
@@ -208,7 +212,7 @@ def find_body_warnings(system: BodySystem) -> tuple[str, ...]:
         *warn_of_ground(system),
         *warn_of_members(system),
     ]
-    return tuple(sentence for sentence in found if sentence)
+    return tuple(sentence for sentence in sentences if sentence)
 
 
 def _sentence(which: BoolArray, names: Sequence[str], text: str) -> str:
@@ -220,8 +224,10 @@ def _strain_warning(structure: Structure) -> str:
     strain = structure.member_length() / structure.rest_length - 1
     large = np.where(structure.is_bar, np.abs(strain), strain) > LARGE_STRAIN
     worst = f"{100 * np.abs(strain[large]).max():.3g} %" if large.any() else ""
-    text = f"members start with an extension above {100 * LARGE_STRAIN:.0f} % (up to {worst}; wrong units?)"
-    return _sentence(large & ~structure.is_rigid, structure.member_name, text)
+    problem = (
+        f"members start with an extension above {100 * LARGE_STRAIN:.0f} % (up to {worst}; wrong units?)"
+    )
+    return _sentence(large & ~structure.is_rigid, structure.member_name, problem)
 
 
 def _pieces_warning(structure: Structure) -> str:
