@@ -157,8 +157,8 @@ def _turn_vector(
     vector: Sequence[float], modelled: Sequence[int], axes: Sequence[tuple[int, float]]
 ) -> list[float]:
     """Return the three numbers of a vector, which has three or one for each modelled axis, rotated."""
-    whole = dict(zip(modelled if len(vector) == len(modelled) else range(3), vector, strict=True))
-    return [sign * float(whole.get(axis, 0.0)) + 0.0 for axis, sign in axes]  # no -0.0
+    components = dict(zip(modelled if len(vector) == len(modelled) else range(3), vector, strict=True))
+    return [sign * float(components.get(axis, 0.0)) + 0.0 for axis, sign in axes]  # no -0.0
 
 
 def _turn_letters(letters: str, axes: Sequence[tuple[int, float]]) -> str:
@@ -167,5 +167,5 @@ def _turn_letters(letters: str, axes: Sequence[tuple[int, float]]) -> str:
 
 def _multiply(value: Any, factor: float) -> Any:
     if isinstance(value, list | tuple):
-        return [float(item) * factor for item in value]
+        return [float(number) * factor for number in value]
     return float(value) * factor

@@ -57,9 +57,9 @@ class Format:
 def find_formats() -> list[Format]:
     """Return all formats, in their order."""
     package = import_module("tensegrity_codegen.scene.formats")
-    names = [item.name for item in iter_modules(package.__path__) if item.name.startswith("import_")]
-    found = [import_module(f"{package.__name__}.{name}").FORMAT for name in names]
-    return sorted(found, key=lambda item: item.order)
+    names = [entry.name for entry in iter_modules(package.__path__) if entry.name.startswith("import_")]
+    formats = [import_module(f"{package.__name__}.{name}").FORMAT for name in names]
+    return sorted(formats, key=lambda entry: entry.order)
 
 
 def find_format(paths: Sequence[Path]) -> Format:
@@ -68,15 +68,15 @@ def find_format(paths: Sequence[Path]) -> Format:
     Raises InvalidValueError where they have none, SceneError where the content cannot be read.
     """
     formats = find_formats()
-    fitting = [item for item in formats if item.fits(paths)]
-    for item in fitting:
-        if item.recognises is None or item.recognises(paths[0]):
-            return item
+    fitting = [candidate for candidate in formats if candidate.fits(paths)]
+    for candidate in fitting:
+        if candidate.recognises is None or candidate.recognises(paths[0]):
+            return candidate
     raise InvalidValueError(
         "these files have no known format",
         where="import",
         given=" ".join(str(path) for path in paths),
-        allowed="; ".join(f"{item.example}: {item.title}" for item in formats),
+        allowed="; ".join(f"{candidate.example}: {candidate.title}" for candidate in formats),
     )
 
 
@@ -108,19 +108,19 @@ def read_files(
             raise InvalidValueError("not an acceleration", where="gravity", given=gravity, allowed=allowed)
     paths = [Path(path) for path in paths]
     chosen = find_format(paths)
-    given = {key: value for key, value in options.items() if value is not None}
-    for key, value in given.items():
+    stated = {key: value for key, value in options.items() if value is not None}
+    for key, value in stated.items():
         if key not in chosen.options:
-            others = [item.title for item in find_formats() if key in item.options]
+            titles = [candidate.title for candidate in find_formats() if key in candidate.options]
             problem = f"{chosen.title} are read without this option"
-            allowed, hint = f"with {', '.join(others)} only", chosen.instead.get(key, "")
+            allowed, hint = f"with {', '.join(titles)} only", chosen.instead.get(key, "")
             raise InvalidValueError(problem, where=key, given=value, allowed=allowed, hint=hint)
     if up == "z" and is_number(scale) and scale == 1.0:
-        return chosen.read(*paths, name=name, gravity=gravity, **given)
-    found = chosen.read(*paths, name=name, gravity=None, **given)
+        return chosen.read(*paths, name=name, gravity=gravity, **stated)
+    result = chosen.read(*paths, name=name, gravity=None, **stated)
     where = str(paths[0])
-    checked = parse_scene(found.document, where).to_document()
+    checked = parse_scene(result.document, where).to_document()
     document, notes = change_frame(checked, up, scale, where)
     if gravity is not None:
         document["gravity"] = [float(value) for value in gravity]
-    return ImportResult(document, (*found.notes, *notes))
+    return ImportResult(document, (*result.notes, *notes))

@@ -93,14 +93,14 @@ class _Reader:
             return
         assigned = _ASSIGN.fullmatch(text)
         if assigned and not text.startswith(("*", "/")):
-            place = self._index(assigned[2]) if assigned[2] else ""
-            self.values[assigned[1].lower(), place] = self.number(assigned[3])
+            index = self._index(assigned[2]) if assigned[2] else ""
+            self.values[assigned[1].lower(), index] = self.number(assigned[3])
             return
-        words = [word.strip() for word in text.split(",")]
-        command = words[0].lower() or ","
+        arguments = [argument.strip() for argument in text.split(",")]
+        command = arguments[0].lower() or ","
         handler = getattr(self, f"_{command}", None) if re.fullmatch(r"[a-z]+", command) else None
         if handler is not None and command in COMMANDS:
-            handler([*words[1:], "", "", "", "", "", ""])
+            handler([*arguments[1:], "", "", "", "", "", ""])
         elif command.split()[0] not in PASSED and not command.startswith(("/title", "/filename")):
             self.unknown[command[:20]] = self.unknown.get(command[:20], 0) + 1
         if len(self.keypoints) + len(self.links) > MOST_ENTRIES:
@@ -145,7 +145,7 @@ class _Reader:
         name = self._index(words[0])
         if name in self.keypoints:
             raise InvalidValueError("the keypoint is defined twice", where=self.where, given=name)
-        self.keypoints[name] = [self.number(word) if word else 0.0 for word in words[1:4]]
+        self.keypoints[name] = [self.number(argument) if argument else 0.0 for argument in words[1:4]]
 
     def _l(self, words: list[str]) -> None:
         self.links.append(_Link((self._index(words[0]), self._index(words[1])), self.line))
@@ -195,7 +195,7 @@ class _Reader:
         self.loads[self._index(words[0]), axis] = self.number(words[2])
 
     def _acel(self, words: list[str]) -> None:
-        self.gravity = [0.0 - self.number(word) if word else 0.0 for word in words[:3]]
+        self.gravity = [0.0 - self.number(argument) if argument else 0.0 for argument in words[:3]]
 
     def build(self) -> Network:
         """Return nodes and members."""

@@ -86,13 +86,13 @@ def import_compas(
     if len(set(names.values())) < len(names):  # keys that would become one: all stay as they are
         names = {key: key for key in nodes}
     for key, values in nodes.items():
-        place = f"{where}.node.{key[:80]}"
-        _read_node(network, names[key], {**defaults[0], **_table(values or {}, place)}, place, ignored)
-    for first, row in _table(data.get("edge", {}), f"{where}.edge").items():
-        for second, values in _table(row or {}, f"{where}.edge.{first[:80]}").items():
-            place = f"{where}.edge.{first[:80]}.{second[:80]}"
-            found = {**defaults[1], **_table(values or {}, place)}
-            _read_edge(network, (names.get(first, first), names.get(second, second)), found, place, ignored)
+        location = f"{where}.node.{key[:80]}"
+        _read_node(network, names[key], {**defaults[0], **_table(values or {}, location)}, location, ignored)
+    for start, row in _table(data.get("edge", {}), f"{where}.edge").items():
+        for end, values in _table(row or {}, f"{where}.edge.{start[:80]}").items():
+            location = f"{where}.edge.{start[:80]}.{end[:80]}"
+            attributes = {**defaults[1], **_table(values or {}, location)}
+            _read_edge(network, (names.get(start, start), names.get(end, end)), attributes, location, ignored)
     if ignored:
         listed = name_list([f"{key[:40]} ({count})" for key, count in ignored.items()], 10)
         network.notes.append(f"attributes that are not read, with the number of nodes and edges: {listed}")
@@ -102,13 +102,13 @@ def import_compas(
 
 def _complete_stiffness(network: Network) -> None:
     """Give members an axial stiffness where the file has none at all, as after a force density method."""
-    forces = [abs(item.values.get("prestress", 0.0)) for item in network.members]
-    stated = any(key in item.values for item in network.members for key in STIFFNESSES)
+    forces = [abs(member.values.get("prestress", 0.0)) for member in network.members]
+    stated = any(key in member.values for member in network.members for key in STIFFNESSES)
     if stated or not any(forces):
         return
     stiffness = SOFTEST * max(forces)
     network.members = [
-        replace(item, values={**item.values, "axial_stiffness": stiffness}) for item in network.members
+        replace(member, values={**member.values, "axial_stiffness": stiffness}) for member in network.members
     ]
     network.notes.append(
         f"the file has no stiffness: all members have the axial stiffness {stiffness:g} N, {SOFTEST:g} times "
@@ -120,8 +120,8 @@ def is_compas(path: Path) -> bool:
     """Return whether a JSON file names a class of COMPAS, or has the sections of a network or mesh."""
     text = read_text(path, LARGEST_JSON, WHAT)
     return _CLASS_KEY.search(text) is not None or any(
-        f'"{first}"' in text and f'"{second}"' in text
-        for first, second in (("node", "edge"), ("vertex", "face"), ("vertex", "edge"))
+        f'"{nodes}"' in text and f'"{edges}"' in text
+        for nodes, edges in (("node", "edge"), ("vertex", "face"), ("vertex", "edge"))
     )
 
 
@@ -218,8 +218,8 @@ def _read_edge(
 
 def _length(network: Network, ends: tuple[str, str]) -> float:
     """Return the distance of two nodes, 0 where one is missing (which is an error later)."""
-    places = [network.nodes[end]["position"] for end in ends if end in network.nodes]
-    return math.dist(*places) if len(places) == 2 else 0.0
+    positions = [network.nodes[end]["position"] for end in ends if end in network.nodes]
+    return math.dist(*positions) if len(positions) == 2 else 0.0
 
 
 def _find_kind(values: Mapping[str, Any], member: Mapping[str, Any], where: str) -> str:
@@ -228,9 +228,9 @@ def _find_kind(values: Mapping[str, Any], member: Mapping[str, Any], where: str)
         if values.get(key) is not None:
             return "bar" if _flag(values, key, where) else "cable"
     for key in ("kind", "type"):
-        word = values.get(key)
-        if isinstance(word, str) and word.lower() in (*BARS, *CABLES):
-            return "bar" if word.lower() in BARS else "cable"
+        kind = values.get(key)
+        if isinstance(kind, str) and kind.lower() in (*BARS, *CABLES):
+            return "bar" if kind.lower() in BARS else "cable"
     force = member.get("prestress") or _number(values, "q", where)
     if force:
         return "bar" if force < 0 else "cable"

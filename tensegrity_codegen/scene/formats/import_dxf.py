@@ -65,23 +65,23 @@ def _check_size(data: bytes, where: str) -> None:
 def _read_lines(ezdxf: Any, path: Path) -> tuple[list[Line], list[str]]:
     """Return the lines of the model space, and notes on what is not read or not converted."""
     document = ezdxf.readfile(path)
-    lines, others, arcs, notes = list[Line](), Counter[str](), 0, list[str]()
+    lines, skipped, arcs, notes = list[Line](), Counter[str](), 0, list[str]()
     for entity in document.modelspace():
-        kind, places = entity.dxftype(), _list_places(entity)
-        if not places:
-            others[kind] += 1
+        kind, points = entity.dxftype(), _list_places(entity)
+        if not points:
+            skipped[kind] += 1
             continue
         if len(lines) > MOST_ENTRIES:  # which build_lines refuses
             break
         where = f"{path}: {kind} {entity.dxf.handle} on layer {entity.dxf.layer[:80]}"
-        lines += [Line(ends, is_bar(entity.dxf.layer), where) for ends in pairwise(places)]
+        lines += [Line(ends, is_bar(entity.dxf.layer), where) for ends in pairwise(points)]
         arcs += kind != "LINE" and entity.has_arc
     if document.units not in (0, METRES):
         factor = ezdxf.units.conversion_factor(document.units, METRES)
         unit = f"the drawing has the unit {ezdxf.units.unit_name(document.units)}"
         notes.append(f"{unit}, its numbers are read as metres: `scale` {factor:g} converts them")
-    if others:
-        listed = name_list([f"{kind} ({count})" for kind, count in others.items()], 10)
+    if skipped:
+        listed = name_list([f"{kind} ({count})" for kind, count in skipped.items()], 10)
         notes.append(f"entities that are not read: {listed}")
     if arcs:
         notes.append(f"polylines with arcs, which are read as straight between their points: {arcs}")
@@ -94,12 +94,12 @@ def _list_places(entity: Any) -> list[Any]:
     if kind == "LINE":
         return [entity.dxf.start.xyz, entity.dxf.end.xyz]
     if kind == "LWPOLYLINE":
-        places, closed = [place.xyz for place in entity.vertices_in_wcs()], entity.closed
+        points, closed = [point.xyz for point in entity.vertices_in_wcs()], entity.closed
     elif kind == "POLYLINE" and (entity.is_2d_polyline or entity.is_3d_polyline):
-        places, closed = [place.xyz for place in entity.points_in_wcs()], entity.is_closed
+        points, closed = [point.xyz for point in entity.points_in_wcs()], entity.is_closed
     else:
         return []
-    return [*places, places[0]] if closed and places else places
+    return [*points, points[0]] if closed and points else points
 
 
 FORMAT = Format(

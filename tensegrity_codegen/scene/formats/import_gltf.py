@@ -82,8 +82,8 @@ class _File:
         """Return an entry of a section."""
         if type(number) is not int or number < 0:
             raise ValueError(f"{section}: {number!r:.40} is not the number of an entry")
-        found: dict[str, Any] = self.content[section][number]
-        return found
+        value: dict[str, Any] = self.content[section][number]
+        return value
 
     def list_lines(self, where: str) -> tuple[list[Line], dict[str, FloatArray]]:
         """Return all lines of the scene, and the places of nodes that are nothing but a place."""
@@ -107,36 +107,36 @@ class _File:
             mesh = self.entry("meshes", node["mesh"])
             if node["mesh"] not in self._ends:
                 self._ends[node["mesh"]] = self.list_ends(mesh)
-            found = self._ends[node["mesh"]]
-            place, extras = f"{where}: meshes[{node['mesh']}]", node.get("extras")
+            segments = self._ends[node["mesh"]]
+            location, extras = f"{where}: meshes[{node['mesh']}]", node.get("extras")
             kind = extras.get("kind") if isinstance(extras, dict) else None
-            for k, (ends, names) in enumerate(found):
+            for k, (ends, names) in enumerate(segments):
                 bar = kind == "bar" if kind in ("bar", "cable") else is_bar(title, *names)
-                label = f"{title}_{k + 1}" if title and len(found) > 1 else title
-                lines.append(Line(_turn(ends @ matrix[:3, :3].T + matrix[:3, 3]), bar, place, label))
+                label = f"{title}_{k + 1}" if title and len(segments) > 1 else title
+                lines.append(Line(_turn(ends @ matrix[:3, :3].T + matrix[:3, 3]), bar, location, label))
         return lines, named
 
     def list_ends(self, mesh: dict[str, Any]) -> list[tuple[FloatArray, tuple[str, str]]]:
         """Return the ends (2, 3) of each line of a mesh, with the names of mesh and material."""
-        found = []
-        for part in mesh["primitives"]:
-            mode = part.get("mode", 4)
+        segments = []
+        for primitive in mesh["primitives"]:
+            mode = primitive.get("mode", 4)
             if mode not in (LINES, LINE_LOOP, LINE_STRIP):
                 continue
-            places = self.read_accessor(part["attributes"]["POSITION"], (5126,), 3)
-            if "indices" in part:
-                rows = self.read_accessor(part["indices"], (5121, 5123, 5125), 1)[:, 0]
+            positions = self.read_accessor(primitive["attributes"]["POSITION"], (5126,), 3)
+            if "indices" in primitive:
+                rows = self.read_accessor(primitive["indices"], (5121, 5123, 5125), 1)[:, 0]
             else:
-                rows = np.arange(min(len(places), 2 * MOST_ENTRIES + 2))
+                rows = np.arange(min(len(positions), 2 * MOST_ENTRIES + 2))
             rows = rows[: 2 * MOST_ENTRIES + 2]
-            material = self.entry("materials", part["material"]) if "material" in part else {}
+            material = self.entry("materials", primitive["material"]) if "material" in primitive else {}
             names = str(mesh.get("name", "")), str(material.get("name", ""))
             second = np.roll(rows, -1) if mode == LINE_LOOP else rows[1:]
             pairs = np.stack([rows[: len(second)], second], axis=1)[:: 2 if mode == LINES else 1]
-            found += [(places[pair].astype(float), names) for pair in pairs[: MOST_ENTRIES + 1]]
-            if len(found) > MOST_ENTRIES:
+            segments += [(positions[pair].astype(float), names) for pair in pairs[: MOST_ENTRIES + 1]]
+            if len(segments) > MOST_ENTRIES:
                 break
-        return found
+        return segments
 
     def read_accessor(self, number: Any, components: tuple[int, ...], width: int) -> NDArray[Any]:
         """Return an array (count, width) of numbers of one of the kinds of components."""

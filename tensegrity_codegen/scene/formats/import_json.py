@@ -133,20 +133,20 @@ def _list_entries(
     if section not in content or not content[section].value:
         where = key_path(str(path), section)
         raise StructureError(f"the file has no {section}", where=where, allowed="one entry at least")
-    found: dict[str, _Place] = {}
+    entries: dict[str, _Place] = {}
     for key, entry in content[section].items():
         if isinstance(entry.value, dict):
             entry.table(keys)
-        own = entry.inner("name") if isinstance(entry.value, dict) and "name" in entry.value else None
-        if own is not None and isinstance(key, str):
-            raise own.wrong("the entry has a name already", f"no key name: it is {key!r}")
-        name = str(key) if own is None else own.text()
-        if name in found:
+        name_entry = entry.inner("name") if isinstance(entry.value, dict) and "name" in entry.value else None
+        if name_entry is not None and isinstance(key, str):
+            raise name_entry.wrong("the entry has a name already", f"no key name: it is {key!r}")
+        name = str(key) if name_entry is None else name_entry.text()
+        if name in entries:
             raise DuplicateNameError(
                 f"two {section} with one name", where=entry.where, given=name, allowed="each name once"
             )
-        found[name] = entry
-    return found
+        entries[name] = entry
+    return entries
 
 
 def _read_node(entry: _Place) -> dict[str, Any]:
@@ -185,18 +185,17 @@ def _find_node(place: _Place, names: Mapping[str, Any]) -> str:
 def _anchor(anchors: _Place | None, nodes: Mapping[str, dict[str, Any]]) -> None:
     """Anchor the nodes that the section `anchors` names: a list of nodes, or node: axes."""
     for key, entry in anchors.items() if anchors is not None else ():
-        place = entry if isinstance(key, int) else _Place(key, entry.file, entry.path)
-        node = nodes[_find_node(place, nodes)]
+        node_entry = entry if isinstance(key, int) else _Place(key, entry.file, entry.path)
+        node = nodes[_find_node(node_entry, nodes)]
         if "anchored" in node:
-            raise DuplicateNameError(
-                "the node is anchored twice", where=entry.where, given=place.value, allowed="each node once"
-            )
+            problem, allowed = "the node is anchored twice", "each node once"
+            raise DuplicateNameError(problem, where=entry.where, given=node_entry.value, allowed=allowed)
         node["anchored"] = True if isinstance(key, int) else _read_axes(entry)
 
 
 def _read_loads(loads: _Place | None, names: Mapping[str, Any]) -> list[tuple[str, Sequence[float]]]:
     """Return the loads of the section `loads`: node: force, or a list of {"node": ..., "force": ...}."""
-    found: list[tuple[str, Sequence[float]]] = []
+    forces: list[tuple[str, Sequence[float]]] = []
     for key, entry in loads.items() if loads is not None else ():
         if isinstance(key, str):
             node, force = _Place(key, entry.file, entry.path), entry
@@ -205,8 +204,8 @@ def _read_loads(loads: _Place | None, names: Mapping[str, Any]) -> list[tuple[st
             if len(values) < 2:
                 raise entry.wrong("the load lacks a key", "node and force")
             node, force = values["node"], values["force"]
-        found.append((_find_node(node, names), force.vector()))
-    return found
+        forces.append((_find_node(node, names), force.vector()))
+    return forces
 
 
 def _read_member(name: str, entry: _Place, nodes: Mapping[str, Any]) -> NetworkMember:

@@ -46,16 +46,16 @@ def import_mjcf(
     links = read_links(root, defaults, _read_speeds(root, network, file), file)
     sites = {site: link for link in links for site in link.sites}
     members = read_tendons(root, defaults, {site: link.sites[site] for site, link in sites.items()}, file)
-    used = list(dict.fromkeys(end for item in members for end in item.ends))
+    used = list(dict.fromkeys(end for member in members for end in member.ends))
     for end in used:
         check_known(end, sites, "unknown site", "a site", file)
     bars = [bar for link in links if (bar := _add_link(network, link, set(used), file)) is not None]
     network.members = [*bars, *members]
     _couple(network, read_coupled_masses(root, defaults, file), down)
-    values = {item.name: item.values for item in members}
+    values = {member.name: member.values for member in members}
     read_actuators(root, defaults, network, values, links[0].frames, file)
-    damped = [item for item in members if "damping" in item.values and "tension_only" not in item.values]
-    if any(item.values["kind"] == "cable" for item in damped):
+    damped = [m.values for m in members if "damping" in m.values and "tension_only" not in m.values]
+    if any(damped_values["kind"] == "cable" for damped_values in damped):
         network.notes.append("in MuJoCo tendons keep their damping while slack, cables do not")
     network.notes += defaults.describe_unread()
     _note_left(root, network)
@@ -65,17 +65,17 @@ def import_mjcf(
 def _read_gravity(root: Element, defaults: Defaults, file: str) -> list[float]:
     """Return the gravity that the options of a model state [m/s2]."""
     options, flags = (
-        {key: value for item in root.iterfind(path) for key, value in defaults.complete(item, tag).items()}
+        {key: value for node in root.iterfind(path) for key, value in defaults.complete(node, tag).items()}
         for path, tag in (("option", "option"), ("option/flag", "flag"))
     )
-    found = read_numbers(options.get("gravity", GRAVITY), f"{file}: option.gravity", (3,))
-    return found if flags.get("gravity", "enable") == "enable" else [0.0] * 3
+    gravity = read_numbers(options.get("gravity", GRAVITY), f"{file}: option.gravity", (3,))
+    return gravity if flags.get("gravity", "enable") == "enable" else [0.0] * 3
 
 
 def _read_speeds(root: Element, network: Network, file: str) -> list[float] | None:
     """Return the speeds of the keyframe `start`, or else of the first one."""
     frames = list(root.iterfind("keyframe/key"))
-    chosen = next((item for item in frames if item.get("name") == "start"), frames[0] if frames else None)
+    chosen = next((frame for frame in frames if frame.get("name") == "start"), frames[0] if frames else None)
     if chosen is None or not {"qpos", "qvel"} & chosen.attrib.keys():
         return None
     network.notes.append(
@@ -154,52 +154,52 @@ def _add_bar(network: Network, link: Link, chosen: Sequence[str], where: str) ->
             f"the centre of mass of {link.name} is {aside:.3g} m off the line between its sites "
             f"{chosen[0]} and {chosen[1]}; the bar has it on that line"
         )
-    own, ends = link.mass, np.zeros(2)
+    bar_mass, ends = link.mass, np.zeros(2)
     if link.across is None:
         network.notes.append(f"the mass of {link.name} is spread evenly between {chosen[0]} and {chosen[1]}")
     else:
         s = float((link.centre - tips[0]) @ axis)
-        own = 6 * (link.mass * s * (length - s) - link.across) / length**2
-        ends[1] = (link.mass * s - own * length / 2) / length
-        ends[0] = link.mass - own - ends[1]
-        if min(own, *ends) < -RELATIVE_TOLERANCE * link.mass:
+        bar_mass = 6 * (link.mass * s * (length - s) - link.across) / length**2
+        ends[1] = (link.mass * s - bar_mass * length / 2) / length
+        ends[0] = link.mass - bar_mass - ends[1]
+        if min(bar_mass, *ends) < -RELATIVE_TOLERANCE * link.mass:
             network.notes.append(
                 f"the inertia of {link.name} is not that of a rod: its mass is spread evenly"
             )
-            own, ends = link.mass, np.zeros(2)
-    for site, place, mass in zip(chosen, tips, ends, strict=True):
-        node: dict[str, Any] = {"position": place.tolist()}
+            bar_mass, ends = link.mass, np.zeros(2)
+    for site, tip, mass in zip(chosen, tips, ends, strict=True):
+        node: dict[str, Any] = {"position": tip.tolist()}
         node |= {"mass": float(mass)} if mass > RELATIVE_TOLERANCE * link.mass else {}
-        speed = link.speed + np.cross(link.spin, place - link.position)
-        pivot = link.kind == "ball" and np.linalg.norm(place - link.position) <= RELATIVE_TOLERANCE * length
+        speed = link.speed + np.cross(link.spin, tip - link.position)
+        pivot = link.kind == "ball" and np.linalg.norm(tip - link.position) <= RELATIVE_TOLERANCE * length
         node |= {"anchored": True} if pivot else {}
         node |= {"velocity": speed.tolist()} if speed.any() and not pivot else {}
         network.nodes[site] = node
     if link.kind == "ball" and not any(network.nodes[site].get("anchored") for site in chosen):
         raise InvalidValueError("no site of the rod is at its ball joint", where=where)
     values: dict[str, Any] = {"kind": "bar"}
-    values |= {"mass": float(own)} if own > RELATIVE_TOLERANCE * link.mass else {}
+    values |= {"mass": float(bar_mass)} if bar_mass > RELATIVE_TOLERANCE * link.mass else {}
     name = link.name.removesuffix(".body")
     return NetworkMember(name, (chosen[0], chosen[1]), values, where)
 
 
 def _couple(network: Network, masses: dict[str, float], gravity: Sequence[float]) -> None:
     """Give bars the own masses that fixed tendons couple, and take their shares off nodes and forces."""
-    for position, item in enumerate(network.members):
-        mass = masses.pop(item.name, 0.0)
+    for position, member in enumerate(network.members):
+        mass = masses.pop(member.name, 0.0)
         if not mass:
             continue
-        values = {**item.values, "mass": mass, "kind": "bar"}
+        values = {**member.values, "mass": mass, "kind": "bar"}
         values.pop("tension_only", None)
-        network.members[position] = NetworkMember(item.name, item.ends, values, item.where)
-        for end in item.ends:
+        network.members[position] = NetworkMember(member.name, member.ends, values, member.where)
+        for end in member.ends:
             node = network.nodes[end]
             if node.get("anchored") is True:
                 continue
-            left = node.get("mass", 0.0) - mass / 6
+            remaining_mass = node.get("mass", 0.0) - mass / 6
             if "mass" in node:
-                node["mass"] = left
-                if left <= RELATIVE_TOLERANCE * mass:
+                node["mass"] = remaining_mass
+                if remaining_mass <= RELATIVE_TOLERANCE * mass:
                     del node["mass"]
             if any(gravity):
                 network.loads.append((end, [-mass / 3 * value for value in gravity]))
@@ -208,10 +208,10 @@ def _couple(network: Network, masses: dict[str, float], gravity: Sequence[float]
 
 
 def _note_left(root: Element, network: Network) -> None:
-    parts = ("equality", "contact", "sensor", "deformable", "asset", "custom")
-    found = [part for part in parts if any(True for section in root.iterfind(part) for _ in section)]
-    if found:
-        network.notes.append(f"sections that are not read: {', '.join(found)}")
+    sections = ("equality", "contact", "sensor", "deformable", "asset", "custom")
+    unread = [tag for tag in sections if any(True for section in root.iterfind(tag) for _ in section)]
+    if unread:
+        network.notes.append(f"sections that are not read: {', '.join(unread)}")
     if next(root.iter("geom"), None) is not None:
         network.notes.append("geoms are read for their masses only: there are no contacts")
 

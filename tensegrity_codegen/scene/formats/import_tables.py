@@ -62,10 +62,10 @@ def import_tables(
         network.notes.append(f"the tables were given in the other order: {nodes_path} has the nodes")
     node_rows = read_table(nodes_path, NODE_COLUMNS, NODE_COLUMNS[:4], OTHER_NODE_NAMES)
     member_rows = read_table(members_path, MEMBER_COLUMNS, MEMBER_COLUMNS[1:4], OTHER_MEMBER_NAMES)
-    for path, rows, what in ((nodes_path, node_rows, "nodes"), (members_path, member_rows, "members")):
+    for path, rows, section in ((nodes_path, node_rows, "nodes"), (members_path, member_rows, "members")):
         if not rows:
             raise StructureError(
-                f"the table has no {what}", where=str(path), allowed="a row below the header"
+                f"the table has no {section}", where=str(path), allowed="a row below the header"
             )
         if rows[0].decimal_comma:
             network.notes.append(f"{path}: commas within numbers were read as decimal commas")
@@ -80,7 +80,7 @@ def import_tables(
         named = {f"m{number}": row for number, row in enumerate(member_rows, 1)}
         network.notes.append(f"the table names no members: they are m1 to m{len(named)}, in its order")
     network.members = [_read_member(foreign, row, network.nodes) for foreign, row in named.items()]
-    limits = {foreign: found for foreign, row in named.items() if (found := _read_limits(row))}
+    limits = {foreign: row_limits for foreign, row in named.items() if (row_limits := _read_limits(row))}
     network.control = {"limits": {"members": limits}} if limits else {}
     return build_result(network, nodes_path, name, gravity)
 
@@ -158,31 +158,31 @@ def _read_member(name: str, row: Row, nodes: Mapping[str, Any]) -> NetworkMember
 
 def _read_section(text: str, where: str) -> Any:
     """Return the section of a scene: "rod 0.02", "tube 0.06 0.003", or a name of the catalogue."""
-    shape, *words = text.split()
+    shape, *sizes_text = text.split()
     if shape.lower() not in ("rod", "tube"):
         return text
-    sizes = read_numbers(" ".join(words), where, (1 if shape.lower() == "rod" else 2,))
+    sizes = read_numbers(" ".join(sizes_text), where, (1 if shape.lower() == "rod" else 2,))
     return {shape.lower(): sizes[0] if len(sizes) == 1 else sizes}
 
 
 def _read_limits(row: Row) -> dict[str, Any]:
     """Return the limits of a member; buckling may be yes or no too."""
-    word = _FLAG.get(row.cells.get("buckling", "").lower()) if "buckling" in row.cells else None
+    flag = _FLAG.get(row.cells.get("buckling", "").lower()) if "buckling" in row.cells else None
     limits: dict[str, Any] = {}
     for key in MEMBER_LIMITS:
-        value = word if key == "buckling" and word is not None else row.number(key)
+        value = flag if key == "buckling" and flag is not None else row.number(key)
         limits |= {} if value is None else {key: value}
     return limits
 
 
 def _is_two_sided(row: Row, kind: str) -> bool:
     """Return whether a cable is said to push too; raises InvalidValueError for another word or a bar."""
-    word = row.cells.get("tension_only", "").lower()
-    if word not in _FLAG or (kind == "bar" and _FLAG[word]):
-        problem = "a bar takes both signs of force" if word in _FLAG else "neither yes nor no"
+    flag = row.cells.get("tension_only", "").lower()
+    if flag not in _FLAG or (kind == "bar" and _FLAG[flag]):
+        problem = "a bar takes both signs of force" if flag in _FLAG else "neither yes nor no"
         allowed = "0, 1, true, false, yes, no or empty; for bars empty or no"
-        raise InvalidValueError(problem, where=row.where("tension_only"), given=word, allowed=allowed)
-    return kind == "cable" and _FLAG[word] is False
+        raise InvalidValueError(problem, where=row.where("tension_only"), given=flag, allowed=allowed)
+    return kind == "cable" and _FLAG[flag] is False
 
 
 FORMAT = Format(

@@ -50,12 +50,12 @@ def import_tdf(
     network = Network()
     classes = {kind: _read_classes(root, kind, where) for kind in KINDS}
     for number, element in enumerate(root.iterfind("initial_positions/node")):
-        place = f"{where}: initial_positions.node[{number}]"
-        key = read_attribute(element, "id", place)
+        location = f"{where}: initial_positions.node[{number}]"
+        key = read_attribute(element, "id", location)
         if key in network.nodes:
-            raise DuplicateNameError("two nodes with one id", where=place, given=key[:80])
-        xyz = read_attribute(element, "xyz", place)
-        network.nodes[key] = {"position": read_numbers(xyz, f"{place}.xyz", (3,))}
+            raise DuplicateNameError("two nodes with one id", where=location, given=key[:80])
+        xyz = read_attribute(element, "xyz", location)
+        network.nodes[key] = {"position": read_numbers(xyz, f"{location}.xyz", (3,))}
     _read_members(network, root, classes, where)
     network.notes.append(
         "the file has no masses: the scene serves statics, motions need masses of nodes or bars"
@@ -65,17 +65,17 @@ def import_tdf(
 
 def _read_classes(root: Element, kind: str, file: str) -> dict[str, dict[str, float]]:
     """Return stiffness and rest length by class."""
-    found: dict[str, dict[str, float]] = {}
+    classes: dict[str, dict[str, float]] = {}
     for number, element in enumerate(root.iterfind(f"{kind}_class")):
-        place = f"{file}: {kind}_class[{number}]"
-        key = read_attribute(element, "id", place)
-        if key in found:
-            raise DuplicateNameError("two classes with one id", where=place, given=key[:80])
-        found[key] = {
-            target: read_number(read_attribute(element, source, place), f"{place}.{source}")
+        location = f"{file}: {kind}_class[{number}]"
+        key = read_attribute(element, "id", location)
+        if key in classes:
+            raise DuplicateNameError("two classes with one id", where=location, given=key[:80])
+        classes[key] = {
+            target: read_number(read_attribute(element, source, location), f"{location}.{source}")
             for source, target in (("stiffness", "spring_constant"), ("rest_length", "rest_length"))
         }
-    return found
+    return classes
 
 
 def _read_members(
@@ -85,25 +85,25 @@ def _read_members(
     seen: dict[tuple[str, frozenset[str]], str | None] = {}
     repeated = 0
     for number, element in enumerate(root.iterfind("composition/*")):
-        place = f"{file}: composition[{number}]"
+        location = f"{file}: composition[{number}]"
         if element.tag not in KINDS:
             raise InvalidValueError(
-                "neither a rod nor a cable", where=place, given=element.tag[:80], allowed="rod, cable"
+                "neither a rod nor a cable", where=location, given=element.tag[:80], allowed="rod, cable"
             )
-        first, second = (read_attribute(element, key, place) for key in ("node1", "node2"))
-        own = element.get("class")
-        pair = (element.tag, frozenset((first, second)))
-        if pair in seen and seen[pair] == own:
+        start, end = (read_attribute(element, key, location) for key in ("node1", "node2"))
+        class_name = element.get("class")
+        pair = (element.tag, frozenset((start, end)))
+        if pair in seen and seen[pair] == class_name:
             repeated += 1
             continue
-        seen[pair] = own
-        if own is not None:
+        seen[pair] = class_name
+        if class_name is not None:
             allowed = f"a {element.tag}_class of the file"
-            check_known(own, classes[element.tag], "unknown class", allowed, f"{place}.class")
-        values = {} if own is None else classes[element.tag][own]
+            check_known(class_name, classes[element.tag], "unknown class", allowed, f"{location}.class")
+        values = {} if class_name is None else classes[element.tag][class_name]
         member = {"kind": KINDS[element.tag], **values}
-        name = network.name_member(f"{element.tag}_{first}_{second}")
-        network.members.append(NetworkMember(name, (first, second), member, place))
+        name = network.name_member(f"{element.tag}_{start}_{end}")
+        network.members.append(NetworkMember(name, (start, end), member, location))
     if repeated:
         network.notes.append(f"{repeated} rods and cables are given again, and count once")
 

@@ -62,8 +62,8 @@ class NameBook:
         if not self.renamed:
             return []
         shown = [f"{old!r} is {new}" for old, new in list(self.renamed.items())[:5]]
-        more = len(self.renamed) - len(shown)
-        ending = f", and {more} more" if more else ""
+        hidden = len(self.renamed) - len(shown)
+        ending = f", and {hidden} more" if hidden else ""
         return [
             f"{what} renamed, since names start with a letter and hold letters, digits and _ only: "
             + ", ".join(shown)
@@ -77,8 +77,8 @@ def name_all(foreign: Iterable[str], prefix: str, what: str) -> tuple[dict[str, 
     Names that are fine stay, whatever the others become. prefix: as in NameBook; what: "nodes were".
     """
     foreign, book = list(foreign), NameBook(prefix)
-    kept = {name: book.add(name) for name in foreign if NameBook(prefix).add(name) == name}
-    return {name: kept.get(name) or book.add(name) for name in foreign}, book.notes(what)
+    unchanged = {name: book.add(name) for name in foreign if NameBook(prefix).add(name) == name}
+    return {name: unchanged.get(name) or book.add(name) for name in foreign}, book.notes(what)
 
 
 def read_bytes(path: Path, largest: int, what: str) -> bytes:

@@ -35,14 +35,16 @@ def check_member(member: Mapping[str, Any], where: Where) -> None:
     """Raise InvalidValueError for values out of range, given twice, or that the member cannot have."""
     _check_ranges(member, where)
     _check_stiffness(member, where)
-    for one, other in (
+    for key, alternative in (
         *(("rest_length", "prestress"), ("mass", "density"), ("mass", "mass_per_length")),
         *(("section", "radius"), ("section", "inner_radius")),
     ):
-        if one in member and other in member:
-            problem = f"the member has {one} and {other}, which define the same value"
-            allowed = f"at most one of {one} and {other}"
-            raise InvalidValueError(problem, where=where(other), given=member[other], allowed=allowed)
+        if key in member and alternative in member:
+            problem = f"the member has {key} and {alternative}, which define the same value"
+            allowed = f"at most one of {key} and {alternative}"
+            raise InvalidValueError(
+                problem, where=where(alternative), given=member[alternative], allowed=allowed
+            )
     _check_mass(member, where)
     if "prestress" in member:
         _check_prestress(member, where)
@@ -151,12 +153,12 @@ class Network:
 
         Names of two nodes can give one name twice: "a_b" and "c", "a" and "b_c".
         """
-        found, number = name, 1
-        while found in self._given:
+        candidate, number = name, 1
+        while candidate in self._given:
             number += 1
-            found = f"{name}_{number}"
-        self._given.add(found)
-        return found
+            candidate = f"{name}_{number}"
+        self._given.add(candidate)
+        return candidate
 
 
 def build_result(
@@ -168,29 +170,35 @@ def build_result(
     UnknownNameError or InvalidValueError that names the place in the file.
     """
     title, notes = scene_name(name, path, "scene_")
-    for section, found in (("nodes", network.nodes), ("members", network.members)):
-        if not found:
+    for section, entries in (("nodes", network.nodes), ("members", network.members)):
+        if not entries:
             raise StructureError(f"the file has no {section}", where=str(path), allowed="one at least")
     node_names, node_notes = name_all(network.nodes, "n", "nodes were")
     _check_names(network.members)
-    member_names, member_notes = name_all([item.name for item in network.members], "m", "members were")
+    member_names, member_notes = name_all(
+        [member_entry.name for member_entry in network.members], "m", "members were"
+    )
     document: dict[str, Any] = {"name": title}
     chosen = network.gravity if gravity is None else gravity
     if chosen is not None:
         document["gravity"] = [float(value) for value in chosen]
     document["nodes"] = {node_names[key]: dict(values) for key, values in network.nodes.items()}
-    owners = dict.fromkeys(item.values["class"] for item in network.members if "class" in item.values)
+    owners = dict.fromkeys(
+        member_entry.values["class"] for member_entry in network.members if "class" in member_entry.values
+    )
     class_names, class_notes = name_all(owners, "c", "classes were")
     classes: dict[str, dict[str, Any]] = {}
     members = _build_members(network.members, member_names, node_names)
-    for item, member in zip(network.members, members.values(), strict=True):
+    for member_entry, member in zip(network.members, members.values(), strict=True):
         if "class" in member:
             member["class"] = class_names[member["class"]]
-            own = classes.setdefault(member["class"], {"kind": member["kind"]})
-            if own["kind"] != member.pop("kind"):
-                where = (item.place_of or partial(_place_key, item.where))("class")
+            class_table = classes.setdefault(member["class"], {"kind": member["kind"]})
+            if class_table["kind"] != member.pop("kind"):
+                where = (member_entry.place_of or partial(_place_key, member_entry.where))("class")
                 problem, allowed = "a class with bars and cables", "classes of one kind"
-                raise InvalidValueError(problem, where=where, given=item.values["class"], allowed=allowed)
+                raise InvalidValueError(
+                    problem, where=where, given=member_entry.values["class"], allowed=allowed
+                )
     document |= {"classes": classes} if classes else {}
     document["members"] = members
     loads = [
@@ -198,9 +206,11 @@ def build_result(
         for node, force in network.loads
     ]
     document |= {"loads": loads} if loads else {}
-    input_names, input_notes = name_all([str(item["name"]) for item in network.inputs], "u", "inputs were")
+    input_names, input_notes = name_all(
+        [str(member_entry["name"]) for member_entry in network.inputs], "u", "inputs were"
+    )
     tables = {"nodes": node_names, "members": member_names, "name": input_names}
-    inputs = [_rename_entry(item, tables) for item in network.inputs]
+    inputs = [_rename_entry(member_entry, tables) for member_entry in network.inputs]
     document |= {"inputs": inputs} if inputs else {}
     document |= _rename_control(network.control, node_names, member_names)
     notes += [*node_notes, *member_notes, *class_notes, *input_notes]
@@ -210,11 +220,11 @@ def build_result(
 
 def _check_names(members: Sequence[NetworkMember]) -> None:
     seen: dict[str, str] = {}
-    for item in members:
-        if item.name in seen:
-            problem, allowed = "two members with one name", f"each name once ({seen[item.name]} has it too)"
-            raise DuplicateNameError(problem, where=item.where, given=item.name[:80], allowed=allowed)
-        seen[item.name] = item.where
+    for member in members:
+        if member.name in seen:
+            problem, allowed = "two members with one name", f"each name once ({seen[member.name]} has it too)"
+            raise DuplicateNameError(problem, where=member.where, given=member.name[:80], allowed=allowed)
+        seen[member.name] = member.where
 
 
 def _build_members(
@@ -222,19 +232,19 @@ def _build_members(
 ) -> dict[str, dict[str, Any]]:
     built: dict[str, dict[str, Any]] = {}
     seen: dict[frozenset[str], str] = {}
-    for item in members:
-        for end in item.ends:
-            check_known(end, nodes, "unknown node", "a node of the file", item.where)
-        check_ends(*item.ends, item.ends[1], item.where)
-        pair = frozenset(item.ends)
+    for entry in members:
+        for end in entry.ends:
+            check_known(end, nodes, "unknown node", "a node of the file", entry.where)
+        check_ends(*entry.ends, entry.ends[1], entry.where)
+        pair = frozenset(entry.ends)
         if pair in seen:
-            problem, location = "two members join the same nodes", item.where
+            problem, location = "two members join the same nodes", entry.where
             allowed = f"one member for each pair ({seen[pair]} joins them too)"
-            raise DuplicateNameError(problem, where=location, given=" and ".join(item.ends), allowed=allowed)
-        seen[pair] = item.where
-        member = {"kind": item.values["kind"], "nodes": [nodes[end] for end in item.ends], **item.values}
-        check_member(member, item.place_of or partial(_place_key, item.where))
-        built[names[item.name]] = member
+            raise DuplicateNameError(problem, where=location, given=" and ".join(entry.ends), allowed=allowed)
+        seen[pair] = entry.where
+        member = {"kind": entry.values["kind"], "nodes": [nodes[end] for end in entry.ends], **entry.values}
+        check_member(member, entry.place_of or partial(_place_key, entry.where))
+        built[names[entry.name]] = member
     return built
 
 
@@ -253,8 +263,10 @@ def _rename_control(content: Mapping[str, Any], nodes: Names, members: Names) ->
         value = content.get(section)
         if value is not None:
             entries = value if isinstance(value, list) else [value]
-            items = [_rename_entry(entry, {"members": members, "nodes": nodes}) for entry in entries]
-            renamed[section] = items if isinstance(value, list) else items[0]
+            renamed_entries = [
+                _rename_entry(entry, {"members": members, "nodes": nodes}) for entry in entries
+            ]
+            renamed[section] = renamed_entries if isinstance(value, list) else renamed_entries[0]
     limits = content.get("limits")
     if isinstance(limits, dict) and isinstance(limits.get("members"), dict):
         of_members: dict[str, Any] = {}
@@ -275,7 +287,7 @@ def _rename_entry(entry: Any, tables: Mapping[str, Names]) -> Any:
 def _rename(value: Any, names: Names) -> Any:
     """Return the scene's name of a name or number, or of each of a list of them."""
     if isinstance(value, list):
-        return [_rename(item, names) if not isinstance(item, list) else item for item in value]
+        return [_rename(entry, names) if not isinstance(entry, list) else entry for entry in value]
     if isinstance(value, bool) or not isinstance(value, str | int):
         return value
     return names.get(str(value) if isinstance(value, str) or abs(value) < 10**18 else "", value)

@@ -89,14 +89,14 @@ def read_table(
         problem = "the table has too many rows for a scene"
         raise SceneSyntaxError(problem, where=str(path), given=n_rows, allowed=f"up to {MOST_ENTRIES} rows")
     lines = read_lines(text, path)
-    first = next(lines, None)
-    if first is None:
+    header_line = next(lines, None)
+    if header_line is None:
         raise SceneSyntaxError("the file has no header", where=str(path), allowed="a CSV table")
-    names = first[1]
+    names = header_line[1]
     if other_names is not None:
         names = [other_names.get(name.lower(), name.lower()) for name in names]
-    header = _check_header((first[0], names), path, columns, needed)
-    rows = [make_row(path, number, cells, header, len(first[1])) for number, cells in lines]
+    header = _check_header((header_line[0], names), path, columns, needed)
+    rows = [make_row(path, number, cells, header, len(header_line[1])) for number, cells in lines]
     if _find_separator(text) != "," and _has_decimal_commas(rows):
         return [replace(row, decimal_comma=True) for row in rows]
     return rows
@@ -110,8 +110,8 @@ def _has_decimal_commas(rows: Sequence[Row]) -> bool:
 
 
 def _find_separator(text: str) -> str:
-    first = next(line for line in text.split("\n") if line.strip())
-    return max(",;\t", key=first.count)
+    header = next(line for line in text.split("\n") if line.strip())
+    return max(",;\t", key=header.count)
 
 
 def read_lines(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:

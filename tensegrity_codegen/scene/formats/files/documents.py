@@ -50,8 +50,8 @@ def parse_json(text: str, path: Path) -> Any:
     try:
         return json.loads(text, object_pairs_hook=read_object, parse_constant=refuse)
     except json.JSONDecodeError as error:
-        place = f"{path}: line {error.lineno}, column {error.colno}"
-        raise SceneSyntaxError(f"not valid JSON: {error.msg}", where=place, allowed="JSON") from None
+        location = f"{path}: line {error.lineno}, column {error.colno}"
+        raise SceneSyntaxError(f"not valid JSON: {error.msg}", where=location, allowed="JSON") from None
     except RecursionError:
         raise SceneSyntaxError("the file is nested too deeply", where=str(path)) from None
     except ValueError:  # an integer of thousands of digits
@@ -71,11 +71,11 @@ def read_xml(path: Path, what: str) -> Element:
     deep, or has a document type: entities that stand for each other could grow without limit.
     """
     where, text = str(path), read_text(path, LARGEST_XML, what)
-    for word in ("<!DOCTYPE", "<!ENTITY"):
-        if word in text:
-            line = text.count("\n", 0, text.index(word)) + 1
+    for mark in ("<!DOCTYPE", "<!ENTITY"):
+        if mark in text:
+            line = text.count("\n", 0, text.index(mark)) + 1
             problem, location = "document types and entities are not read", f"{where}: line {line}"
-            raise SceneSyntaxError(problem, where=location, given=word, allowed="XML without a document type")
+            raise SceneSyntaxError(problem, where=location, given=mark, allowed="XML without a document type")
     parser = XMLParser(target=_LimitedBuilder(where))
     try:
         # At once: in pieces the parser would begin a long element again with every piece.
@@ -148,17 +148,16 @@ def read_attribute(element: Element, key: str, where: str) -> str:
 def read_numbers(text: str, where: str, counts: Sequence[int] = ()) -> list[float]:
     """Return numbers with spaces between them; counts: how many are allowed, empty: any."""
     try:
-        found = [float(word) for word in text.split()]
+        numbers = [float(number) for number in text.split()]
     except ValueError:
-        found = []
-    if not found or (counts and len(found) not in counts):
-        wanted = " or ".join(str(count) for count in counts) or "some"
-        raise InvalidValueError(
-            "not numbers", where=where, given=text[:80], allowed=f"{wanted} numbers with spaces between them"
-        )
-    if not all(math.isfinite(value) and abs(value) < 1e300 for value in found):
+        numbers = []
+    if not numbers or (counts and len(numbers) not in counts):
+        count_text = " or ".join(str(count) for count in counts) or "some"
+        allowed = f"{count_text} numbers with spaces between them"
+        raise InvalidValueError("not numbers", where=where, given=text[:80], allowed=allowed)
+    if not all(math.isfinite(value) and abs(value) < 1e300 for value in numbers):
         raise NonFiniteError("not finite numbers", where=where, given=text[:80], allowed="up to 1e300")
-    return found
+    return numbers
 
 
 def read_number(text: str, where: str) -> float:

@@ -65,41 +65,43 @@ def build_lines(
         raise StructureError(problem, where=str(path), given=len(lines), allowed=f"1 to {MOST_ENTRIES}")
     ends = np.array([line.ends for line in lines], dtype=float)
     for number in np.flatnonzero(~(np.abs(ends) < LARGEST).all(axis=(1, 2)))[:1]:  # NaN neither
-        given, where = ends[number].tolist(), lines[number].where
-        raise NonFiniteError("not a finite place", where=where, given=given, allowed=f"up to {LARGEST:g}")
+        shown, where = ends[number].tolist(), lines[number].where
+        raise NonFiniteError("not a finite place", where=where, given=shown, allowed=f"up to {LARGEST:g}")
     # Ends as nodes, two for each line
     reach = float(np.ptp(ends, axis=(0, 1)).max()) * TOLERANCE if tolerance is None else tolerance
-    nodes, places = _merge(ends.reshape(-1, 3), reach, path)
+    nodes, positions = _merge(ends.reshape(-1, 3), reach, path)
     pairs = nodes.reshape(-1, 2)
     for number in np.flatnonzero(pairs[:, 0] == pairs[:, 1])[:1]:
-        given, allowed = ends[number].tolist(), f"ends that are more than {reach:g} apart"
+        shown, allowed = ends[number].tolist(), f"ends that are more than {reach:g} apart"
         raise InvalidValueError(
-            "a line without length", where=lines[number].where, given=given, allowed=allowed
+            "a line without length", where=lines[number].where, given=shown, allowed=allowed
         )
     network = Network(notes=[*notes, "lines have no masses: motions need masses of nodes or bars"])
-    moved = float(np.linalg.norm(ends.reshape(-1, 3) - places[nodes], axis=1).max())
+    moved = float(np.linalg.norm(ends.reshape(-1, 3) - positions[nodes], axis=1).max())
     if moved > 1e-3 * reach:
         network.notes.append(f"ends of lines were moved by up to {moved:g} to a node nearby")
     # Nodes by the names of the file, the others by their numbers
-    keys = [""] * len(places)
-    known = {key: place for key, place in (named or {}).items() if (np.abs(place) < LARGEST).all()}
-    if known:
-        found = cKDTree(places).query(list(known.values()))
-        for key, distance, number in zip(known, *found, strict=True):
+    keys = [""] * len(positions)
+    node_positions = {
+        key: position for key, position in (named or {}).items() if (np.abs(position) < LARGEST).all()
+    }
+    if node_positions:
+        nearest = cKDTree(positions).query(list(node_positions.values()))
+        for key, distance, number in zip(node_positions, *nearest, strict=True):
             if distance <= reach:
-                keys[number], places[number] = key, known[key]
-    fresh = (key for k in itertools.count(1) if (key := f"n{k}") not in known)
-    for number, place in enumerate(places.tolist()):
+                keys[number], positions[number] = key, node_positions[key]
+    fresh = (key for k in itertools.count(1) if (key := f"n{k}") not in node_positions)
+    for number, position in enumerate(positions.tolist()):
         keys[number] = keys[number] or next(fresh)
-        network.nodes[keys[number]] = {"position": place}
+        network.nodes[keys[number]] = {"position": position}
     # Members, with a stiffness for cables
     counts = {"bar": itertools.count(1), "cable": itertools.count(1)}
     stiffness = {"axial_stiffness": AXIAL_STIFFNESS if axial_stiffness is None else axial_stiffness}
-    for line, (first, second) in zip(lines, pairs.tolist(), strict=True):
+    for line, (start, end) in zip(lines, pairs.tolist(), strict=True):
         kind = "bar" if line.is_bar else "cable"
         title = network.name_member(line.name or f"{kind}{next(counts[kind])}")
         values: dict[str, Any] = {"kind": kind, **({} if line.is_bar else stiffness)}
-        network.members.append(NetworkMember(title, (keys[first], keys[second]), values, line.where))
+        network.members.append(NetworkMember(title, (keys[start], keys[end]), values, line.where))
     if axial_stiffness is None and not all(line.is_bar for line in lines):
         network.notes.append(
             f"lines have no stiffness: EA of cables is {AXIAL_STIFFNESS:g} N, `axial_stiffness` changes it"
@@ -125,6 +127,6 @@ def _merge(ends: FloatArray, reach: float, path: Path) -> tuple[NDArray[np.int64
     pairs = tree.query_pairs(reach, output_type="ndarray")
     joined = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
     group = connected_components(joined, directed=False)[1][row.ravel()]
-    first, node = np.unique(group, return_index=True, return_inverse=True)[1:]
-    order = np.argsort(first)
-    return np.argsort(order)[node], ends[first[order]]
+    first_row, node = np.unique(group, return_index=True, return_inverse=True)[1:]
+    order = np.argsort(first_row)
+    return np.argsort(order)[node], ends[first_row[order]]

@@ -45,12 +45,12 @@ def list_unread(tag: str, values: Mapping[str, str], by_range: bool) -> list[str
 
     by_range: whether ranges act where nothing else is said (`autolimits`).
     """
-    taken = _WORDS[tag]
-    unread = [key for key, value in values.items() if key not in taken and not _is_idle(key, value)]
+    read_keys = _WORDS[tag]
+    unread = [key for key, value in values.items() if key not in read_keys and not _is_idle(key, value)]
     if not unread:
         return []
     # A range acts where, for instance, ctrllimited of ctrlrange is true.
-    states = {f"{key[:-7]}range": values.get(key, "auto") for key in taken if key.endswith("limited")}
+    states = {f"{key[:-7]}range": values.get(key, "auto") for key in read_keys if key.endswith("limited")}
     off = ("false",) if by_range else ("false", "auto")
     return [key for key in unread if states.get(key) not in off]
 
@@ -93,14 +93,14 @@ class Defaults:
         for key in list_unread(tag, values, self._by_range):
             names = self.unread.setdefault(f"{tag} {key[:40]}", [])
             is_named = len(names) < MOST_NAMED  # of the others only the number is told
-            text = f"{values.get('name', owner)[:60]} ({values[key][:40]})" if is_named else ""
-            names.append(text.lstrip())
+            description = f"{values.get('name', owner)[:60]} ({values[key][:40]})" if is_named else ""
+            names.append(description.lstrip())
 
     def describe_unread(self) -> list[str]:
         """Return notes on the attributes that act in MuJoCo and are not read."""
         return [
-            f"{what} is not read, though it acts in MuJoCo: {name_list(names, MOST_NAMED)}"
-            for what, names in self.unread.items()
+            f"{attribute} is not read, though it acts in MuJoCo: {name_list(names, MOST_NAMED)}"
+            for attribute, names in self.unread.items()
         ]
 
     def inherit(self, element: Element, kind: str, around: str = MAIN) -> dict[str, str]:
@@ -124,15 +124,15 @@ def read_defaults(root: Element, file: str) -> Defaults:
     classes: dict[str, dict[str, dict[str, str]]] = {MAIN: {}}
 
     def visit(element: Element, name: str, inherited: Mapping[str, dict[str, str]]) -> None:
-        own = dict(inherited)
-        for item in element:
-            if item.tag != "default":
-                kind = item.tag if item.tag in KINDS else "actuator"
-                own[kind] = {**own.get(kind, {}), **item.attrib}
-                check_attributes(own[kind], item.tag, file)
-        classes[name] = own
-        for item in element.iterfind("default"):
-            visit(item, item.get("class", ""), own)
+        attributes = dict(inherited)
+        for child in element:
+            if child.tag != "default":
+                kind = child.tag if child.tag in KINDS else "actuator"
+                attributes[kind] = {**attributes.get(kind, {}), **child.attrib}
+                check_attributes(attributes[kind], child.tag, file)
+        classes[name] = attributes
+        for child in element.iterfind("default"):
+            visit(child, child.get("class", ""), attributes)
 
     for element in root.iterfind("default"):
         visit(element, element.get("class", MAIN), classes[MAIN])

@@ -58,10 +58,10 @@ class _Walk:
 
     def take(self, count: int) -> list[float]:
         """Return the next speeds of the keyframe, 0 without one."""
-        first, self.used = self.used, self.used + count
+        start, self.used = self.used, self.used + count
         if self.speeds is None:
             return [0.0] * count
-        return (self.speeds[first : self.used] + [0.0] * count)[:count]
+        return (self.speeds[start : self.used] + [0.0] * count)[:count]
 
 
 def read_links(root: Element, defaults: Defaults, speeds: list[float] | None, file: str) -> list[Link]:
@@ -110,24 +110,24 @@ def _add_body(
 ) -> None:
     around = body.get("childclass", around)
     where = walk.where(body)
-    place = position + rotation @ _vector(body.attrib, "pos", where)
+    origin = position + rotation @ _vector(body.attrib, "pos", where)
     turned = rotation @ _read_rotation(walk, body.attrib, where)
     name = body.get("name", f"body{len(walk.links)}")
     walk.defaults.complete(body, "body", owner=name)
-    tags = [item for item in body if item.tag in ("joint", "freejoint")]
-    joints = [walk.defaults.complete(item, item.tag, around, name) for item in tags]
+    tags = [child for child in body if child.tag in ("joint", "freejoint")]
+    joints = [walk.defaults.complete(child, child.tag, around, name) for child in tags]
     kinds = [
-        "free" if item.tag == "freejoint" else values.get("type", "hinge")
-        for item, values in zip(tags, joints, strict=True)
+        "free" if child.tag == "freejoint" else values.get("type", "hinge")
+        for child, values in zip(tags, joints, strict=True)
     ]
     if not joints:
-        _fill(walk, body, above, place, turned, around)
+        _fill(walk, body, above, origin, turned, around)
         return
     if set(kinds) == {"slide"}:
-        link = _slide(walk, joints, above, Link(name, "sliding", place, turned))
+        link = _slide(walk, joints, above, Link(name, "sliding", origin, turned))
     elif kinds == ["free"] or (kinds == ["ball"] and above.kind == "static"):
         pivot = _vector(joints[0], "pos", where) if kinds == ["ball"] else np.zeros(3)
-        link = Link(name, kinds[0], place + turned @ pivot, turned)
+        link = Link(name, kinds[0], origin + turned @ pivot, turned)
         numbers = walk.take(6 if kinds == ["free"] else 3)
         link.speed = np.array(numbers[:3]) if kinds == ["free"] else np.zeros(3)
         link.spin = turned @ np.array(numbers[-3:])
@@ -135,31 +135,31 @@ def _add_body(
         allowed = "slide joints, one free joint, or one ball joint at the world"
         raise _refuse("these joints are not read", where, allowed, ", ".join(kinds))
     walk.links.append(link)
-    _fill(walk, body, link, place, turned, around)
+    _fill(walk, body, link, origin, turned, around)
 
 
 def _slide(walk: _Walk, joints: list[dict[str, str]], above: Link, link: Link) -> Link:
     """Complete a link that only slides, along axes of the world; raises InvalidValueError for others."""
-    place = f"{walk.file}: body {link.name}"
+    body_path = f"{walk.file}: body {link.name}"
     if above.kind not in ("static", "sliding"):
         allowed = "bodies that slide in the world, or on others that slide"
         hint = "put both sites on one body, which is a rigid bar; an elastic one is a bar of the scene"
-        raise _refuse("a body that slides on a turning one is not read", place, allowed, hint=hint)
+        raise _refuse("a body that slides on a turning one is not read", body_path, allowed, hint=hint)
     link.speed = above.speed.copy()
     for values, speed in zip(joints, walk.take(len(joints)), strict=True):
-        where = f"{place}: joint {values.get('name', '')[:60]}".rstrip()
+        where = f"{body_path}: joint {values.get('name', '')[:60]}".rstrip()
         axis = link.rotation @ _vector(values, "axis", where, "0 0 1")
         axis = axis / (np.linalg.norm(axis) or 1.0)
         main = int(np.abs(axis).argmax())
         if abs(abs(axis[main]) - 1.0) > ALIGNMENT_TOLERANCE or link.free[main]:
             problem = "a slide joint that is not along an axis of the world, or along one twice"
-            given = " ".join(f"{value:.6g}" for value in axis)
-            raise _refuse(problem, where, "1 0 0, 0 1 0 and 0 0 1, each once", given)
+            shown = " ".join(f"{value:.6g}" for value in axis)
+            raise _refuse(problem, where, "1 0 0, 0 1 0 and 0 0 1, each once", shown)
         link.free[main] = True
         link.speed[main] += math.copysign(speed, axis[main] * speed)
     if (above.free & ~link.free).any():
         problem = "a body without a joint along an axis along which the body that carries it slides"
-        raise _refuse(problem, place, "slide joints along the same axes at least")
+        raise _refuse(problem, body_path, "slide joints along the same axes at least")
     return link
 
 
@@ -237,8 +237,8 @@ def _read_rotation(walk: _Walk, values: Mapping[str, str], where: str) -> FloatA
         quaternion = np.array(read_numbers(values["quat"], f"{where}.quat", (4,)))
         return _rotate(quaternion[1:], 2 * math.atan2(float(np.linalg.norm(quaternion[1:])), quaternion[0]))
     if "axisangle" in values:
-        found = read_numbers(values["axisangle"], f"{where}.axisangle", (4,))
-        return _rotate(np.array(found[:3]), found[3] * unit)
+        numbers = read_numbers(values["axisangle"], f"{where}.axisangle", (4,))
+        return _rotate(np.array(numbers[:3]), numbers[3] * unit)
     if "zaxis" in values:
         z = _vector(values, "zaxis", where)
         z = z / (np.linalg.norm(z) or 1.0)

@@ -27,21 +27,21 @@ def read_tendons(
     for number, element in enumerate(root.iterfind("tendon/spatial")):
         where = f"{file}: tendon.spatial[{number}]"
         values = defaults.complete(element, "tendon")
-        path = [item for item in element if isinstance(item.tag, str)]
-        if [item.tag for item in path] != ["site", "site"]:
+        path = [site for site in element if isinstance(site.tag, str)]
+        if [site.tag for site in path] != ["site", "site"]:
             raise InvalidValueError(
                 "a tendon that is no straight line between two sites is not read",
                 where=where,
-                given=", ".join(item.tag for item in path)[:80],
+                given=", ".join(site.tag for site in path)[:80],
                 allowed="two elements <site>",
                 hint="split the tendon, or scenes of bodies",
             )
-        first, second = (item.get("site", "") for item in path)
+        start, end = (site.get("site", "") for site in path)
         member = _read_values(values, element.get("class", ""), where)
-        if "rest_length" not in member and first in sites and second in sites:
-            member["rest_length"] = math.dist(sites[first], sites[second])
+        if "rest_length" not in member and start in sites and end in sites:
+            member["rest_length"] = math.dist(sites[start], sites[end])
         name = element.get("name", f"tendon{number}")
-        members.append(NetworkMember(name, (first, second), member, where))
+        members.append(NetworkMember(name, (start, end), member, where))
     return members
 
 
@@ -58,9 +58,9 @@ def _read_values(values: Mapping[str, str], group: str, where: str) -> dict[str,
         member["spring_constant"] = stiffness[0]
     if damping[0]:
         member["damping"] = damping[0]
-    rest = read_numbers(values.get("springlength", "-1"), f"{where}.springlength", (1, 2))
-    if len(rest) == 2 and rest[0] != rest[1]:
-        if rest[0] != 0:
+    lengths = read_numbers(values.get("springlength", "-1"), f"{where}.springlength", (1, 2))
+    if len(lengths) == 2 and lengths[0] != lengths[1]:
+        if lengths[0] != 0:
             raise InvalidValueError(
                 "a dead band that does not begin at 0 is not read",
                 where=f"{where}.springlength",
@@ -70,8 +70,8 @@ def _read_values(values: Mapping[str, str], group: str, where: str) -> dict[str,
             )
     elif member["kind"] == "cable":
         member["tension_only"] = False
-    if rest[-1] != -1:
-        member["rest_length"] = rest[-1]
+    if lengths[-1] != -1:
+        member["rest_length"] = lengths[-1]
     return member
 
 
@@ -112,13 +112,13 @@ def read_actuators(
     for node, force in network.loads:
         forces[node] = forces.get(node, np.zeros(3)) + force
     inputs: dict[tuple[str, str, tuple[float, ...]], dict[str, Any]] = {}
-    left = []
-    for number, element in enumerate(item for section in root.iterfind("actuator") for item in section):
+    unread = []
+    for number, element in enumerate(child for section in root.iterfind("actuator") for child in section):
         where = f"{file}: actuator[{number}]"
         name = element.get("name", f"actuator{number}")
         values = defaults.inherit(element, "actuator")
         if not _is_plain(element.tag, values):
-            left.append(name)
+            unread.append(name)
             continue
         gear = read_numbers(values.get("gear", "1"), f"{where}.gear")
         gain = read_numbers(values.get("gainprm", "1"), f"{where}.gainprm")[0]
@@ -143,7 +143,7 @@ def read_actuators(
             key = (name.partition(".")[0], "rest_length", ())
             inputs.setdefault(key, {"kind": "rest_length", "members": []})["members"].append(tendon)
             continue
-        left.append(name)
+        unread.append(name)
     weight = max((float(np.abs(force).max()) for _, force in network.loads), default=0.0)
     weights = (float(np.abs(force).max()) for force in forces.values())
     scale = max(weight, max(weights, default=0.0))
@@ -155,8 +155,8 @@ def read_actuators(
         size = float(np.linalg.norm(direction)) if direction else 1.0
         if abs(size - 1.0) > RELATIVE_TOLERANCE:
             network.notes.append(f"the input {name} is in newtons: {size:g} times the control of the model")
-    if left:
-        network.notes.append(f"actuators that are not read: {name_list(left, MOST_NAMED)}")
+    if unread:
+        network.notes.append(f"actuators that are not read: {name_list(unread, MOST_NAMED)}")
 
 
 def _is_plain(tag: str, values: Mapping[str, str]) -> bool:

@@ -61,8 +61,8 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise DuplicateNameError(problem, where=location, given=error.key, allowed="each key once") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
-        place = f": line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise SceneSyntaxError(f"not valid YAML: {error.problem}", where=where + place) from None
+        position = f": line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise SceneSyntaxError(f"not valid YAML: {error.problem}", where=where + position) from None
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         problem = "nested too deeply" if isinstance(error, RecursionError) else str(error).split("\n")[0]
         raise SceneSyntaxError(f"not valid YAML: {problem}", where=where) from None
@@ -79,8 +79,8 @@ def _expanded_size(value: Any, sizes: dict[int, int]) -> int:
     if not isinstance(value, dict | list):
         return 1
     if id(value) not in sizes:
-        parts = value.values() if isinstance(value, dict) else value
-        sizes[id(value)] = 1 + sum(_expanded_size(part, sizes) for part in parts)
+        entries = value.values() if isinstance(value, dict) else value
+        sizes[id(value)] = 1 + sum(_expanded_size(entry, sizes) for entry in entries)
     return sizes[id(value)]
 
 
@@ -125,13 +125,13 @@ def parse_vector(value: Any, where: str) -> tuple[float, float, float]:
     """Return three finite numbers; raises InvalidValueError or NonFiniteError."""
     if not isinstance(value, list) or len(value) != 3:
         raise InvalidValueError("not a vector", where=where, given=_shown(value), allowed="[x, y, z]")
-    x, y, z = (parse_number(item, where) for item in value)
+    x, y, z = (parse_number(number, where) for number in value)
     return x, y, z
 
 
 def parse_pair(value: Any, where: str) -> tuple[str, str]:
     """Return the two node names of a pair; raises InvalidValueError."""
-    if not isinstance(value, list) or len(value) != 2 or not all(isinstance(item, str) for item in value):
+    if not isinstance(value, list) or len(value) != 2 or not all(isinstance(name, str) for name in value):
         raise InvalidValueError(
             "not a pair of nodes", where=where, given=_shown(value), allowed="[node, node]"
         )

@@ -75,22 +75,22 @@ def bond_nodes_to_edges(
     _remove_pairs(sides, bond, is_rod, where)
     return [
         new
-        for number, (node, (first, second)) in enumerate(zip(bond.nodes, bond.edges, strict=True))
-        for new in ((first, node, f"{where}[{number}]"), (node, second, f"{where}[{number}]"))
+        for number, (node, (start, end)) in enumerate(zip(bond.nodes, bond.edges, strict=True))
+        for new in ((start, node, f"{where}[{number}]"), (node, end, f"{where}[{number}]"))
     ]
 
 
 def _read(sides: tuple[NtrtStructure, NtrtStructure], pairs: Sequence[Any], where: str) -> _Bond:
     bond = _Bond()
     for number, value in enumerate(pairs):
-        place = f"{where}[{number}]"
-        names = parse_pair(value, place)
+        location = f"{where}[{number}]"
+        names = parse_pair(value, location)
         if sum("/" in name for name in names) != 1:
             problem = "not a bond of a node and an edge"
             allowed = "one node and one edge: [node, node/node] or [node/node, node]"
-            raise InvalidValueError(problem, where=place, given=f"{names[0]}, {names[1]}", allowed=allowed)
+            raise InvalidValueError(problem, where=location, given=f"{names[0]}, {names[1]}", allowed=allowed)
         for structure, name, points in zip(sides, names, bond.points, strict=True):
-            ends = [structure.find_node(part, place) for part in name.split("/", 1)]
+            ends = [structure.find_node(node_name, location) for node_name in name.split("/", 1)]
             points.append(np.mean([node.position for node in ends], axis=0))
             if len(ends) == 1:
                 bond.nodes.append(ends[0])
@@ -102,23 +102,23 @@ def _read(sides: tuple[NtrtStructure, NtrtStructure], pairs: Sequence[Any], wher
 def _move(child: NtrtStructure, target: FloatArray, points: FloatArray, where: str) -> None:
     """Move `child` so that its `points` (n, 3) come to lie at `target` (n, 3), as the toolkit does it."""
     normals = [_normal(side, where) for side in (points, target)]
-    first = _turn(normals[0], normals[1], points[1] - points[0])
+    rotation = _turn(normals[0], normals[1], points[1] - points[0])
     middle, center = points.mean(axis=0), target.mean(axis=0)
-    arms = (first @ (points[0] - middle), target[0] - center)
+    arms = (rotation @ (points[0] - middle), target[0] - center)
     if not all(np.linalg.norm(arm) > 0 for arm in arms):
         problem = "the first point of the bond is the centroid of all its points, so no direction is stated"
         allowed = "a first pair away from the centroid"
         raise StructureError(problem, where=where, allowed=allowed, hint="put another pair first")
-    turn = _turn(arms[0], arms[1], normals[1]) @ first
+    turn = _turn(arms[0], arms[1], normals[1]) @ rotation
     child.transform(lambda point: center + turn @ (point - middle))
 
 
 def _normal(points: FloatArray, where: str) -> FloatArray:
     """Return the unit normal of the plane through the first three points."""
-    one, other = points[1] - points[0], points[2] - points[0]
-    normal: FloatArray = np.cross(one, other)
+    edge, second_edge = points[1] - points[0], points[2] - points[0]
+    normal: FloatArray = np.cross(edge, second_edge)
     length = float(np.linalg.norm(normal))
-    if not length > _ON_A_LINE * float(np.linalg.norm(one) * np.linalg.norm(other)):
+    if not length > _ON_A_LINE * float(np.linalg.norm(edge) * np.linalg.norm(second_edge)):
         problem = "the first three points of the bond lie on a line, so no plane is stated"
         allowed = "three points that span a triangle, in both structures"
         raise StructureError(problem, where=where, allowed=allowed, hint="put another pair first")
@@ -148,12 +148,12 @@ def _remove_pairs(sides: tuple[NtrtStructure, NtrtStructure], bond: _Bond, is_ro
     """Remove the edges of the bond and the cables between its nodes from both structures."""
     edges = {_places(ends) for ends in bond.edges}
     nodes = {_locate(node) for node in bond.nodes}
-    for structure in (item for side in sides for item in side.walk()):
-        kept = []
+    for structure in (tree for side in sides for tree in side.walk()):
+        remaining_pairs = []
         for pair in structure.pairs:
             ends = _places(pair.ends)
             if ends not in edges and not ends <= nodes:
-                kept.append(pair)
+                remaining_pairs.append(pair)
             elif is_rod(pair, structure.name):
                 if ends in edges:
                     raise StructureError(
@@ -162,8 +162,8 @@ def _remove_pairs(sides: tuple[NtrtStructure, NtrtStructure], bond: _Bond, is_ro
                         given=f"{pair.ends[0].path}/{pair.ends[1].path}",
                         allowed="edges that are cables: the bond replaces each by two",
                     )
-                kept.append(pair)
-        structure.pairs[:] = kept
+                remaining_pairs.append(pair)
+        structure.pairs[:] = remaining_pairs
 
 
 def _locate(node: NtrtNode) -> tuple[float, ...]:
@@ -196,16 +196,16 @@ class _Loading:
 
     def check(self, path: Path) -> None:
         """Raise StructureError where all that was read so far is beyond reason."""
-        for what, count, most in (
+        for kind, count, limit in (
             ("substructures", self.n_structures, _MOST_STRUCTURES),
             ("nodes", self.n_nodes, _MOST_NODES),
             ("pairs", self.n_pairs, _MOST_PAIRS),
             ("builders", len(self.builders), _MOST_BUILDERS),
             ("levels of files", len(self.open), _DEEPEST),
         ):
-            if count > most:
-                problem, allowed = "too many substructures", f"up to {most} {what}"
-                raise StructureError(problem, where=str(path), given=f"{count} {what}", allowed=allowed)
+            if count > limit:
+                problem, allowed = "too many substructures", f"up to {limit} {kind}"
+                raise StructureError(problem, where=str(path), given=f"{count} {kind}", allowed=allowed)
 
 
 def load_structure(path: Path, builders: BuilderBook) -> NtrtStructure:
@@ -232,7 +232,7 @@ def _build(structure: NtrtStructure, path: Path, loading: _Loading) -> None:
         raise StructureError(
             "the file is a substructure of itself",
             where=str(path),
-            given=" -> ".join(item.name for item in [*loading.open, real]),
+            given=" -> ".join(file.name for file in [*loading.open, real]),
             allowed="substructures that end somewhere",
         )
     if real not in loading.files:
@@ -263,7 +263,7 @@ def _count_pairs(groups: Any) -> int:
         return len(groups)
     if not isinstance(groups, dict):
         return 0
-    return sum(max(key.count("/") - 1, 1) * _count_pairs(part) for key, part in groups.items())
+    return sum(max(key.count("/") - 1, 1) * _count_pairs(group) for key, group in groups.items())
 
 
 def _join(path: str, name: str) -> str:
@@ -292,8 +292,8 @@ def _add_children(structure: NtrtStructure, entries: dict[str, Any], path: Path,
             if "rotation" in attributes:
                 _rotate(child, read_table(attributes["rotation"], f"{where}.rotation"), f"{where}.rotation")
     for names, attributes, where in rows:
-        for place, name in enumerate(names):
-            _place(structure.find_child(name, where), place, attributes, where)
+        for position, name in enumerate(names):
+            _place(structure.find_child(name, where), position, attributes, where)
 
 
 def _child_path(path: Path, value: Any, where: str) -> Path:
@@ -376,30 +376,30 @@ def _add_pairs(
     more_tags: Sequence[str],
     where: str,
 ) -> None:
-    words = frozenset([*tags.split(), *more_tags])
+    all_tags = frozenset([*tags.split(), *more_tags])
     stem = _stem(owner, (*tags.split(), *more_tags[:2]))
     if pairs in (None, ""):
         return
     if not isinstance(pairs, list):
         raise InvalidValueError("not a list of pairs", where=where, allowed="a list of [node, node]")
     for number, value in enumerate(pairs):
-        place = f"{where}[{number}]"
-        names = parse_pair(value, place)
-        ends = (sides[0].find_node(names[0], place), sides[1].find_node(names[1], place))
-        owner.pairs.append(NtrtPair(ends, words, stem, place))
+        location = f"{where}[{number}]"
+        names = parse_pair(value, location)
+        ends = (sides[0].find_node(names[0], location), sides[1].find_node(names[1], location))
+        owner.pairs.append(NtrtPair(ends, all_tags, stem, location))
 
 
 def _add_bond_groups(structure: NtrtStructure, groups: Any, builders: BuilderBook, where: str) -> None:
     """Add bonds a/b/.../node_node and a/b/.../node_edge; tags hold bonds or bonds hold tags."""
-    for first, inner in read_table(groups, where).items():
-        for second, pairs in read_table(inner, f"{where}.{first}").items():
-            place = f"{where}.{first}.{second}"
-            if ("/" in first) == ("/" in second):
+    for outer_key, inner in read_table(groups, where).items():
+        for inner_key, pairs in read_table(inner, f"{where}.{outer_key}").items():
+            location = f"{where}.{outer_key}.{inner_key}"
+            if ("/" in outer_key) == ("/" in inner_key):
                 problem = "bonds and tags are not nested in one another"
                 allowed = "tag: {a/b/node_node: [...]} or a/b/node_node: {tag: [...]}"
-                raise InvalidValueError(problem, where=place, allowed=allowed)
-            bonds, tags = (first, second) if "/" in first else (second, first)
-            _add_bonds(structure, bonds, tags, pairs, builders, place)
+                raise InvalidValueError(problem, where=location, allowed=allowed)
+            bonds, tags = (outer_key, inner_key) if "/" in outer_key else (inner_key, outer_key)
+            _add_bonds(structure, bonds, tags, pairs, builders, location)
 
 
 def _add_bonds(
@@ -409,14 +409,16 @@ def _add_bonds(
     if kind not in ("node_node", "node_edge") or len(names) < 2:
         allowed = "child/child/.../node_node or child/child/.../node_edge"
         raise InvalidValueError("not a bond between substructures", where=where, given=bonds, allowed=allowed)
-    for first, second in itertools.pairwise(names):
-        sides = (structure.find_child(first, where), structure.find_child(second, where))
+    for start, end in itertools.pairwise(names):
+        sides = (structure.find_child(start, where), structure.find_child(end, where))
         if kind == "node_node":
-            _add_pairs(structure, sides, tags, pairs, (first, second, f"{first}/{second}"), where)
+            _add_pairs(structure, sides, tags, pairs, (start, end, f"{start}/{end}"), where)
         elif pairs not in (None, ""):
-            stem = _stem(structure, (*tags.split(), first, second))
-            for one, other, place in bond_nodes_to_edges(sides, pairs, builders.is_rod, where):
-                structure.pairs.append(NtrtPair((one, other), frozenset(tags.split()), stem, place))
+            stem = _stem(structure, (*tags.split(), start, end))
+            for start_node, end_node, location in bond_nodes_to_edges(sides, pairs, builders.is_rod, where):
+                structure.pairs.append(
+                    NtrtPair((start_node, end_node), frozenset(tags.split()), stem, location)
+                )
 
 
 def _stem(owner: NtrtStructure, words: Sequence[str]) -> str:

@@ -41,8 +41,8 @@ def find_bodies(rods: Sequence[Pair], points: Iterable[Position] = ()) -> list[l
             point = parent[point]
         return point
 
-    for first, second in rods:
-        parent[root(second)] = root(first)
+    for start, end in rods:
+        parent[root(end)] = root(start)
     for point in points:
         root(point)
     bodies: dict[Position, list[Position]] = {}
@@ -69,26 +69,26 @@ def find_rigid_pairs(points: Sequence[Position], rods: Sequence[Pair]) -> list[P
     plane) or no pair is left. A rod that is not among them follows from the others.
     """
     row = {point: number for number, point in enumerate(points)}
-    place = np.array(points, dtype=np.float64)
+    position = np.array(points, dtype=np.float64)
     joined = {frozenset(rod) for rod in rods}
-    others = [pair for pair in itertools.combinations(points, 2) if frozenset(pair) not in joined]
-    dimension = find_dimension(place)
-    most = dimension * len(points) - dimension * (dimension + 1) // 2
+    unjoined = [pair for pair in itertools.combinations(points, 2) if frozenset(pair) not in joined]
+    dimension = find_dimension(position)
+    max_count = dimension * len(points) - dimension * (dimension + 1) // 2
     basis = np.zeros((0, 3 * len(points)))
-    found: dict[Pair, None] = {}
-    for least, pair in itertools.product(_INDEPENDENT, (*rods, *others)):
-        if len(found) == most:
+    pairs: dict[Pair, None] = {}
+    for min_size, pair in itertools.product(_INDEPENDENT, (*rods, *unjoined)):
+        if len(pairs) == max_count:
             break
-        if pair in found:
+        if pair in pairs:
             continue
-        direction = _direction(place, row[pair[0]], row[pair[1]])
+        direction = _direction(position, row[pair[0]], row[pair[1]])
         for _ in range(2):  # twice is enough
             direction = direction - basis.T @ (basis @ direction)
         size = float(np.linalg.norm(direction))
-        if size > least:
+        if size > min_size:
             basis = np.vstack([basis, direction / size])
-            found[pair] = None
-    return list(found)
+            pairs[pair] = None
+    return list(pairs)
 
 
 def _direction(place: NDArray[np.float64], i: int, j: int) -> NDArray[np.float64]:
@@ -204,32 +204,32 @@ def make_plan(structure: NtrtStructure, builders: BuilderBook, where: str) -> Pl
 def _drop_inner_cables(plan: Plan) -> None:
     """Leave out cables within one rigid body: they act on nothing; raise for ends that are on no body."""
     body = {point: number for number, points in enumerate(plan.bodies) for point in points}
-    kept = []
+    outer_cables = []
     for cable in plan.cables:
         for point, node in zip(cable.ends, cable.pair.ends, strict=True):
             if point not in body:
                 problem, allowed = "a cable ends where no rod is", "cables between ends of rods, or spheres"
                 raise StructureError(problem, where=cable.pair.where, given=node.path, allowed=allowed)
         if body[cable.ends[0]] != body[cable.ends[1]]:
-            kept.append(cable)
-    if len(kept) < len(plan.cables):
-        count = len(plan.cables) - len(kept)
+            outer_cables.append(cable)
+    if len(outer_cables) < len(plan.cables):
+        count = len(plan.cables) - len(outer_cables)
         plan.notes.append(
             f"{describe_count(count, 'cable')} between points of one rigid body left out: no effect"
         )
-    plan.cables = kept
+    plan.cables = outer_cables
 
 
 def _check_pairs(plan: Plan) -> None:
     seen: dict[frozenset[Position], Built] = {}
     for built in (*plan.rods, *plan.cables):
-        first = seen.setdefault(frozenset(built.ends), built)
-        if first is not built:
+        earlier = seen.setdefault(frozenset(built.ends), built)
+        if earlier is not built:
             raise DuplicateNameError(
                 "two pairs join the same two points",
                 where=built.pair.where,
                 given=f"{built.pair.ends[0].path} and {built.pair.ends[1].path}",
-                allowed=f"one pair ({first.pair.where} joins them too)",
+                allowed=f"one pair ({earlier.pair.where} joins them too)",
             )
 
 
@@ -275,9 +275,9 @@ class _Bars:
             pairs = itertools.combinations(points, 2)
             self.braces += [pair for pair in pairs if frozenset(pair) not in joined]
             return
-        kept = [] if anchored else find_rigid_pairs(points, rods)
-        self.braces += [pair for pair in kept if frozenset(pair) not in joined]
-        self.springs |= joined - {frozenset(pair) for pair in kept}
+        rigid_pairs = [] if anchored else find_rigid_pairs(points, rods)
+        self.braces += [pair for pair in rigid_pairs if frozenset(pair) not in joined]
+        self.springs |= joined - {frozenset(pair) for pair in rigid_pairs}
 
 
 def write_document(structure: NtrtStructure, plan: Plan, conversion: Conversion) -> dict[str, Any]:
@@ -303,8 +303,8 @@ def write_document(structure: NtrtStructure, plan: Plan, conversion: Conversion)
     for ends in bars.braces:
         add("brace", class_names[_BRACE], ends)
     for cable in plan.cables:
-        rest = conversion.scale * _rest_length(cable, conversion.pretension)
-        add(cable.pair.stem, class_names[cable.builder.key], cable.ends, rest_length=rest)
+        rest_length = conversion.scale * _rest_length(cable, conversion.pretension)
+        add(cable.pair.stem, class_names[cable.builder.key], cable.ends, rest_length=rest_length)
     plan.notes += [*book.notes("members were"), *_note_physics(plan, bars, conversion)]
     return {"classes": classes, "nodes": _write_nodes(plan, names, conversion.scale), "members": members}
 
@@ -372,18 +372,18 @@ def _write_classes(plan: Plan, bars: _Bars, scale: float) -> tuple[dict[str, dic
 
 def _rest_length(cable: Built, scale: float) -> float:
     stiffness, pretension = cable.builder.values["stiffness"], scale * cable.builder.values["pretension"]
-    rest = cable.length - pretension / stiffness
-    if not rest > 0:
-        most = stiffness * cable.length
+    rest_length = cable.length - pretension / stiffness
+    if not rest_length > 0:
+        max_pretension = stiffness * cable.length
         raise InvalidValueError(
             "the pretension shortens the cable to nothing",
             where=cable.pair.where,
             given=f"pretension {pretension:g}, stiffness {stiffness:g}",
-            allowed=f"a pretension below stiffness * length = {most:g}",
+            allowed=f"a pretension below stiffness * length = {max_pretension:g}",
             hint=f"the toolkit refuses it too: lower the pretension in the builder {cable.builder.key!r}, or "
-            f"try `pretension_scale={0.95 * scale * most / pretension:.2g}`",
+            f"try `pretension_scale={0.95 * scale * max_pretension / pretension:.2g}`",
         )
-    return rest
+    return rest_length
 
 
 def _note_physics(plan: Plan, bars: _Bars, conversion: Conversion) -> list[str]:
@@ -399,13 +399,13 @@ def _note_physics(plan: Plan, bars: _Bars, conversion: Conversion) -> list[str]:
         )
     if plan.cables:
         notes.append("cables end on the axes of the rods; the toolkit moves their ends to the rods' surface")
-    builders = [item.builder for item in (*plan.rods, *plan.cables)]
+    builders = [built.builder for built in (*plan.rods, *plan.cables)]
     builders += [sphere.builder for sphere in plan.spheres]
     used = {builder.key: builder for builder in builders}.values()
     ignored = sorted({name for builder in used for name in builder.ignored})
     if ignored:
         notes.append(f"parameters without a meaning here are left out: {', '.join(ignored)}")
-    motors = sorted({item.class_name for item in used if item.kind == "cable"} - {"tgBasicActuatorInfo"})
+    motors = sorted({built.class_name for built in used if built.kind == "cable"} - {"tgBasicActuatorInfo"})
     if motors:
         notes.append(f"{', '.join(motors)}: imported as plain cables, without motor and contact")
     return notes

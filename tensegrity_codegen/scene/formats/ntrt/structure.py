@@ -61,20 +61,22 @@ class NtrtStructure:
 
         Raises UnknownNameError.
         """
-        *owners, last = name.split(".")
+        *owners, node_name = name.split(".")
         structure = self
         for owner in owners:
             structure = structure.find_child(owner, where)
-        if last in structure._found:  # pairs are many and name few nodes
-            return structure._found[last]
+        if node_name in structure._found:  # pairs are many and name few nodes
+            return structure._found[node_name]
         for candidate in structure.walk():
-            if last in candidate.nodes:
-                structure._found[last] = candidate.nodes[last]
-                return candidate.nodes[last]
-        known = {node for candidate in structure.walk() for node in candidate.nodes}
+            if node_name in candidate.nodes:
+                structure._found[node_name] = candidate.nodes[node_name]
+                return candidate.nodes[node_name]
+        node_names = {node for candidate in structure.walk() for node in candidate.nodes}
         problem = f"no node of this name in {structure.name or 'the structure'}"
         allowed = "the name of a node, or child.node"
-        raise UnknownNameError(problem, where=where, given=name, allowed=allowed, hint=suggest(last, known))
+        raise UnknownNameError(
+            problem, where=where, given=name, allowed=allowed, hint=suggest(node_name, node_names)
+        )
 
     def find_child(self, name: str, where: str) -> "NtrtStructure":
         """Return the nearest substructure called `name`; raises UnknownNameError."""
@@ -93,7 +95,7 @@ class NtrtStructure:
 
     def centroid(self, where: str) -> NDArray[np.float64]:
         """Return the mean of all node positions below; raises StructureError where there is none."""
-        points = [node.position for item in self.walk() for node in item.nodes.values()]
+        points = [node.position for structure in self.walk() for node in structure.nodes.values()]
         if not points:
             raise StructureError("a structure without nodes has no centroid", where=where)
         mean: NDArray[np.float64] = np.mean(points, axis=0)
@@ -176,27 +178,27 @@ class BuilderBook:
     def find(self, pair: NtrtPair, owner: str) -> NtrtBuilder | None:
         """Return the builder of a pair that the structure `owner` holds, or None."""
         tags = pair.tags | {owner}
-        matching = [item for item in self._last_first("rod", "cable", "box") if item.tags <= tags]
-        rigid = [item for item in matching if item.kind != "cable"]
-        found = rigid[0] if rigid else matching[0] if matching else None
-        if found is not None and found.kind == "box":
+        matching = [option for option in self._last_first("rod", "cable", "box") if option.tags <= tags]
+        rigid = [option for option in matching if option.kind != "cable"]
+        builder = rigid[0] if rigid else matching[0] if matching else None
+        if builder is not None and builder.kind == "box":
             problem, allowed = "boxes (tgBoxInfo) are not supported", "rods (tgRodInfo) and cables"
             hint = "replace the box by rods"
-            raise InvalidValueError(problem, where=pair.where, given=found.key, allowed=allowed, hint=hint)
-        return found
+            raise InvalidValueError(problem, where=pair.where, given=builder.key, allowed=allowed, hint=hint)
+        return builder
 
     def is_rod(self, pair: NtrtPair, owner: str) -> bool:
         """Return whether a pair that the structure `owner` holds becomes a rod, by the builders so far."""
-        found = self.find(pair, owner)
-        return found is not None and found.kind == "rod"
+        builder = self.find(pair, owner)
+        return builder is not None and builder.kind == "rod"
 
     def find_sphere(self, node: str, owner: str) -> NtrtBuilder | None:
         """Return the builder that makes a sphere of a node of the structure `owner`, or None."""
         tags = {*node.split(), owner}
-        return next((item for item in self._last_first("sphere") if item.tags <= tags), None)
+        return next((option for option in self._last_first("sphere") if option.tags <= tags), None)
 
     def _last_first(self, *kinds: Kind) -> Iterator[NtrtBuilder]:
-        return (item for item in reversed(self._builders) if item.kind in kinds)
+        return (builder for builder in reversed(self._builders) if builder.kind in kinds)
 
 
 def _read_builder(key: str, value: Any, where: str) -> NtrtBuilder:
@@ -213,17 +215,17 @@ def _read_builder(key: str, value: Any, where: str) -> NtrtBuilder:
     if not key.split():
         raise InvalidValueError("a builder without tags", where=where, allowed="one tag or more")
     kind, defaults, flags = _CLASSES[class_name]
-    given = read_table(table.get("parameters"), f"{where}.parameters")
-    check_keys(given, (*defaults, *flags), f"{where}.parameters")
+    stated = read_table(table.get("parameters"), f"{where}.parameters")
+    check_keys(stated, (*defaults, *flags), f"{where}.parameters")
     numbers = {
-        name: parse_number(item, f"{where}.parameters.{name}")
-        for name, item in given.items()
+        name: parse_number(text, f"{where}.parameters.{name}")
+        for name, text in stated.items()
         if name not in flags
     }
     values = {name: number for name, number in {**defaults, **numbers}.items() if name in _USED}
     _check_ranges(kind, values, f"{where}.parameters")
     used = _USED[2:] if kind == "cable" else _USED
-    ignored = tuple(name for name in given if name not in used)
+    ignored = tuple(name for name in stated if name not in used)
     return NtrtBuilder(key, kind, class_name, values, ignored, where)
 
 
