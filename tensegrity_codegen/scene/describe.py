@@ -24,8 +24,8 @@ def describe_control(subject: Subject, key: str, name_node: Callable[[int], str]
     key: that of the nodes of a sensor, `nodes` or `points`; name_node: their names by index.
     """
     return {
-        "actuators": [_describe_actuator(subject, item) for item in subject.actuators],
-        "sensors": [_describe_sensor(subject, item, key, name_node) for item in subject.sensors],
+        "actuators": [_describe_actuator(subject, entry) for entry in subject.actuators],
+        "sensors": [_describe_sensor(subject, entry, key, name_node) for entry in subject.sensors],
         "limits": _describe_limits(subject),
     }
 
@@ -86,10 +86,10 @@ def share_values(tables: Mapping[str, dict[str, Any]], subject: Subject) -> dict
     shared: dict[str, dict[str, Any]] = {}
     for owner, members in of_class.items():
         for key, value in list(members[0].items()) if len(members) > 1 else ():
-            if key not in ("class", "nodes", "points") and all(item.get(key) == value for item in members):
+            if key not in ("class", "nodes", "points") and all(table.get(key) == value for table in members):
                 shared.setdefault(owner, {})[key] = value
-                for item in members:
-                    del item[key]
+                for table in members:
+                    del table[key]
     return shared
 
 
@@ -185,7 +185,7 @@ def describe_structure(structure: Structure, request: ModelRequest | None = None
     document["loads"] = [
         {"node": structure.node_name[i], "force": structure.node_load[i].tolist()} for i in loaded
     ]
-    motors = {item.name for item in structure.actuators}
+    motors = {actuator.name for actuator in structure.actuators}
     document["inputs"] = [_describe_input(structure, u) for u in structure.inputs if u.name not in motors]
     document |= describe_control(structure, "nodes", lambda i: structure.node_name[i])
     return {key: value for key, value in document.items() if value}

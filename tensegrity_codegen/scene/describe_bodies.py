@@ -38,7 +38,9 @@ def describe_bodies(system: BodySystem, request: ModelRequest | None = None) -> 
     if request is not None:
         document |= describe_request(request, system.node_name, system.member_name)
     document["classes"] = {name: {"kind": "cable"} for name in system.member_class if name}
-    document["bodies"] = {item.name: _describe(system, row, item) for row, item in enumerate(system.bodies)}
+    document["bodies"] = {
+        entry.name: _describe(system, row, entry) for row, entry in enumerate(system.bodies)
+    }
     document["tendons"] = {name: _tendon(system, e) for e, name in enumerate(system.member_name)}
     for name, values in share_values(document["tendons"], system).items():
         document["classes"][name] |= values
@@ -54,8 +56,8 @@ def describe_bodies(system: BodySystem, request: ModelRequest | None = None) -> 
         document["interference"] = {"pairs": pairs}
     document["ground"] = describe_ground(system, lambda node: _point(system, node))
     document["loads"] = _loads(system)
-    motors = {item.name for item in system.actuators}
-    document["inputs"] = [_input(system, item) for item in system.inputs if item.name not in motors]
+    motors = {entry.name for entry in system.actuators}
+    document["inputs"] = [_input(system, entry) for entry in system.inputs if entry.name not in motors]
     document |= describe_control(system, "points", lambda node: _point(system, node))
     return {key: value for key, value in document.items() if value}
 
@@ -76,7 +78,7 @@ def _describe(system: BodySystem, row: int, body: Body) -> dict[str, Any]:
         return _bar(system, body, start)
     if not isinstance(body, RigidBody):
         return {"kind": "fixed", "points": _points(system, row)}
-    points = {name: place for name, place in _points(system, row).items() if name != "centre"}
+    points = {name: position for name, position in _points(system, row).items() if name != "centre"}
     angles = dict(zip(("psi", "phi", "theta"), range(start, start + 3), strict=True))
     table: dict[str, Any] = {"kind": "rigid", "mass": body.mass, "inertia": [list(x) for x in body.inertia]}
     table |= {"points": points} if points else {}

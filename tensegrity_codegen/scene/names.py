@@ -80,13 +80,13 @@ def check_scene_name(text: str, where: str = "") -> None:
 
 def check_names(names: Sequence[str], what: str, where: str = "") -> None:
     """Raise InvalidNameError or DuplicateNameError unless all `names` are valid and differ."""
-    place = key_path(where, what)
+    location = key_path(where, what)
     for name in names:
-        check_name(name, place)
+        check_name(name, location)
     if len(set(names)) < len(names):
         raise DuplicateNameError(
             f"two {what} under one name",
-            where=place,
+            where=location,
             given=next(name for name, count in Counter(names).items() if count > 1),
             allowed="each name once",
         )
@@ -99,8 +99,8 @@ def check_known(name: str, known: Iterable[str], problem: str, allowed: str, *pl
     """
     if name not in known:
         hint = suggest(name[:80], known)
-        where = key_path(str(place[0]), *place[1:])
-        raise UnknownNameError(problem, where=where, given=name[:80], allowed=allowed, hint=hint)
+        location = key_path(str(place[0]), *place[1:])
+        raise UnknownNameError(problem, where=location, given=name[:80], allowed=allowed, hint=hint)
 
 
 def unknown_key(key: str, known: Iterable[str], where: str, problem: str = "unknown key") -> UnknownKeyError:
@@ -113,13 +113,13 @@ def unknown_key(key: str, known: Iterable[str], where: str, problem: str = "unkn
 def key_path(where: str, *parts: str | int) -> str:
     """Return the place of a key: `key_path("a.toml", "nodes", "a1", "mass")` is "a.toml: nodes.a1.mass"."""
     path = ""
-    for part in parts:
-        if isinstance(part, int):
-            path += f"[{part}]"
-        elif part:
-            shown = part if _BARE.fullmatch(part) else json.dumps(part if len(part) < 64 else part[:60] + "…")
+    for key in parts:
+        if isinstance(key, int):
+            path += f"[{key}]"
+        elif key:
+            shown = key if _BARE.fullmatch(key) else json.dumps(key if len(key) < 64 else key[:60] + "…")
             path += f".{shown}" if path else shown
-    return ": ".join(text for text in (str(where), path) if text)
+    return ": ".join(piece for piece in (str(where), path) if piece)
 
 
 def describe_pieces(first_nodes: Sequence[str]) -> str:
@@ -131,5 +131,5 @@ def describe_pieces(first_nodes: Sequence[str]) -> str:
 def name_list(names: Iterable[str], most: int = 5) -> str:
     """Return the first few names and the number of the others: "a, b, c and 4 more"."""
     names = list(names)
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    ending = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + ending

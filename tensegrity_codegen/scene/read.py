@@ -54,9 +54,9 @@ def cut_plain_sections(text: str) -> tuple[str, dict[str, dict[str, Any]]]:
     The headers stay, and empty lines in the place of the others, so that the TOML reader finds a section
     that is there twice, and names lines by their numbers.
     """
-    found: dict[str, dict[str, Any]] = {}
+    tables: dict[str, dict[str, Any]] = {}
     if len(text) < LEAST_LENGTH or '"""' in text or "'''" in text:  # a long text could hold anything
-        return text, found
+        return text, tables
     for name in _SECTIONS:
         header = re.compile(rf"^\[{name}\][ \t]*\r?\n", re.MULTILINE)
         headers = list(header.finditer(text)) if f"[{name}]" in text else []
@@ -67,9 +67,9 @@ def cut_plain_sections(text: str) -> tuple[str, dict[str, dict[str, Any]]]:
         end = match.end() if match else start
         table = _read_table(text[start:end]) if text[end : end + 1] in ("", "[") else None
         if table:
-            found[name] = table
+            tables[name] = table
             text = text[:start] + "\n" * text.count("\n", start, end) + text[end:]
-    return text, found
+    return text, tables
 
 
 def _read_table(lines: str) -> dict[str, Any] | None:
@@ -82,8 +82,8 @@ def _read_table(lines: str) -> dict[str, Any] | None:
         table: dict[str, dict[str, Any]] = json.loads("{" + ",".join(rows) + "}")
     except ValueError:
         return None
-    whole = len(table) + sum(map(len, table.values())) == lines.count("=") and len(table) == len(rows)
-    return table if whole else None
+    is_complete = len(table) + sum(map(len, table.values())) == lines.count("=") and len(table) == len(rows)
+    return table if is_complete else None
 
 
 _POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
@@ -159,9 +159,9 @@ def name_source(path: str | Path | Mapping[str, Any] | Scene) -> str:
 def to_plain(value: Any) -> Any:
     """Return tables and lists of NumPy's as Python's own; other values as they are."""
     if isinstance(value, Mapping):
-        return {key: to_plain(item) for key, item in value.items()}
+        return {key: to_plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [to_plain(item) for item in value]
+        return [to_plain(entry) for entry in value]
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
@@ -192,18 +192,18 @@ def read_document(path: str | Path, *, known: frozenset[str] = frozenset()) -> d
     Raises SceneError (not readable), SceneSyntaxError (not TOML) or DuplicateNameError (a name twice).
     """
     where = str(path)
-    whole = _read_text(Path(path), where)
-    check_text(whole, where)
-    text, plain = cut_plain_sections(whole)
+    full_text = _read_text(Path(path), where)
+    check_text(full_text, where)
+    text, plain = cut_plain_sections(full_text)
     check_text(text, where, plain=True)
     _refuse_nonsense(text, known, where)
     try:
         document = tomllib.loads(text)
         if any(document[name] for name in plain):  # a plain section is there in another form too
-            return tomllib.loads(whole)
+            return tomllib.loads(full_text)
         return {key: plain.get(key, value) for key, value in document.items()}
     except tomllib.TOMLDecodeError as error:
-        raise _syntax_error(whole.replace("\r\n", "\n"), str(error), where) from None
+        raise _syntax_error(full_text.replace("\r\n", "\n"), str(error), where) from None
     except RecursionError:
         raise SceneSyntaxError("the file is nested too deeply to be a scene", where=where) from None
     except ValueError as error:  # an integer of thousands of digits
@@ -241,9 +241,9 @@ def _read_text(path: Path, where: str) -> str:
 
 def _refuse_nonsense(text: str, known: frozenset[str], where: str) -> None:
     """Refuse in linear time what the TOML reader would chew on for long."""
-    first = _FIRST_KEY.match(text)
-    if known and first and first[1] not in known:
-        raise unknown_key(first[1], sorted(known), key_path(where, first[1][:80]))
+    first_key = _FIRST_KEY.match(text)
+    if known and first_key and first_key[1] not in known:
+        raise unknown_key(first_key[1], sorted(known), key_path(where, first_key[1][:80]))
     for pattern, mark, problem, allowed in (
         (_LONG_KEY, ".", "a dotted key has too many parts", "up to 32 parts"),
         (
@@ -254,19 +254,19 @@ def _refuse_nonsense(text: str, known: frozenset[str], where: str) -> None:
         ),
         (_LONG_NUMBER, "", "a number has too many digits", "numbers of ordinary size"),
     ):
-        found = pattern.search(text) if mark in text else None
-        if found:
-            line = text.count("\n", 0, found.start()) + 1
+        match = pattern.search(text) if mark in text else None
+        if match:
+            line = text.count("\n", 0, match.start()) + 1
             raise SceneSyntaxError(problem, where=f"{where}: line {line}", allowed=allowed)
 
 
 def _syntax_error(text: str, message: str, where: str) -> SceneError:
     """Return the error for a TOML reader's `message`, with the line, its text and the key named."""
-    found = _POSITION.search(message)
-    problem = message[: found.start()] if found else message
+    match = _POSITION.search(message)
+    problem = message[: match.start()] if match else message
     lines = text.split("\n")
-    if found and found[1]:
-        number, column = int(found[1]), int(found[2])
+    if match and match[1]:
+        number, column = int(match[1]), int(match[2])
     else:  # the end of the document
         while len(lines) > 1 and not lines[-1].strip():
             lines.pop()
@@ -293,7 +293,7 @@ def _twice(lines: list[str], number: int, problem: str, where: str) -> Duplicate
         headers = _HEADER.findall("\n".join(lines[: number - 1]))
         section = headers[-1].strip() if headers else ""
     owner = key[1] if inline and key and key[1] != name else ""
-    path = ".".join(part for part in (section, owner, name) if part)
+    path = ".".join(key_part for key_part in (section, owner, name) if key_part)
     return DuplicateNameError(
         "the name is defined twice",
         where=f"{key_path(where)}: line {number}: {path[:200]}",

@@ -30,10 +30,10 @@ def refuse(
     rows = np.flatnonzero(bad)
     if not rows.size:
         return
-    others = f" (also in {name_list(names[row] for row in rows[1:])})" if rows.size > 1 else ""
+    repeats = f" (also in {name_list(names[row] for row in rows[1:])})" if rows.size > 1 else ""
     value = None if given is None else given[rows[0]]
     raise error(
-        problem + others,
+        problem + repeats,
         where=key_path(where, section, names[rows[0]], key),
         given=value.tolist() if isinstance(value, np.ndarray | np.generic) else value,
         allowed=allowed,

@@ -49,18 +49,18 @@ def format_scene(document: Mapping[str, Any]) -> str:
 def _section(name: str, value: Any) -> Iterable[str]:
     """Yield the text blocks of one section."""
     if name in _LISTS:
-        for number, item in enumerate(value):
-            yield "\n".join([f"[[{name}]]", *_pairs(item, key_path("", name, number))])
+        for number, entry in enumerate(value):
+            yield "\n".join([f"[[{name}]]", *_pairs(entry, key_path("", name, number))])
     elif name in _TABLES:
-        for key, item in value.items():
-            yield "\n".join([f"[{name}.{_key(key)}]", *_pairs(item, key_path("", name, key))])
+        for key, entry in value.items():
+            yield "\n".join([f"[{name}.{_key(key)}]", *_pairs(entry, key_path("", name, key))])
     elif name == "limits" and isinstance(value, Mapping):
-        inner = {key: item for key, item in value.items() if isinstance(item, Mapping)}
-        plain = {key: item for key, item in value.items() if key not in inner}
+        inner = {key: entry for key, entry in value.items() if isinstance(entry, Mapping)}
+        plain = {key: entry for key, entry in value.items() if key not in inner}
         yield "\n".join([f"[{name}]", *_pairs(plain, name)])
-        for key, item in inner.items():
-            if item:
-                yield "\n".join([f"[{name}.{_key(key)}]", *_pairs(item, key_path("", name, key))])
+        for key, entry in inner.items():
+            if entry:
+                yield "\n".join([f"[{name}.{_key(key)}]", *_pairs(entry, key_path("", name, key))])
     else:
         yield "\n".join([f"[{name}]", *_pairs(value, name)])
 
@@ -109,7 +109,7 @@ def _value(value: Any, where: str) -> str:
     if isinstance(value, Mapping):
         return "{ " + ", ".join(_pairs(value, where)) + " }" if value else "{}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(item, where) for item in value) + "]"
+        return "[" + ", ".join(_value(entry, where) for entry in value) + "]"
     problem = f"a {type(value).__name__} cannot be written to a scene file"
     allowed = "numbers, texts, true, false, lists and tables"
     raise InvalidValueError(problem, where=where, given=value, allowed=allowed)

@@ -58,59 +58,67 @@ def translate(error: ValidationError, where: str) -> SceneError:
     """
     details = error.errors(include_url=False)
     # A list whose items were refused was long enough: "too short" of it says nothing.
-    lists = {item["loc"][:-1] for item in details}
-    kept = [item for item in details if item["type"] != "too_short" or item["loc"] not in lists]
-    details = kept or details
-    details.sort(key=lambda item: item["type"] != "extra_forbidden")
-    first = _translate_one(details[0], where)
-    others = details[1:]
-    if others:
-        shown = [_translate_one(item, "") for item in others[:MOST_SHOWN]]
-        lines = [f"{item.where}: {item.problem}" for item in shown]
-        if len(others) > MOST_SHOWN:
-            lines.append(f"and {len(others) - MOST_SHOWN} more")
-        first.problem += f" ({len(others)} more problem{'s' if len(others) > 1 else ''} below)"
-        first.hint = "\n           ".join(part for part in (first.hint, "also correct", *lines) if part)
-    return first
+    lists = {detail["loc"][:-1] for detail in details}
+    selected = [detail for detail in details if detail["type"] != "too_short" or detail["loc"] not in lists]
+    details = selected or details
+    details.sort(key=lambda detail: detail["type"] != "extra_forbidden")
+    main_error = _translate_one(details[0], where)
+    remaining = details[1:]
+    if remaining:
+        shown = [_translate_one(detail, "") for detail in remaining[:MOST_SHOWN]]
+        lines = [f"{detail.where}: {detail.problem}" for detail in shown]
+        if len(remaining) > MOST_SHOWN:
+            lines.append(f"and {len(remaining) - MOST_SHOWN} more")
+        main_error.problem += f" ({len(remaining)} more problem{'s' if len(remaining) > 1 else ''} below)"
+        main_error.hint = "\n           ".join(
+            line for line in (main_error.hint, "also correct", *lines) if line
+        )
+    return main_error
 
 
 def _translate_one(detail: ErrorDetails, where: str) -> SceneError:
     kind, loc, context = detail["type"], list(detail["loc"]), detail.get("ctx", {})
     is_key = kind != "extra_forbidden" and bool(loc) and loc[-1] == "[key]"
     path = _path_without_tags(loc[:-1] if is_key else loc)
-    place = key_path(where, *path)
-    given = loc[-2] if is_key else _shown(detail["input"])
+    location = key_path(where, *path)
+    value = loc[-2] if is_key else _shown(detail["input"])
     if kind == "extra_forbidden":
-        return unknown_key(str(loc[-1]), _schema_at(loc[:-1]).get("properties", {}), place)
+        return unknown_key(str(loc[-1]), _schema_at(loc[:-1]).get("properties", {}), location)
     if kind in ("string_pattern_mismatch", "name_keyword", "name_of_file"):
         problem = "not a valid name" if kind == "string_pattern_mismatch" else detail["msg"]
         allowed = FILE_NAME_RULE if kind == "name_of_file" else NAME_RULE
         if "[.]" in str(context.get("pattern", "")):
             return InvalidNameError(
-                "not the name of a point", where=place, given=given, allowed='"body.point"', hint="rename it"
+                "not the name of a point",
+                where=location,
+                given=value,
+                allowed='"body.point"',
+                hint="rename it",
             )
-        body, _, point = str(given).partition(".")
+        body, _, point = str(value).partition(".")
         hint = _OF_POINTS.get(str(path[0]), "rename it") if is_name(body) and is_name(point) else "rename it"
-        return InvalidNameError(problem, where=place, given=given, allowed=allowed, hint=hint.format(given))
+        return InvalidNameError(
+            problem, where=location, given=value, allowed=allowed, hint=hint.format(value)
+        )
     if kind == "unknown_name":
-        hint = suggest(given, context["known"])
+        hint = suggest(value, context["known"])
         known_names = ", ".join(context["known"])
         return UnknownNameError(
-            f"unknown {context['what']}", where=place, given=given, allowed=known_names, hint=hint
+            f"unknown {context['what']}", where=location, given=value, allowed=known_names, hint=hint
         )
     if kind == "missing":
         allowed, hint = _meaning(loc), f"add {path[-1]!r}"
-        return InvalidValueError("a needed key is missing", where=place, allowed=allowed, hint=hint)
-    if kind == "finite_number" or (isinstance(given, float) and not math.isfinite(given)):
-        return NonFiniteError("not a finite number", where=place, given=given, allowed=_meaning(loc))
-    return _invalid_value(detail, loc, place, given)
+        return InvalidValueError("a needed key is missing", where=location, allowed=allowed, hint=hint)
+    if kind == "finite_number" or (isinstance(value, float) and not math.isfinite(value)):
+        return NonFiniteError("not a finite number", where=location, given=value, allowed=_meaning(loc))
+    return _invalid_value(detail, loc, location, value)
 
 
 def _invalid_value(detail: ErrorDetails, loc: list[str | int], place: str, given: Any) -> InvalidValueError:
     kind, context = detail["type"], detail.get("ctx", {})
     if kind in _RANGE:
-        key, text = _RANGE[kind]
-        problem, allowed = "the value is out of range", text.format(f"{context[key]:g}")
+        key, range_text = _RANGE[kind]
+        problem, allowed = "the value is out of range", range_text.format(f"{context[key]:g}")
     elif kind == "float_type" and type(detail["input"]) is int:
         problem, allowed = "the number is too large", "a number of ordinary size"
     elif kind in _TYPE:
@@ -125,7 +133,7 @@ def _invalid_value(detail: ErrorDetails, loc: list[str | int], place: str, given
         problem, allowed = "the key 'kind' is missing", ", ".join(kinds)
     else:
         problem, allowed = detail["msg"][:1].lower() + detail["msg"][1:], ""
-    allowed = "; ".join(part for part in (allowed, _meaning(loc)) if part)
+    allowed = "; ".join(sentence for sentence in (allowed, _meaning(loc)) if sentence)
     return InvalidValueError(problem, where=place, given=given, allowed=allowed)
 
 
@@ -191,12 +199,12 @@ def _step(root: dict[str, Any], node: dict[str, Any], step: str | int) -> tuple[
 
 
 def _below(node: dict[str, Any], key: str) -> dict[str, Any]:
-    more = node.get("additionalProperties")
+    any_key = node.get("additionalProperties")
     patterns: dict[str, Any] = next(iter(node.get("patternProperties", {}).values()), {})
-    found: dict[str, Any] = node.get("properties", {}).get(key) or (
-        more if isinstance(more, dict) else patterns
+    schema: dict[str, Any] = node.get("properties", {}).get(key) or (
+        any_key if isinstance(any_key, dict) else patterns
     )
-    return found
+    return schema
 
 
 def _resolve(root: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
@@ -209,7 +217,7 @@ def _resolve(root: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
 def _meaning(loc: list[str | int]) -> str:
     """Return the sentence of the innermost key of `loc` that has one."""
     for end in range(len(loc), max(len(loc) - 3, 0), -1):
-        text = str(_schema_at(loc[:end]).get("description", ""))
-        if text:
-            return text
+        sentence = str(_schema_at(loc[:end]).get("description", ""))
+        if sentence:
+            return sentence
     return ""

@@ -161,9 +161,9 @@ class Scene(Summarised, SceneParts):
         try:
             super().__init__(**document)
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            where = ".".join(map(str, ("scene", *first["loc"])))
-            raise InvalidValueError(first["msg"], where=where, given=first["input"]) from None
+            detail = error.errors(include_url=False)[0]
+            location = ".".join(map(str, ("scene", *detail["loc"])))
+            raise InvalidValueError(detail["msg"], where=location, given=detail["input"]) from None
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # read_scene validates without it
 
@@ -175,10 +175,10 @@ class Scene(Summarised, SceneParts):
         """Return what the scene has in each section, for `repr` and notebooks."""
         shape = [("shape", self.shape.kind)] if self.shape is not None else []
         names = ("nodes", "members", "bodies", "tendons", "classes", "inputs", "actuators", "loads")
-        found = [(name, getattr(self, name)) for name in names if getattr(self, name)]
+        sections = [(name, getattr(self, name)) for name in names if getattr(self, name)]
         counts = [
             (name, count_names(list(value)) if isinstance(value, dict) else str(len(value)))
-            for name, value in found
+            for name, value in sections
         ]
         return [*shape, *counts, ("quantities", ", ".join(self.model.quantities) or "default")]
 
@@ -227,4 +227,4 @@ def _without_null_defaults(node: Any) -> Any:
             for key, value in node.items()
             if not (key == "default" and value is None)
         }
-    return [_without_null_defaults(item) for item in node] if isinstance(node, list) else node
+    return [_without_null_defaults(entry) for entry in node] if isinstance(node, list) else node

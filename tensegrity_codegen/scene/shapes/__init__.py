@@ -26,12 +26,12 @@ def expand_shape(shape: BaseModel | Mapping[str, Any], where: str = "shape") -> 
     Raises InvalidValueError or UnknownKeyError for a mapping that states no shape, StructureError where a
     `prestress` is asked of a geometry that has no unique self-stress with every cable in tension.
     """
-    given = shape if isinstance(shape, BaseModel) else _validate(shape, where)
-    if not isinstance(given, PrismShape | TowerShape | IcosahedronShape | TwoNodeShape):
-        raise InvalidValueError("not a shape", where=where, given=given, allowed="one of the shape models")
-    document = given.expand(where)
-    if given.on_facet is not None:
-        turn_onto_facet(document["nodes"], given.on_facet, f"{where}.on_facet")
+    model = shape if isinstance(shape, BaseModel) else _validate(shape, where)
+    if not isinstance(model, PrismShape | TowerShape | IcosahedronShape | TwoNodeShape):
+        raise InvalidValueError("not a shape", where=where, given=model, allowed="one of the shape models")
+    document = model.expand(where)
+    if model.on_facet is not None:
+        turn_onto_facet(document["nodes"], model.on_facet, f"{where}.on_facet")
     return document
 
 
@@ -39,11 +39,11 @@ def _validate(shape: Mapping[str, Any], where: str) -> BaseModel:
     try:
         model: BaseModel = _ADAPTER.validate_python(dict(shape))
     except ValidationError as error:
-        first = min(error.errors(include_url=False), key=lambda item: item["type"] != "extra_forbidden")
-        key = str(first["loc"][-1]) if first["loc"] else "kind"
-        if first["type"] == "extra_forbidden":
+        detail = min(error.errors(include_url=False), key=lambda item: item["type"] != "extra_forbidden")
+        key = str(detail["loc"][-1]) if detail["loc"] else "kind"
+        if detail["type"] == "extra_forbidden":
             models = (PrismShape, TowerShape, IcosahedronShape, TwoNodeShape)
-            made = [model for model in models if model.kind_name() == str(first["loc"][0])]
+            made = [model for model in models if model.kind_name() == str(detail["loc"][0])]
             raise unknown_key(key, [key for model in made for key in model.model_fields], where) from None
-        raise InvalidValueError(first["msg"], where=f"{where}.{key}", given=first["input"]) from None
+        raise InvalidValueError(detail["msg"], where=f"{where}.{key}", given=detail["input"]) from None
     return model

@@ -26,22 +26,22 @@ class IcosahedronShape(ShapeModel):
 
     def expand(self, where: str) -> dict[str, Any]:
         """Return the icosahedron as a plain document."""
-        parts = Parts(self.node_mass)
+        shape = Parts(self.node_mass)
         points = _corners(self.bar_length)
         names = [f"n{number}" for number in range(1, 13)]
         for name, point in zip(names, points, strict=True):
-            parts.add_node(name, point)
+            shape.add_node(name, point)
         for number in range(6):
-            parts.add_bar(f"bar{number + 1}", self.bar_class, names[2 * number : 2 * number + 2])
+            shape.add_bar(f"bar{number + 1}", self.bar_class, names[2 * number : 2 * number + 2])
         edge = math.sqrt(3 / 8) * self.bar_length
-        near = [
+        edges = [
             (i, j)
             for i, j in itertools.combinations(range(12), 2)
             if math.isclose(math.dist(points[i], points[j]), edge, rel_tol=1e-6)
         ]
-        for number, (i, j) in enumerate(near, start=1):
-            parts.add_cable(f"cable{number}", self.cable_class, (names[i], names[j]))
-        return parts.document(self.prestress, where)
+        for number, (i, j) in enumerate(edges, start=1):
+            shape.add_cable(f"cable{number}", self.cable_class, (names[i], names[j]))
+        return shape.document(self.prestress, where)
 
 
 def _corners(length: float) -> list[tuple[float, float, float]]:

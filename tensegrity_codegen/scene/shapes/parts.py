@@ -22,12 +22,12 @@ def turn_onto_facet(nodes: dict[str, dict[str, Any]], names: Sequence[str], wher
     """
     for name in names:
         check_choice(name, list(nodes), "node", where)
-    position = np.array([item["position"] for item in nodes.values()])
-    first, second, third = (np.array(nodes[name]["position"]) for name in names)
-    normal, along = np.cross(second - first, third - first), second - first
+    position = np.array([node["position"] for node in nodes.values()])
+    corner, second, third = (np.array(nodes[name]["position"]) for name in names)
+    normal, along = np.cross(second - corner, third - corner), second - corner
     size = float(np.ptp(position, axis=0).max())
     area = float(np.linalg.norm(normal))
-    height = (position - first) @ normal / max(area, 1e-300)
+    height = (position - corner) @ normal / max(area, 1e-300)
     if area <= FLAT * size**2 or height.min() < -FLAT * size < FLAT * size < height.max():
         raise InvalidValueError(
             "not a facet of the shape", where=where, given=", ".join(names),
@@ -35,9 +35,9 @@ def turn_onto_facet(nodes: dict[str, dict[str, Any]], names: Sequence[str], wher
         )  # fmt: skip
     up = normal / area if height.max() > -height.min() else -normal / area
     x = along / np.linalg.norm(along)
-    placed = (position - (first + second + third) / 3) @ np.array([x, np.cross(up, x), up]).T
-    for item, point in zip(nodes.values(), placed.tolist(), strict=True):
-        item["position"] = point
+    placed = (position - (corner + second + third) / 3) @ np.array([x, np.cross(up, x), up]).T
+    for node, point in zip(nodes.values(), placed.tolist(), strict=True):
+        node["position"] = point
 
 
 Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -129,7 +129,7 @@ class Parts:
         if prestress is not None:
             points, pairs, is_bar = self.geometry()
             tension = (
-                [prestress * share for share in shares]
+                [prestress * fraction for fraction in shares]
                 if shares is not None
                 else find_selfstress(points, pairs, is_bar, prestress, where, alike)
             )

@@ -83,30 +83,30 @@ class PrismShape(ShapeModel):
                 f"{selfstress_twist(self.bars):g} and {360 - selfstress_twist(self.bars):g} deg",
                 hint="add 'twist'",
             )
-        parts = Parts(self.node_mass)
+        shape = Parts(self.node_mass)
         numbers = range(1, self.bars + 1)
         for letter, points in zip("bt", self._rings(), strict=True):
             for number, point in zip(numbers, points, strict=True):
-                parts.add_node(f"{letter}{number}", point, anchored=letter == "b" and self.anchor_bottom)
+                shape.add_node(f"{letter}{number}", point, anchored=letter == "b" and self.anchor_bottom)
         for i in numbers:
-            parts.add_bar(f"bar{i}", self.bar_class, (f"b{i}", f"t{i}"))
+            shape.add_bar(f"bar{i}", self.bar_class, (f"b{i}", f"t{i}"))
         # Word, class, ring of either end, and how many nodes the second end is ahead of the first.
         cables = [("bottom", self.bottom_class, "b", "b", 1), ("top", self.top_class, "t", "t", 1)]
         cables.append(("vertical", self.vertical_class, "b", "t", -1))
         if self.opposite_class is not None:
             cables.append(("opposite", self.opposite_class, "b", "t", 1))
-        for word, class_name, first, second, ahead in cables:
+        for kind, class_name, ring_letter, second, ahead in cables:
             for i in numbers:
-                ends = (f"{first}{i}", f"{second}{(i - 1 + ahead) % self.bars + 1}")
-                parts.add_cable(f"{word}{i}", class_name, ends, f"{word}_cables")
+                ends = (f"{ring_letter}{i}", f"{second}{(i - 1 + ahead) % self.bars + 1}")
+                shape.add_cable(f"{kind}{i}", class_name, ends, f"{kind}_cables")
         if self.opposite_class is None:
-            return parts.document(self.prestress, where)
-        kinds = len(parts.members) // self.bars
+            return shape.document(self.prestress, where)
+        kinds = len(shape.members) // self.bars
         try:
-            return parts.document(self.prestress, where, alike=[k for k in range(kinds) for _ in numbers])
+            return shape.document(self.prestress, where, alike=[k for k in range(kinds) for _ in numbers])
         except StructureError as error:
-            least = selfstress_twist(self.bars)
-            error.hint = f"choose a twist between {least:g} and {360 - least:g} deg; or {error.hint}"
+            min_twist = selfstress_twist(self.bars)
+            error.hint = f"choose a twist between {min_twist:g} and {360 - min_twist:g} deg; or {error.hint}"
             raise
 
     def _rings(self) -> tuple[list[tuple[float, float, float]], list[tuple[float, float, float]]]:

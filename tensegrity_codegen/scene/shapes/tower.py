@@ -67,10 +67,10 @@ def find_long_twist(blocks: Blocks, known: dict[int, float], stages: int) -> flo
         slope = (twist - low) / (1 / less - 1 / count)
         limit = twist + slope / count
         away = slope / following
-        found = _bisect(blocks, following, limit - (1 - _REACH) * away, limit - (1 + _REACH) * away)
-        if found is None:
+        root = _bisect(blocks, following, limit - (1 - _REACH) * away, limit - (1 + _REACH) * away)
+        if root is None:
             return None
-        less, low, count, twist = count, twist, following, found
+        less, low, count, twist = count, twist, following, root
     return twist
 
 
@@ -119,11 +119,11 @@ def _bisect(blocks: Blocks, stages: int, high: float, low: float) -> float | Non
 def _measure(blocks: Blocks, stages: int) -> Callable[[float], float]:
     """Return a smooth function of the twist that is zero where the equations are singular: 1 / (u A^-1 w)."""
     rng = np.random.default_rng(0)
-    left, right = rng.uniform(0.5, 1.0, (2, 6 * stages - 2))
+    row_vector, column_vector = rng.uniform(0.5, 1.0, (2, 6 * stages - 2))
 
     def measure(twist: float) -> float:
-        solved: FloatArray = scipy.sparse.linalg.splu(_equations(blocks(twist), stages)).solve(right)
-        return 1.0 / float(left @ solved)
+        solved: FloatArray = scipy.sparse.linalg.splu(_equations(blocks(twist), stages)).solve(column_vector)
+        return 1.0 / float(row_vector @ solved)
 
     return measure
 
@@ -154,13 +154,13 @@ def _equations(four: FloatArray, stages: int) -> "scipy.sparse.csc_array":
     stage = [four[6 * h : 6 * h + 6, list(column["stage"][h])] for h in (0, 1)]
     joint = [four[6 * h : 6 * h + 12, list(column["joint"][h])] for h in (0, 1)]
     count = np.arange(stages)
-    parts = [_repeat(four[:6, [2]], count[:1], 0), _repeat(four[18:, [9]], count[-1:], 3)]
-    parts += [_repeat(stage[h], count[h::2], 1) for h in (0, 1)]
-    parts += [_repeat(joint[h], count[h:-1:2], 3) for h in (0, 1)]
-    rows, columns, values = (np.concatenate(items) for items in zip(*parts, strict=True))
+    blocks = [_repeat(four[:6, [2]], count[:1], 0), _repeat(four[18:, [9]], count[-1:], 3)]
+    blocks += [_repeat(stage[h], count[h::2], 1) for h in (0, 1)]
+    blocks += [_repeat(joint[h], count[h:-1:2], 3) for h in (0, 1)]
+    rows, columns, values = (np.concatenate(arrays) for arrays in zip(*blocks, strict=True))
     size = 6 * stages - 2
-    kept = (rows < size) & (values != 0.0)
-    return scipy.sparse.csc_array((values[kept], (rows[kept], columns[kept])), shape=(size, size))
+    is_used = (rows < size) & (values != 0.0)
+    return scipy.sparse.csc_array((values[is_used], (rows[is_used], columns[is_used])), shape=(size, size))
 
 
 def _repeat(block: FloatArray, stage: IntArray, column: int) -> tuple[IntArray, IntArray, FloatArray]:
@@ -173,14 +173,14 @@ def _repeat(block: FloatArray, stage: IntArray, column: int) -> tuple[IntArray, 
 
 def _order(stages: int) -> IntArray:
     """Return which run, as the shape lists them, each column of the equations stands for."""
-    first = find_bar_runs(stages)  # runs of each stage begin with bars; joints come after all stages
-    joint = first[-1] + 3 + 4 * np.arange(stages - 1)
+    start = find_bar_runs(stages)  # runs of each stage begin with bars; joints come after all stages
+    joint = start[-1] + 3 + 4 * np.arange(stages - 1)
     order = [np.array([2])]
     for s in range(stages):
-        order.append(first[s] + np.arange(2))
+        order.append(start[s] + np.arange(2))
         if s < stages - 1:
             order.append(joint[s] + np.arange(4))
-    order.append(np.array([first[stages - 1] + 2]))
+    order.append(np.array([start[stages - 1] + 2]))
     return np.concatenate(order)
 
 
@@ -230,14 +230,14 @@ class TowerShape(ShapeModel):
             twist = selfstress_twist(self.bars)
             if self.prestress is not None and self.stages > 1:
                 twist = find_tower_twist(self, where)
-        shares = None
+        tension_ratios = None
         if self.prestress is not None and self.stages > MOST_STAGES_FOR_TWIST:
-            shares = _find_shares(self, twist, where)
-        return self._parts(twist).document(self.prestress, where, shares)
+            tension_ratios = _find_shares(self, twist, where)
+        return self._parts(twist).document(self.prestress, where, tension_ratios)
 
     def _parts(self, twist: float) -> Parts:
         """Return the tower at `twist` [deg]; members come in runs of `bars` equal ones."""
-        parts = Parts(self.node_mass)
+        shape = Parts(self.node_mass)
         step = math.copysign(2 * math.pi / self.bars, twist)
         start = 0.0
         for stage in range(1, self.stages + 1):
@@ -250,13 +250,13 @@ class TowerShape(ShapeModel):
             for letter, points in zip("bt", rings, strict=True):
                 held = stage == 1 and letter == "b" and self.anchor_bottom
                 for number, point in enumerate(points):
-                    parts.add_node(_node(letter, stage, number, self.bars), point, anchored=held)
+                    shape.add_node(_node(letter, stage, number, self.bars), point, anchored=held)
             start, step = math.remainder(start + turn + step / 2, 2 * math.pi), -step
-            self._add_stage(parts, stage)
+            self._add_stage(shape, stage)
         reach = math.floor(abs(twist) * self.bars / 360 + 1 + 1e-9)
         for stage in range(1, self.stages):
-            self._add_joint(parts, stage, reach)
-        return parts
+            self._add_joint(shape, stage, reach)
+        return shape
 
     def _add_stage(self, parts: Parts, stage: int) -> None:
         p = self.bars
@@ -268,10 +268,10 @@ class TowerShape(ShapeModel):
             parts.add_cable(f"vertical{stage}_{i + 1}", self.vertical_class, ends, "vertical_cables")
         rings = [("b", "bottom", self.bottom_class)] * (stage == 1)
         rings += [("t", "top", self.top_class)] * (stage == self.stages)
-        for letter, word, class_name in rings:
+        for letter, kind, class_name in rings:
             for i in range(p):
                 ends = (_node(letter, stage, i, p), _node(letter, stage, i + 1, p))
-                parts.add_cable(f"{word}{i + 1}", class_name, ends, f"{word}_cables")
+                parts.add_cable(f"{kind}{i + 1}", class_name, ends, f"{kind}_cables")
 
     def _add_joint(self, parts: Parts, stage: int, reach: int) -> None:
         """Join `stage` to the next one; t_i meets b_(-i) and b_(1-i), whose rings run the other way."""
@@ -319,16 +319,16 @@ def _find_twist(stages: int, bars: int, overlap: float) -> float | None:
         return _frame_equations(stages, bars, overlap, twist)[..., :-2, :]
 
     if stages > MOST_STAGES_FOR_TWIST:
-        known = {count: _find_twist(count, bars, overlap) for count in _KNOWN_STAGES}
-        shorter = {count: twist for count, twist in known.items() if twist is not None}
-        if len(shorter) < len(known):
+        known_twists = {count: _find_twist(count, bars, overlap) for count in _KNOWN_STAGES}
+        shorter = {count: twist for count, twist in known_twists.items() if twist is not None}
+        if len(shorter) < len(known_twists):
             return None
         return find_long_twist(lambda twist: _frame_equations(4, bars, overlap, twist), shorter, stages)
     lowest = selfstress_twist(bars)
     twists = np.arange(lowest + _SCAN_RANGE, lowest, -_SCAN_STEP)
     signs = np.linalg.slogdet(equations(twists))[0]
-    for place in np.flatnonzero(signs[1:] != signs[:-1]).tolist():
-        high, low = twists[place], twists[place + 1]
+    for index in np.flatnonzero(signs[1:] != signs[:-1]).tolist():
+        high, low = twists[index], twists[index + 1]
         root = float(
             scipy.optimize.brentq(
                 lambda twist: np.linalg.det(equations(twist)), low, high, xtol=1e-14, rtol=1e-15
@@ -365,8 +365,8 @@ def _find_shares(tower: TowerShape, twist: float, where: str) -> list[float]:
     )
     if tension is None:
         raise _no_twist(tower, where)
-    shares = np.repeat(tension / tension[~is_bar].max(), tower.bars)
-    return [float(f"{value:.12e}") for value in shares]
+    ratios = np.repeat(tension / tension[~is_bar].max(), tower.bars)
+    return [float(f"{value:.12e}") for value in ratios]
 
 
 def _is_taut(equations: FloatArray, stages: int) -> bool:
@@ -415,12 +415,12 @@ def _frame_equations(
             add(ring_end, ring_end, 1, column)
             add(ring_end, ring_end, -1, column)
     reach = np.floor(np.abs(twist) * bars / 360 + 1 + 1e-9)
-    for first in range(0, 2 * stages - 2, 2):
+    for lower_ring in range(0, 2 * stages - 2, 2):
         # Saddles from top to next bottom, diagonals from bottom to bottom and top to top: i meets total - i.
         for low, high, total in ((1, 2, 0), (1, 2, 1), (0, 2, reach), (1, 3, 1 - reach)):
             column = next(run)
-            add(first + low, first + high, total, column)
-            add(first + high, first + low, total, column)
+            add(lower_ring + low, lower_ring + high, total, column)
+            add(lower_ring + high, lower_ring + low, total, column)
     return equations.reshape(*twist.shape, 6 * stages, 6 * stages - 2)
 
 

@@ -21,10 +21,10 @@ class TwoNodeShape(ShapeModel):
     def expand(self, where: str) -> dict[str, Any]:
         """Return the two nodes and their member as a plain document."""
         sign = -1.0 if self.along.startswith("-") else 1.0
-        x, y, z = (sign * self.length * part + 0.0 for part in _DIRECTION[self.along[-1]])
-        parts = Parts(self.node_mass)
-        parts.add_node("n1", (0.0, 0.0, 0.0), anchored=self.anchor_first)
-        parts.add_node("n2", (x, y, z))
-        document = parts.document(None, where)
+        x, y, z = (sign * self.length * component + 0.0 for component in _DIRECTION[self.along[-1]])
+        shape = Parts(self.node_mass)
+        shape.add_node("n1", (0.0, 0.0, 0.0), anchored=self.anchor_first)
+        shape.add_node("n2", (x, y, z))
+        document = shape.document(None, where)
         member = {"member1": {"class": self.member_class, "nodes": ["n1", "n2"]}}
         return {**document, "members": member}
