@@ -101,8 +101,7 @@ def _describe_value(key: str, value: float) -> float | bool:
 def describe_ground(subject: Subject, name_node: Callable[[int], str]) -> dict[str, Any]:
     """Return the table [ground] with its numbers explicit, empty without a ground; name_node: names by index.
 
-    Reading it back gives the same ground bit by bit. Raises InvalidValueError for radii that differ and are
-    not those of bars, which no scene can state.
+    Reading it back gives the same ground bit by bit.
     """
     ground = subject.ground
     if ground is None:

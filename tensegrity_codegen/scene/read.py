@@ -189,7 +189,6 @@ def read_document(path: str | Path, *, known: frozenset[str] = frozenset()) -> d
     """Read a TOML file as a plain dict, unchecked.
 
     With `known`, a file that starts with another top-level key is refused at once with UnknownKeyError.
-    Raises SceneError (not readable), SceneSyntaxError (not TOML) or DuplicateNameError (a name twice).
     """
     where = str(path)
     full_text = _read_text(Path(path), where)

@@ -14,9 +14,6 @@ Subject: TypeAlias = Structure | BodySystem
 
 
 def assemble_scene(scene: Scene, where: str = "scene") -> tuple[Subject, ModelRequest]:
-    """Return what `scene` states, a Structure or, where it has bodies, a BodySystem; and what it wants.
-
-    Raises what `assemble` and `assemble_bodies` raise.
-    """
+    """Return what `scene` states, a Structure or, where it has bodies, a BodySystem; and what it wants."""
     check_instance(scene, Scene, "scene", SCENE)
     return assemble_bodies(scene, where) if scene.bodies else assemble(scene, where)

@@ -35,10 +35,7 @@ _LISTS = ("joint_friction", "loads", "inputs", "actuators", "sensors")  # one [[
 
 
 def format_scene(document: Mapping[str, Any]) -> str:
-    """Return the TOML text of a scene document; keys that are None and empty sections are left out.
-
-    Raises NonFiniteError for a NaN or an infinity, InvalidValueError for a value that TOML cannot hold.
-    """
+    """Return the TOML text of a scene document; keys that are None and empty sections are left out."""
     head = [key for key in document if key not in _SECTIONS]
     lines = [_pair(key, document[key], key) for key in head if document[key] is not None]
     blocks = ["\n".join(lines)] if lines else []

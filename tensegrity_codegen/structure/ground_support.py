@@ -84,10 +84,7 @@ def check_ground(subject: Any, request: ModelRequest) -> None:
     for quantity in request.quantities:
         if quantity in WITHOUT_GROUND:
             raise refuse_ground(name, f"quantity {quantity!r}, or an analysis that needs it")
-    wanted = {
-        "solvers": request.solvers,
-        "energy that is kept": request.keep,
-    }
+    wanted = {"solvers": request.solvers, "energy that is kept": request.keep}
     for what, is_wanted in wanted.items():
         if is_wanted:
             raise refuse_ground(name, what)

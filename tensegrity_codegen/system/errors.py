@@ -201,11 +201,7 @@ def check_choice(given: Any, known: Iterable[str], what: str, where: str) -> Non
     known = list(known)
     if not isinstance(given, str) or given not in known:
         raise UnknownNameError(
-            f"unknown {what}",
-            where=where,
-            given=given,
-            allowed=", ".join(known),
-            hint=suggest(given, known),
+            f"unknown {what}", where=where, given=given, allowed=", ".join(known), hint=suggest(given, known)
         )
 
 

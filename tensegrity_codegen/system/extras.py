@@ -44,8 +44,7 @@ def import_extra(name: str, extra: str = PLOT) -> Any:
     except ImportError as error:
         package = (error.name or name).partition(".")[0].replace("PIL", "pillow")
         raise MissingExtraError(
-            f"{WORK[extra]} the package {package!r}, which is not installed",
-            hint=name_install(extra),
+            f"{WORK[extra]} the package {package!r}, which is not installed", hint=name_install(extra)
         ) from error
 
 

@@ -24,12 +24,7 @@ from tensegrity_codegen.scene.assemble.targets import (
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.check_members import check_freedom
 from tensegrity_codegen.scene.names import key_path
-from tensegrity_codegen.scene.schema.part_schema import (
-    ForceInput,
-    Load,
-    RestLengthInput,
-    TemperatureInput,
-)
+from tensegrity_codegen.scene.schema.part_schema import ForceInput, Load, RestLengthInput, TemperatureInput
 from tensegrity_codegen.scene.schema.schema import Scene, SceneParts
 from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.translate import translate

@@ -37,12 +37,7 @@ from tensegrity_codegen.structure.bodies import (
 )
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import (
-    DuplicateNameError,
-    InvalidValueError,
-    SceneError,
-    StructureError,
-)
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, SceneError, StructureError
 from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
@@ -129,10 +124,7 @@ def build_friction(item: JointFrictionTable, number: int, find: BodyFinder) -> J
 def build_body_inputs(
     scene: Scene, targets: Targets, find: BodyFinder, system: BodySystem
 ) -> tuple[BodyInput, ...]:
-    """Return the actuated inputs.
-
-    Raises DuplicateNameError, UnknownNameError or InvalidValueError, with file and key.
-    """
+    """Return the actuated inputs."""
     built: list[BodyInput] = []
     for number, entry in enumerate(scene.inputs):
         keys: tuple[str | int, ...] = ("inputs", number)

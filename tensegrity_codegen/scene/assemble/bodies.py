@@ -12,11 +12,7 @@ from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.schema.body_schema import BarBody, FixedPart, RigidPart
 from tensegrity_codegen.structure.bodies import Bar, Body, Chart, FixedBody, RigidBody
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import (
-    DuplicateNameError,
-    InvalidValueError,
-    StructureError,
-)
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, StructureError
 
 Table: TypeAlias = FixedPart | BarBody | RigidPart
 
@@ -40,12 +36,7 @@ class BuiltBodies:
 
 
 def build_bodies_of_scene(tables: Mapping[str, Table], where: str) -> BuiltBodies:
-    """Return the bodies that the scene states.
-
-    Raises InvalidValueError (a value that is missing, impossible or too much), UnknownNameError (an anchor
-    that does not exist), DuplicateNameError (two points of one C name), StructureError (bodies anchored in a
-    circle).
-    """
+    """Return the bodies that the scene states."""
     names, owners, locals_ = _points(tables, where)
     node = {name: row for row, name in enumerate(names)}
     bodies: list[Body] = []

@@ -35,8 +35,6 @@ def find_bar_pairs(
     """Return the chosen pairs as indices of bars, None for all of them.
 
     bars: index of every bar by name; radius: of every bar [m]; joints: the nodes that each bar ends at.
-    Raises UnknownNameError, DuplicateNameError (a pair twice), or InvalidValueError for a bar without radius,
-    with itself, or with one that it shares a node with.
     """
     if wanted.pairs == "all":
         return None
@@ -59,10 +57,7 @@ def find_bar_pairs(
 
 
 def build_collision(stated: Interference, where: str) -> Collision | None:
-    """Return the force between bars that touch, None where the scene states no stiffness.
-
-    Raises InvalidValueError for damping that is given twice, an unknown exponent, and keys without stiffness.
-    """
+    """Return the force between bars that touch, None where the scene states no stiffness."""
     impact = stated.restitution
     damping = {key: getattr(stated, key) for key in ("restitution", "dissipation")}
     idle = [key for key, value in damping.items() if value is not None]
@@ -114,8 +109,7 @@ def build_ground(
     """Return the ground of a structure or body system, None where the scene states none.
 
     node_of: index of each node by the name that the scene uses, "body.point" in scenes of bodies; None: names
-    of nodes. Raises InvalidValueError, StructureError, UnknownNameError or DuplicateNameError, with file and
-    key.
+    of nodes.
     """
     if stated is None:
         return None

@@ -32,7 +32,6 @@ def build_actuators(
     """Return the actuators of a scene.
 
     input_name: names of the inputs; rigid: (n_members,), members that have no rest length to change.
-    Raises DuplicateNameError, UnknownNameError or InvalidValueError, with file and key.
     """
     owner_of_name = dict.fromkeys(input_name, "an input")
     built: list[Actuator] = []
@@ -68,7 +67,6 @@ def build_sensors(
     """Return the sensors of a scene.
 
     find_point: returns the node of "body.point" in a scene of bodies, None in one of nodes.
-    Raises DuplicateNameError, UnknownNameError or InvalidValueError, with file and key.
     """
     built: list[Sensor] = []
     for number, sensor in enumerate(stated):
@@ -189,17 +187,9 @@ def find_limited(subject: Subject) -> dict[str, BoolArray]:
 
 
 def build_limits(
-    stated: LimitsTable,
-    subject: Subject,
-    classes: Mapping[str, Any],
-    where: str,
-    cables: Sequence[str] = (),
+    stated: LimitsTable, subject: Subject, classes: Mapping[str, Any], where: str, cables: Sequence[str] = ()
 ) -> Limits:
-    """Return the limits of a structure or body system; cables: groups that are cables in segments.
-
-    Raises UnknownNameError for a class or member that does not exist, InvalidValueError for a limit that
-    members cannot have and for a least tension above the largest, with file and key.
-    """
+    """Return the limits of a structure or body system; cables: groups that are cables in segments."""
     if not stated.model_fields_set:
         return Limits()
     built = _MemberValues(subject, where)

@@ -55,8 +55,7 @@ def find_section(section: str | SectionTable, place: str) -> RoundSection:
     """Return the radii of a section of a scene.
 
     section: a name of the catalogue, or a tube or rod; place: file and key, for errors. Returns outer and
-    inner radius [m]. Raises InvalidValueError: a name that the catalogue does not have, or a wall as thick as
-    the radius.
+    inner radius [m].
     """
     if isinstance(section, str):
         catalogue, match = list_catalogue(), _NAME.fullmatch(section)
@@ -119,10 +118,7 @@ CABLE_ONLY = ("mass_per_length", "segments")
 def resolve_values(
     classes: Mapping[str, MemberClass], members: Mapping[str, Member], where: str
 ) -> tuple[Columns, BoolArray, BoolArray]:
-    """Return (values, is_bar, tension_only), one entry a member; values hold NaN where nothing is given.
-
-    Raises UnknownNameError (class) or InvalidValueError (no kind, a value given twice or to the wrong kind).
-    """
+    """Return (values, is_bar, tension_only), one entry a member; values hold NaN where nothing is given."""
     names, rows, shared = tuple(members), list(members.values()), list(classes.values())
     index = _class_index(classes, names, rows, where)
     kinds = [item.kind for item in shared]

@@ -20,10 +20,7 @@ from tensegrity_codegen.tables.strands import list_strands
 
 
 def build_node_arrays(nodes: Mapping[str, Node], axes: tuple[int, ...], where: str) -> dict[str, Any]:
-    """Return the fields of Structure that are about nodes, by name, without loads.
-
-    Raises InvalidValueError (a vector of the wrong size, an axis that is not modelled).
-    """
+    """Return the fields of Structure that are about nodes, by name, without loads."""
     names = tuple(nodes)
     rows = list(nodes.values())
     paths = [("nodes", name) for name in names]
@@ -80,10 +77,7 @@ def _anchored(
 def build_node_load(
     names: tuple[str, ...], loads: Sequence[Load], axes: tuple[int, ...], where: str
 ) -> FloatArray:
-    """Return the load on each node, (n_nodes, 3) [N]; loads on one node add up.
-
-    Raises InvalidValueError (a vector of the wrong size) or UnknownNameError (a load on an unknown node).
-    """
+    """Return the load on each node, (n_nodes, 3) [N]; loads on one node add up."""
     index = {name: row for row, name in enumerate(names)}
     for number, load in enumerate(loads):
         problem, allowed = "a load on a node that is not defined", "the name of a node"
@@ -102,11 +96,7 @@ def build_member_arrays(
     node_position: FloatArray,
     where: str,
 ) -> dict[str, Any]:
-    """Return the fields of Structure that are about members, by name, and `segments`, (n_members,) of int.
-
-    Raises UnknownNameError (class or node), InvalidValueError, DuplicateNameError or StructureError with
-    the member and key named.
-    """
+    """Return the fields of Structure that are about members, by name, and `segments`, (n_members,) of int."""
     names, rows = tuple(members), list(members.values())
     values, is_bar, tension_only = resolve_values(classes, members, where)
     _check_needed(values, names, is_bar, where)

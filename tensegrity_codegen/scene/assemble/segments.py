@@ -59,9 +59,6 @@ def cut_cables(
     Pieces are NAME_1 to NAME_n, at the place of the cable; the nodes between them, NAME_node_1 to
     NAME_node_(n - 1), come after all others. node, member: what `build_node_arrays` and `build_member_arrays`
     return; the latter has `segments` too.
-
-    Raises InvalidValueError for segments of a cable without mass, DuplicateNameError where pieces have the
-    names of other nodes, members or groups.
     """
     counts, names = member["segments"], member["member_name"]
     member = {key: value for key, value in member.items() if key != "segments"}
@@ -154,9 +151,6 @@ def cut_at_rings(
 
     parts: what `cut_cables` returns; members: of the scene, by name. Strands are NAME_1 and so on, at the
     place of the cable, and group NAME holds them.
-
-    Raises InvalidValueError for a cable that cannot have friction, DuplicateNameError where strands have the
-    names of other members or groups, UnknownNameError for a strand that does not exist.
     """
     stated = _find_stated(scene, members, where)
     cables: dict[str, Values] = {}

@@ -29,7 +29,6 @@ class Targets:
     """Finds the indices that names stand for; a name has one meaning among members, groups and classes.
 
     share: (n_members,) the part of its cable that a member is, 1 unless it is one segment of several.
-    Raises DuplicateNameError when it has two, UnknownNameError for a group of unknown members.
     """
 
     def __init__(
@@ -117,10 +116,7 @@ def build_inputs(
     member: Mapping[str, Any],
     axes: tuple[int, ...],
 ) -> tuple[ActuatedInput, ...]:
-    """Return the actuated inputs; member: arrays of `build_member_arrays`.
-
-    Raises DuplicateNameError, UnknownNameError or InvalidValueError.
-    """
+    """Return the actuated inputs; member: arrays of `build_member_arrays`."""
     built: list[ActuatedInput] = []
     for number, entry in enumerate(inputs):
         if any(entry.name == earlier.name for earlier in built):
@@ -158,8 +154,7 @@ def find_gain(
 ) -> tuple[float, ...]:
     """Return the gain of an input on each of its members, rho alpha of temperature; () where all are 1.
 
-    A gain is shared by the segments of a cable, and not by those that are named themselves. Raises
-    InvalidValueError for a member without thermal expansion, or another number of gains than names.
+    A gain is shared by the segments of a cable, and not by those that are named themselves.
     """
     if isinstance(item, TemperatureInput):
         slope = rest_length * (np.zeros(len(rest_length)) if expansion is None else expansion)
@@ -231,11 +226,7 @@ def build_parameters(
 def find_ground_numbers(
     given: Selection | None, ground: Ground | None, where: str
 ) -> dict[str, tuple[int, ...]]:
-    """Return the places of the ground's numbers that stay changeable, as the parameter "ground".
-
-    Raises InvalidValueError without a ground, or for numbers of friction on a ground without friction, and
-    UnknownNameError for a number that the ground does not have.
-    """
+    """Return the places of the ground's numbers that stay changeable, as the parameter "ground"."""
     if given is None:
         return {}
     location = key_path(where, "parameters", "ground")
@@ -255,10 +246,7 @@ def find_ground_numbers(
 
 
 def normalise(vector: NDArray[np.float64], given: Sequence[float], where: str) -> tuple[float, float, float]:
-    """Return v / |v| of a vector (3,), of any size; `given` and `where` are for the error.
-
-    Raises InvalidValueError for the vector zero.
-    """
+    """Return v / |v| of a vector (3,), of any size; `given` and `where` are for the error."""
     largest = np.abs(vector).max()
     if largest == 0:
         problem = "a direction of length zero"

@@ -43,11 +43,7 @@ _BOOLEAN = ("node_anchored", "is_bar", "tension_only")
 
 
 def check_structure(structure: Structure, where: str = "structure") -> None:
-    """Raise unless the arrays of `structure` make sense, one by one and together.
-
-    Raises InvalidNameError, DuplicateNameError, InvalidValueError, NonFiniteError or StructureError, with
-    `where` and the node or member named.
-    """
+    """Raise unless the arrays of `structure` make sense, one by one and together."""
     check_instance(structure, Structure, where, "a Structure")
     _check_kinds(structure, where)
     _check_arrays(structure, where)

@@ -81,12 +81,7 @@ def _check_limits(structure: Structure, where: str) -> None:
                 allowed=f"float64 array of shape ({structure.n_members},)",
             )
         report = partial(
-            refuse,
-            section="limits.members",
-            names=structure.member_name,
-            where=where,
-            key=key,
-            given=values,
+            refuse, section="limits.members", names=structure.member_name, where=where, key=key, given=values
         )
         report(np.isnan(values), NonFiniteError, "not a number", allowed="numbers; infinite without a limit")
         is_free = np.isneginf(values) & (key in ("least_tension", "buckling"))

@@ -46,12 +46,7 @@ def check_normal(normal: FloatArray, axes: tuple[int, ...], where: str) -> None:
 
 @np.errstate(all="ignore")
 def check_contacts(
-    subject: Subject,
-    normal: FloatArray,
-    offset: float,
-    node: IntArray,
-    names: Mapping[int, str],
-    where: str,
+    subject: Subject, normal: FloatArray, offset: float, node: IntArray, names: Mapping[int, str], where: str
 ) -> None:
     """Raise StructureError for contacts that cannot move along the normal or have no mass, and for nodes that
     are anchored below the ground.

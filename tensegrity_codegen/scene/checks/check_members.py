@@ -43,8 +43,6 @@ def check_connectivity(
 
     Nodes may coincide where a cable joins them that is slack there. rest_length (n_members,) [m]: NaN of
     members that cannot go slack.
-
-    Raises StructureError or DuplicateNameError (two members on one pair, in either order).
     """
     start, end = strands.ends.T
     end_names = _Ends(strands.ends, node_name)
@@ -167,7 +165,6 @@ def check_laws(subject: Structure | BodySystem, where: str) -> None:
 
     subject: whose members are checked; its other member arrays are sound; where: place of the subject, for
     messages.
-    Raises UnknownNameError, NonFiniteError, InvalidValueError: with the member and key named.
     """
     for name, values in subject.law_parameter.items():
         _check_array(subject, name, values, where)

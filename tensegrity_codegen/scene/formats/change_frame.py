@@ -54,8 +54,7 @@ def change_frame(
     """Return a valid scene document of nodes and members in other axes and units, and notes.
 
     up: the axis of the document that points up, which becomes z; scale: metres per unit of length of the
-    document. Raises UnknownNameError for another axis, InvalidValueError for another scale, and for scenes of
-    shapes and of bodies.
+    document.
     """
     check_choice(up, UP_AXES, "axis", "up")
     if not (isinstance(scale, int | float) and 1.0 / LARGEST_SCALE <= scale <= LARGEST_SCALE):

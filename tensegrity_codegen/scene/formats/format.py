@@ -63,10 +63,7 @@ def find_formats() -> list[Format]:
 
 
 def find_format(paths: Sequence[Path]) -> Format:
-    """Return the format of some files: by their names, and by the content where names do not tell.
-
-    Raises InvalidValueError where they have none, SceneError where the content cannot be read.
-    """
+    """Return the format of some files: by their names, and by the content where names do not tell."""
     formats = find_formats()
     fitting = [candidate for candidate in formats if candidate.fits(paths)]
     for candidate in fitting:
@@ -89,11 +86,7 @@ def read_files(
     scale: float = 1.0,
     **options: Any,
 ) -> ImportResult:
-    """Return the scene document that files in one of the formats describe, with notes.
-
-    Raises InvalidValueError for files of no known format, and for an option that their format does not have;
-    SceneError: or a subclass of it, where a file cannot be used.
-    """
+    """Return the scene document that files in one of the formats describe, with notes."""
     check_instance(paths, (tuple, list), "paths", "a list of files")
     for path in paths:
         check_path(path, "paths")

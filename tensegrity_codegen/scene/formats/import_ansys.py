@@ -41,7 +41,6 @@ def import_ansys(
     """Return the scene document of an APDL text as TsgFEM writes it, and notes.
 
     name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2], in place of the file's.
-    Raises SceneError or a subclass of it that names the file and the line.
     """
     path = Path(path)
     reader = _Reader(str(path))

@@ -57,8 +57,7 @@ def import_compas(
 ) -> ImportResult:
     """Return the scene document of a COMPAS network, and notes on attributes that are not read.
 
-    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2]. Raises SceneError or a
-    subclass of it that names the file and the key.
+    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2].
     """
     path = Path(path)
     content = _table(read_json(path, WHAT), str(path))
@@ -191,11 +190,7 @@ def _read_node(
 
 
 def _read_edge(
-    network: Network,
-    ends: tuple[str, str],
-    values: Mapping[str, Any],
-    where: str,
-    ignored: dict[str, int],
+    network: Network, ends: tuple[str, str], values: Mapping[str, Any], where: str, ignored: dict[str, int]
 ) -> None:
     member: dict[str, Any] = {"kind": ""}
     for key, target in NUMBERS.items():

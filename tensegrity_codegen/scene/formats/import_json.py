@@ -44,10 +44,7 @@ AXES = ("x", "y", "z", "xy", "xz", "yz", "xyz")
 def import_json(
     path: str | Path, *, name: str | None = None, gravity: Sequence[float] | None = None
 ) -> ImportResult:
-    """Return the scene document that a JSON file of nodes and members states, and notes.
-
-    Raises SceneError: or a subclass of it that names the file and the key.
-    """
+    """Return the scene document that a JSON file of nodes and members states, and notes."""
     path = Path(path)
     content = _Place(read_json(path, "a JSON file of nodes and members"), str(path), ()).table(SECTIONS)
     if name is None and "name" in content:

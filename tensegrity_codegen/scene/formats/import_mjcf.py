@@ -34,7 +34,6 @@ def import_mjcf(
     """Return the scene document of a model of MuJoCo, and notes on what is not read.
 
     name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2], in place of the file's.
-    Raises SceneError or a subclass of it that names the file and the element.
     """
     path = Path(path)
     root, file = read_xml(path, WHAT), str(path)

@@ -32,12 +32,11 @@ def import_ntrt(
 ) -> ImportResult:
     """Return the scene document of an NTRT structure file, and notes on what was changed or left out.
 
-    bar_stiffness_ratio: spring constant of bars over that of the stiffest cable. name: the scene's name,
-    else the file's stem. gravity (3,) [m/s2]. length_scale: metres per length unit of the file; units of
-    mass and time stay, so stiffness and damping keep their numbers and forces scale like lengths. rigid:
-    rods keep their length exactly (formulation rigid_bar), as they always do where there is no cable.
-    pretension_scale: factor on the pretension of all cables.
-    Raises SceneError or a subclass of it that names file and key.
+    bar_stiffness_ratio: spring constant of bars over that of the stiffest cable. name: the scene's name, else
+    the file's stem. gravity (3,) [m/s2]. length_scale: metres per length unit of the file; units of mass and
+    time stay, so stiffness and damping keep their numbers and forces scale like lengths. rigid: rods keep
+    their length exactly (formulation rigid_bar), as they always do where there is no cable. pretension_scale:
+    factor on the pretension of all cables.
     """
     scales = {
         "bar_stiffness_ratio": bar_stiffness_ratio,

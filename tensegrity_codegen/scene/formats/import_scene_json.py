@@ -22,8 +22,7 @@ def import_scene_json(
 ) -> ImportResult:
     """Return the scene document of a JSON file with the key ``"format": "tensegrity_codegen scene 1"``.
 
-    name: the scene's name, else the file's; gravity (3,) [m/s2], in place of the file's. Raises SceneError
-    or a subclass of it that names the file and the key.
+    name: the scene's name, else the file's; gravity (3,) [m/s2], in place of the file's.
     """
     content = read_json(Path(path), WHAT)
     if not isinstance(content, dict) or content.get("format") != SCENE_FORMAT:

@@ -24,11 +24,7 @@ from tensegrity_codegen.scene.formats.network import (
 )
 from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS
-from tensegrity_codegen.system.errors import (
-    DuplicateNameError,
-    InvalidValueError,
-    StructureError,
-)
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, StructureError
 
 NODE_COLUMNS = ("node", "x", "y", "z", "vx", "vy", "vz", "mass", "anchored", "fx", "fy", "fz")
 MEMBER_COLUMNS = (
@@ -52,8 +48,7 @@ def import_tables(
 ) -> ImportResult:
     """Return the scene document that two CSV tables state, and notes on what was changed or assumed.
 
-    name: the scene's name, else the stem of the nodes file; gravity (3,) [m/s2]. Raises SceneError or a
-    subclass of it that names file, line and column.
+    name: the scene's name, else the stem of the nodes file; gravity (3,) [m/s2].
     """
     nodes_path, members_path = Path(nodes_path), Path(members_path)
     network = Network()

@@ -32,8 +32,7 @@ def import_tdf(
 ) -> ImportResult:
     """Return the scene document of a TDF file, and notes.
 
-    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2]. Raises SceneError or a
-    subclass of it that names the file and the element.
+    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2].
     """
     path = Path(path)
     root, where = read_xml(path, WHAT), str(path)

@@ -24,9 +24,8 @@ class ImportResult:
 class NameBook:
     """Turns foreign names into names of a scene, each into its own, and remembers what was renamed.
 
-    A name that is fine stays; otherwise letters that are not allowed become `_`, several of them one, none
-    at the end; a name that does not start with a letter gets `prefix`, and a name that is taken gets a
-    number.
+    A name that is fine stays; otherwise letters that are not allowed become `_`, several of them one, none at
+    the end; a name that does not start with a letter gets `prefix`, and a name that is taken gets a number.
     """
 
     def __init__(self, prefix: str, reserved: Iterable[str] = ()) -> None:
@@ -101,8 +100,7 @@ def read_bytes(path: Path, largest: int, what: str) -> bytes:
 def read_text(path: Path, largest: int, what: str, fallback: str = "") -> str:
     """Return the text of a foreign file, without byte-order mark and with plain newlines.
 
-    fallback: the encoding of files that are not UTF-8; without it they are refused. Raises SceneError where
-    it cannot be read, SceneSyntaxError where it is empty, too large or not UTF-8.
+    fallback: the encoding of files that are not UTF-8; without it they are refused.
     """
     where, data = str(path), read_bytes(path, largest, what)
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
@@ -120,10 +118,7 @@ def read_text(path: Path, largest: int, what: str, fallback: str = "") -> str:
 
 
 def scene_name(given: str | None, path: Path, fallback: str) -> tuple[str, list[str]]:
-    """Return the scene's name and notes: the given one (checked), else one made from the file's stem.
-
-    Raises InvalidNameError for a given name that is no identifier.
-    """
+    """Return the scene's name and notes: the given one (checked), else one made from the file's stem."""
     if given is not None:
         check_scene_name(given, "name")
         return given, []

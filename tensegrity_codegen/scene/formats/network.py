@@ -17,10 +17,7 @@ from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueErr
 Where = Callable[[str], str]
 STIFFNESSES = ("spring_constant", "axial_stiffness", "youngs_modulus")
 # Numbers of a member that must be above zero.
-POSITIVE = (
-    *("rest_length", *STIFFNESSES, "mass", "density", "radius"),
-    *("inner_radius", "mass_per_length"),
-)
+POSITIVE = (*("rest_length", *STIFFNESSES, "mass", "density", "radius"), *("inner_radius", "mass_per_length"))
 
 
 def check_ends(first: str, second: str, given: object, where: str) -> None:
@@ -166,8 +163,7 @@ def build_result(
 ) -> ImportResult:
     """Return the scene document of a network, and notes.
 
-    name, gravity: given by the caller, in place of the file's. Raises StructureError, DuplicateNameError,
-    UnknownNameError or InvalidValueError that names the place in the file.
+    name, gravity: given by the caller, in place of the file's.
     """
     title, notes = scene_name(name, path, "scene_")
     for section, entries in (("nodes", network.nodes), ("members", network.members)):

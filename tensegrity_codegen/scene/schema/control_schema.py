@@ -21,10 +21,7 @@ Names: TypeAlias = Annotated[
 ]
 PointNames: TypeAlias = Annotated[
     Annotated[PointReference, Tag("@name")]
-    | Annotated[
-        Annotated[tuple[PointReference, ...], Strict(False), Field(min_length=1)],
-        Tag("@names"),
-    ],
+    | Annotated[Annotated[tuple[PointReference, ...], Strict(False), Field(min_length=1)], Tag("@names")],
     Discriminator(tag_by_type(str, "@name", "@names")),
 ]
 SafetyFactor: TypeAlias = Annotated[

@@ -3,19 +3,10 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    Field,
-    Strict,
-    WithJsonSchema,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, Strict, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from tensegrity_codegen.scene.schema.schema_types import (
-    Selection,
-    Table,
-)
+from tensegrity_codegen.scene.schema.schema_types import Selection, Table
 from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.integrators import INTEGRATORS

@@ -2,14 +2,7 @@
 
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import (
-    BeforeValidator,
-    Discriminator,
-    Field,
-    Strict,
-    StringConstraints,
-    Tag,
-)
+from pydantic import BeforeValidator, Discriminator, Field, Strict, StringConstraints, Tag
 
 from tensegrity_codegen.scene.names import NAME_PATTERN
 from tensegrity_codegen.scene.schema.schema_types import (

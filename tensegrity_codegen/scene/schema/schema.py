@@ -6,14 +6,7 @@ scene is assembled. SI units everywhere.
 
 from typing import Annotated, Any
 
-from pydantic import (
-    ConfigDict,
-    Discriminator,
-    Field,
-    Strict,
-    Tag,
-    ValidationError,
-)
+from pydantic import ConfigDict, Discriminator, Field, Strict, Tag, ValidationError
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core.core_schema import NullableSchema
 
@@ -46,14 +39,7 @@ from tensegrity_codegen.scene.schema.part_schema import (
     SlidingTable,
     TemperatureInput,
 )
-from tensegrity_codegen.scene.schema.schema_types import (
-    Axes,
-    Name,
-    References,
-    SceneName,
-    Table,
-    Vector,
-)
+from tensegrity_codegen.scene.schema.schema_types import Axes, Name, References, SceneName, Table, Vector
 from tensegrity_codegen.scene.shapes import Shape
 from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.system.errors import InvalidValueError

@@ -183,6 +183,5 @@ class MemberValues(Table):
         None, description="Bars only: inner radius of a tube [m], less than radius."
     )
     tension_only: bool | None = Field(
-        None,
-        description="Cables only: no force when slack (default true); false makes a two-sided spring.",
+        None, description="Cables only: no force when slack (default true); false makes a two-sided spring."
     )

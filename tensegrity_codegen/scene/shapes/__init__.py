@@ -21,11 +21,7 @@ _ADAPTER: TypeAdapter[Any] = TypeAdapter(Shape)
 
 
 def expand_shape(shape: BaseModel | Mapping[str, Any], where: str = "shape") -> dict[str, Any]:
-    """Return the nodes, members and groups that a shape stands for, as a plain scene document.
-
-    Raises InvalidValueError or UnknownKeyError for a mapping that states no shape, StructureError where a
-    `prestress` is asked of a geometry that has no unique self-stress with every cable in tension.
-    """
+    """Return the nodes, members and groups that a shape stands for, as a plain scene document."""
     model = shape if isinstance(shape, BaseModel) else _validate(shape, where)
     if not isinstance(model, PrismShape | TowerShape | IcosahedronShape | TwoNodeShape):
         raise InvalidValueError("not a shape", where=where, given=model, allowed="one of the shape models")

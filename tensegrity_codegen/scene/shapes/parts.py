@@ -16,10 +16,7 @@ FLAT = 1e-9  # of the size: nodes so near to the plane of a facet are in it
 
 
 def turn_onto_facet(nodes: dict[str, dict[str, Any]], names: Sequence[str], where: str) -> None:
-    """Turn the nodes of a document so that three of them lie at z = 0 about the origin, all others above.
-
-    Raises UnknownNameError, or InvalidValueError for nodes that are not a facet of the convex hull.
-    """
+    """Turn the nodes of a document so that three of them lie at z = 0 about the origin, all others above."""
     for name in names:
         check_choice(name, list(nodes), "node", where)
     position = np.array([node["position"] for node in nodes.values()])
@@ -123,8 +120,7 @@ class Parts:
         """Return the document; with `prestress` [N] every member carries its self-stress tension.
 
         shares: tensions of all members over the largest one of a cable, where they are known already; alike:
-        as for find_selfstress. Raises
-        StructureError where the free structure has no unique self-stress with taut cables.
+        as for find_selfstress.
         """
         if prestress is not None:
             points, pairs, is_bar = self.geometry()

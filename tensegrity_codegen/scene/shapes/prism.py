@@ -70,11 +70,7 @@ class PrismShape(ShapeModel):
     )
 
     def expand(self, where: str) -> dict[str, Any]:
-        """Return the prism as a plain document.
-
-        Raises StructureError for an impossible `prestress`, InvalidValueError for opposite cables without a
-        twist.
-        """
+        """Return the prism as a plain document."""
         if self.opposite_class is not None and self.twist is None:
             raise InvalidValueError(
                 "a prism with opposite cables has no default twist",

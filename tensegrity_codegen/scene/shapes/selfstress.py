@@ -62,9 +62,7 @@ def find_selfstress(
     alike: (n_members,), a number for each member; members with the same number have the same tension in the
     self-stresses that are looked for. With the orbits of a symmetry these are the symmetrical ones, and with
     any self-stress that has all cables in tension there is a symmetrical one: the mean over the symmetry.
-
     Values are rounded to 13 significant digits, so that they do not depend on the linear algebra library.
-    Raises StructureError unless there is exactly one self-stress and it has every cable in tension.
     """
     if len(pairs) > MOST_MEMBERS:
         problem, location = "the shape has too many members to find its self-stress", f"{where}.prestress"

@@ -289,10 +289,7 @@ class TowerShape(ShapeModel):
 
 
 def find_tower_twist(tower: TowerShape, where: str = "shape") -> float:
-    """Return the twist [deg] at which `tower` has a self-stress with every cable in tension.
-
-    Raises StructureError where no such twist is found within 45 deg above the prism's.
-    """
+    """Return the twist [deg] at which `tower` has a self-stress with every cable in tension."""
     twist = _find_twist(tower.stages, tower.bars, tower.overlap)
     if twist is None:
         raise _no_twist(tower, where)
@@ -303,14 +300,13 @@ def find_tower_twist(tower: TowerShape, where: str = "shape") -> float:
 def _find_twist(stages: int, bars: int, overlap: float) -> float | None:
     """Return the twist [deg] of self-stress with taut cables, None if none is found.
 
-    Radius and height do not matter: an affine map of the nodes keeps force densities in balance.
-
-    The determinant of the symmetric equations changes its sign at the twist, and jumps where it passes a
-    multiple of 360 / bars, since the diagonals then meet other nodes. The twist is the highest change with
-    taut cables: with 3 bars the only one, 2.8 deg above the prism's twist for an overlap of 0.05 and two
-    stages, 12 deg for 0.2, more for more stages. So changes are looked for from above, in steps smaller
-    than the distance of two. Of more than MOST_STAGES_FOR_TWIST stages the twist follows from those of
-    shorter towers, see long_tower.
+    Radius and height do not matter: an affine map of the nodes keeps force densities in balance. The
+    determinant of the symmetric equations changes its sign at the twist, and jumps where it passes a multiple
+    of 360 / bars, since the diagonals then meet other nodes. The twist is the highest change with taut
+    cables: with 3 bars the only one, 2.8 deg above the prism's twist for an overlap of 0.05 and two stages,
+    12 deg for 0.2, more for more stages. So changes are looked for from above, in steps smaller than the
+    distance of two. Of more than MOST_STAGES_FOR_TWIST stages the twist follows from those of shorter towers,
+    see `find_long_twist`.
     """
 
     def equations(twist: ArrayLike) -> FloatArray:

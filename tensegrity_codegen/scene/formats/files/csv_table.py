@@ -52,10 +52,7 @@ class Row:
         return value
 
     def number(self, column: str) -> float | None:
-        """Return a cell as a number, None where it is empty.
-
-        Raises NonFiniteError for nan and inf, InvalidValueError for what is no number.
-        """
+        """Return a cell as a number, None where it is empty."""
         value = self.cells.get(column, "")
         if not value:
             return None
@@ -80,8 +77,7 @@ def read_table(
     """Return the rows of a CSV file whose header names some of `columns`, among them all `needed` ones.
 
     other_names: columns by other names, in lower case, for headers of upper or lower case; None: there are
-    none, and case matters. Raises SceneError (unreadable), SceneSyntaxError (empty, malformed, too few or too
-    many cells), UnknownKeyError, DuplicateNameError or InvalidValueError (header).
+    none, and case matters.
     """
     text = read_text(path, LARGEST_TABLE, "a CSV table")
     n_rows = text.count("\n")

@@ -65,13 +65,9 @@ DEEPEST = 200
 
 
 def read_xml(path: Path, what: str) -> Element:
-    """Return the root of an XML file, which holds `what`.
-
-    Raises SceneError where it cannot be read, SceneSyntaxError where it is not well-formed, too large or too
-    deep, or has a document type: entities that stand for each other could grow without limit.
-    """
+    """Return the root of an XML file, which holds `what`."""
     where, text = str(path), read_text(path, LARGEST_XML, what)
-    for mark in ("<!DOCTYPE", "<!ENTITY"):
+    for mark in ("<!DOCTYPE", "<!ENTITY"):  # entities that stand for each other could grow without limit
         if mark in text:
             line = text.count("\n", 0, text.index(mark)) + 1
             problem, location = "document types and entities are not read", f"{where}: line {line}"

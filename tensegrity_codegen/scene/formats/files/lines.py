@@ -50,9 +50,7 @@ def build_lines(
     """Return the scene document of lines, and notes.
 
     tolerance: distance of ends that are one node, else TOLERANCE; axial_stiffness: EA [N] of cables, else
-    AXIAL_STIFFNESS; named: places of the nodes that have names. Raises StructureError without lines,
-    NonFiniteError or InvalidValueError for places that are no numbers, lines without length, and values out
-    of range, and what `build_result` raises.
+    AXIAL_STIFFNESS; named: places of the nodes that have names.
     """
     from scipy.spatial import cKDTree
 
@@ -112,8 +110,7 @@ def build_lines(
 def _merge(ends: FloatArray, reach: float, path: Path) -> tuple[NDArray[np.int64], FloatArray]:
     """Return the node of each end, and the places of nodes, each that of its first end.
 
-    Ends that a chain of others joins in steps up to `reach` are one node. Raises InvalidValueError where far
-    too many ends are that near each other.
+    Ends that a chain of others joins in steps up to `reach` are one node.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

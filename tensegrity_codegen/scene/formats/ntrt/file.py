@@ -45,11 +45,7 @@ class _KeyTwiceError(Exception):
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """Return the sections of an NTRT structure file.
-
-    Raises SceneError (unreadable), SceneSyntaxError (no YAML, too large), DuplicateNameError (a key twice)
-    or UnknownKeyError.
-    """
+    """Return the sections of an NTRT structure file."""
     text = read_text(path, LARGEST_YAML, "an NTRT structure file (YAML)")
     where = str(path)
     try:

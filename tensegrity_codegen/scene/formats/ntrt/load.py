@@ -59,9 +59,8 @@ def bond_nodes_to_edges(
 ) -> list[tuple[NtrtNode, NtrtNode, str]]:
     """Move the second of `sides` to the first, remove the pairs that the bond replaces, return the new ones.
 
-    pairs: list of [node, "node/node"] or ["node/node", node], the first of each in the first structure.
-    A new pair is (node, node, place in the file). Raises InvalidValueError, UnknownNameError or
-    StructureError that names the place.
+    pairs: list of [node, "node/node"] or ["node/node", node], the first of each in the first structure. A new
+    pair is (node, node, place in the file).
     """
     if not isinstance(pairs, list) or len(pairs) < _FEWEST:
         raise InvalidValueError(
@@ -211,8 +210,7 @@ class _Loading:
 def load_structure(path: Path, builders: BuilderBook) -> NtrtStructure:
     """Return the tree of structures that a file and its substructures state.
 
-    The builders section of every file is added to `builders`, children first. Raises SceneError or a
-    subclass of it that names file and key.
+    The builders section of every file is added to `builders`, children first.
     """
     structure = NtrtStructure("", "")
     with np.errstate(all="ignore"):  # what is not finite is refused below

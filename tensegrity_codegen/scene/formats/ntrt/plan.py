@@ -159,10 +159,7 @@ def find_position(node: NtrtNode) -> Position:
 
 
 def make_plan(structure: NtrtStructure, builders: BuilderBook, where: str) -> Plan:
-    """Sort all pairs into rods and cables, nodes into spheres, and rods and spheres into rigid bodies.
-
-    Raises StructureError or DuplicateNameError for what makes no structure.
-    """
+    """Sort all pairs into rods and cables, nodes into spheres, and rods and spheres into rigid bodies."""
     plan, unbuilt = Plan(), 0
     for owner in structure.walk():
         for node in owner.nodes.values():
@@ -281,10 +278,7 @@ class _Bars:
 
 
 def write_document(structure: NtrtStructure, plan: Plan, conversion: Conversion) -> dict[str, Any]:
-    """Return classes, nodes and members of the scene; adds to the plan's notes.
-
-    Raises InvalidValueError for a pretension that shortens a cable to nothing.
-    """
+    """Return classes, nodes and members of the scene; adds to the plan's notes."""
     names = _name_nodes(structure, plan)
     bars = _Bars(plan, conversion)
     classes, class_names = _write_classes(plan, bars, conversion.scale)

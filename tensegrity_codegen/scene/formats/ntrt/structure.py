@@ -57,10 +57,7 @@ class NtrtStructure:
             queue.extend(structure.children.values())
 
     def find_node(self, name: str, where: str) -> NtrtNode:
-        """Return the node `name` or `child.name`; the nearest one below counts.
-
-        Raises UnknownNameError.
-        """
+        """Return the node `name` or `child.name`; the nearest one below counts."""
         *owners, node_name = name.split(".")
         structure = self
         for owner in owners:
