@@ -216,15 +216,13 @@ def _read_text(path: Path, where: str) -> str:
             data = file.read(LARGEST_FILE + 1)
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise SceneError(
-            f"the file cannot be read: {reason}", where=where, hint="check the path and its permissions"
-        ) from None
+        problem = f"the file cannot be read: {reason}"
+        raise SceneError(problem, where=where, hint="check the path and its permissions") from None
     except ValueError as error:  # a path with a null character
         raise SceneError(f"no such file: {error}", where=repr(where)) from None
     if len(data) > LARGEST_FILE:
-        raise SceneSyntaxError(
-            "the file is too large to be a scene", where=where, allowed=f"up to {LARGEST_FILE >> 20} MB"
-        )
+        problem = "the file is too large to be a scene"
+        raise SceneSyntaxError(problem, where=where, allowed=f"up to {LARGEST_FILE >> 20} MB")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

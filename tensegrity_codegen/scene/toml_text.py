@@ -93,9 +93,8 @@ def _value(value: Any, where: str) -> str:
         return str(int(value))
     if isinstance(value, float | np.floating):
         if not math.isfinite(value):
-            raise NonFiniteError(
-                "not a finite number", where=where, given=float(value), allowed="a finite number"
-            )
+            problem = "not a finite number"
+            raise NonFiniteError(problem, where=where, given=float(value), allowed="a finite number")
         return repr(float(value))
     if isinstance(value, str):
         if any(0xD800 <= ord(letter) <= 0xDFFF for letter in value):

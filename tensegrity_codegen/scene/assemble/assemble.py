@@ -120,12 +120,11 @@ def _of_nodes(
             hint = "describe everything as bodies and tendons, or everything as nodes and members"
             raise InvalidValueError(problem, where=location, given=section, allowed=allowed, hint=hint)
     if find_formulation(scene.model.formulation).of_bodies:
+        problem = f"formulation {scene.model.formulation!r} needs bodies"
+        location, allowed = key_path(where, "model", "formulation"), "a scene with a table [bodies.<name>]"
+        hint = 'formulation = "node_position"'
         raise InvalidValueError(
-            f"formulation {scene.model.formulation!r} needs bodies",
-            where=key_path(where, "model", "formulation"),
-            given=scene.model.formulation,
-            allowed="a scene with a table [bodies.<name>]",
-            hint='formulation = "node_position"',
+            problem, where=location, given=scene.model.formulation, allowed=allowed, hint=hint
         )
     return loads, inputs
 
@@ -171,8 +170,14 @@ def _build_request(scene: Scene, structure: Structure, targets: Targets) -> Mode
         axes=structure.axes,
     )
     parameters |= find_ground_numbers(scene.parameters.ground, structure.ground, targets.where)
-    formulation = _choose_formulation(scene, structure)
-    quantities = scene.model.quantities or _choose_quantities(structure, formulation)
+    # A scene that names no formulation gets the one that has its bars
+    formulation = scene.model.formulation
+    if "formulation" not in scene.model.model_fields_set and structure.is_rigid.any():
+        formulation = choose_formulation(rigid_bars=True).name
+    # A scene that names no quantities gets those of motions, or of statics where a node has no mass
+    quantities = scene.model.quantities or DEFAULT_QUANTITIES
+    if not scene.model.quantities and find_massless(structure).any():
+        quantities = (find_formulation(formulation).massless_tension, *MASSLESS_QUANTITIES)
     request = build_request(scene, quantities, parameters, formulation)
     return replace(request, options=scene.model.options)
 
@@ -195,17 +200,3 @@ def build_request(
         batch_width=scene.model.batch_width,
         interfaces=tuple(dict.fromkeys(scene.model.interfaces)),
     )
-
-
-def _choose_formulation(scene: Scene, structure: Structure) -> str:
-    """Return the formulation that the scene names; where it names none, the one that has its bars."""
-    if "formulation" in scene.model.model_fields_set or not structure.is_rigid.any():
-        return scene.model.formulation
-    return choose_formulation(rigid_bars=True).name
-
-
-def _choose_quantities(structure: Structure, formulation: str) -> tuple[str, ...]:
-    """Return what is wanted of a scene that says nothing: motion, or statics where a node has no mass."""
-    if not find_massless(structure).any():
-        return DEFAULT_QUANTITIES
-    return (find_formulation(formulation).massless_tension, *MASSLESS_QUANTITIES)

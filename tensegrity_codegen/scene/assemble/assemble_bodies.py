@@ -10,7 +10,13 @@ from tensegrity_codegen.scene.assemble.bodies import BuiltBodies, build_bodies_o
 from tensegrity_codegen.scene.assemble.contacts import build_ground, find_bar_pairs
 from tensegrity_codegen.scene.assemble.control import build_actuators, build_limits, build_sensors
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
-from tensegrity_codegen.scene.assemble.targets import Targets, build_parameters, find_gain, normalise
+from tensegrity_codegen.scene.assemble.targets import (
+    Targets,
+    build_parameters,
+    check_new_name,
+    find_gain,
+    normalise,
+)
 from tensegrity_codegen.scene.checks.check_members import check_laws
 from tensegrity_codegen.scene.names import check_known, key_path
 from tensegrity_codegen.scene.refuse import refuse
@@ -37,7 +43,7 @@ from tensegrity_codegen.structure.bodies import (
 )
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, SceneError, StructureError
+from tensegrity_codegen.system.errors import InvalidValueError, SceneError, StructureError
 from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
@@ -69,11 +75,10 @@ class BodyFinder:
     def moving(self, body: int, *place: str | int) -> int:
         """Return the body, refused if it is fixed."""
         if isinstance(self.built.bodies[body], FixedBody):
+            problem, location = "a torque on a fixed body moves nothing", key_path(self.where, *place)
+            allowed = "bodies of kind bar or rigid"
             raise InvalidValueError(
-                "a torque on a fixed body moves nothing",
-                where=key_path(self.where, *place),
-                given=self.built.bodies[body].name,
-                allowed="bodies of kind bar or rigid",
+                problem, where=location, given=self.built.bodies[body].name, allowed=allowed
             )
         return body
 
@@ -128,10 +133,7 @@ def build_body_inputs(
     built: list[BodyInput] = []
     for number, entry in enumerate(scene.inputs):
         keys: tuple[str | int, ...] = ("inputs", number)
-        if any(entry.name == earlier.name for earlier in built):
-            problem, location = "two inputs under one name", key_path(find.where, *keys, "name")
-            allowed, hint = "each name once", "rename one of the two"
-            raise DuplicateNameError(problem, where=location, given=entry.name, allowed=allowed, hint=hint)
+        check_new_name(entry.name, built, "inputs", key_path(find.where, *keys, "name"))
         if isinstance(entry, RestLengthInput | TemperatureInput):
             members = targets.find_members(entry.members, *keys, "members")
             expanded = system.rest_length, system.thermal_expansion
@@ -182,12 +184,11 @@ def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, Mod
     """
     _check_kind(scene, where)
     if scene.interference.stiffness is not None:
+        problem = "bars of a scene of bodies have no force where they touch"
+        location, allowed = key_path(where, "interference", "stiffness"), "scenes of nodes and members"
+        hint = "remove the key: contacts are then detected"
         raise InvalidValueError(
-            "bars of a scene of bodies have no force where they touch",
-            where=key_path(where, "interference", "stiffness"),
-            given=scene.interference.stiffness,
-            allowed="scenes of nodes and members",
-            hint="remove the key: contacts are then detected",
+            problem, where=location, given=scene.interference.stiffness, allowed=allowed, hint=hint
         )
     built = build_bodies_of_scene(scene.bodies, where)
     if not built.coordinate.size:

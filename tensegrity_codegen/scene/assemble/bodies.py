@@ -105,12 +105,11 @@ def _check_c_names(names: Sequence[str], where: str) -> None:
     for name in names:
         earlier = seen.setdefault(name.replace(".", "_"), name)
         if earlier != name:
+            problem = f"the point has the same name in C as {earlier}"
+            location = key_path(where, "bodies", *name.split("."))
+            allowed, hint = "bodies and points whose names joined by _ differ", "rename one of the two"
             raise DuplicateNameError(
-                f"the point has the same name in C as {earlier}",
-                where=key_path(where, "bodies", *name.split(".")),
-                given=name.replace(".", "_"),
-                allowed="bodies and points whose names joined by _ differ",
-                hint="rename one of the two",
+                problem, where=location, given=name.replace(".", "_"), allowed=allowed, hint=hint
             )
 
 
@@ -132,9 +131,8 @@ def _bar(
     else:
         position = table.centre or table.centre_velocity
         is_met, allowed = position is None, "anchor or centre, not both"
-        _need(
-            is_met, "a held bar has no position of its own", f"{place}.centre", position, allowed, "remove it"
-        )
+        hint = "remove it"
+        _need(is_met, "a held bar has no position of its own", f"{place}.centre", position, allowed, hint)
         points = [point for point in node if not point.startswith(f"{name}.") or point == table.anchor]
         problem = "the bar is held at a point that does not exist"
         check_known(table.anchor, points, problem, '"body.point"', f"{place}.anchor")

@@ -42,7 +42,11 @@ def find_bar_pairs(
     for number, names in enumerate(wanted.pairs):
         location = key_path(where, "interference", "pairs", number)
         for name in names:
-            _check_bar(name, bars, radius, location)
+            check_known(name, bars, "the name is no bar", "names of bars", location)
+            if not radius[name] > 0:
+                problem = "the bar has no radius, so that its distance to others is not known"
+                allowed, hint = "bars with a radius", "give it a radius [m]"
+                raise InvalidValueError(problem, where=location, given=name, allowed=allowed, hint=hint)
         bar_a, bar_b = names
         if set(joints[bar_a]) & set(joints[bar_b]):
             problem = "these bars share a node, so that they always touch"
@@ -80,21 +84,12 @@ def build_collision(stated: Interference, where: str) -> Collision | None:
         if not is_met:
             value = getattr(stated, key)
             shown = value.model_dump() if key == "restitution" else value
-            raise InvalidValueError(
-                problem, where=key_path(where, "interference", key), given=shown, allowed=allowed
-            )
+            location = key_path(where, "interference", key)
+            raise InvalidValueError(problem, where=location, given=shown, allowed=allowed)
     if stated.stiffness is None:
         return None
     dissipation = find_dissipation(impact.value, impact.speed) if impact else stated.dissipation or 0.0
     return Collision(stated.stiffness, stated.exponent, dissipation)
-
-
-def _check_bar(name: str, bars: Mapping[str, int], radius: Mapping[str, float], place: str) -> None:
-    check_known(name, bars, "the name is no bar", "names of bars", place)
-    if not radius[name] > 0:
-        problem = "the bar has no radius, so that its distance to others is not known"
-        hint = "give it a radius [m]"
-        raise InvalidValueError(problem, where=place, given=name, allowed="bars with a radius", hint=hint)
 
 
 # Part of a belt's speed along the normal that counts as rounding of the scene's numbers, and is removed.
@@ -231,13 +226,14 @@ class _Table:
             problem = "no node can move along the normal of the ground"
             self.require(node.size > 0, problem, "contacts", "nodes that can")
             return node
+        of_bodies = any("." in name for name in node_of)
+        allowed = '"body.point"; a bar has A and B' if of_bodies else "names of nodes"
         for number, name in enumerate(names):
             keys = ("ground", "contacts", number)
-            check_known(name, node_of, "the contact is not defined", _allowed(node_of), self.where, *keys)
+            check_known(name, node_of, "the contact is not defined", allowed, self.where, *keys)
             if name in names[:number]:
-                raise DuplicateNameError(
-                    "the contact is listed twice", where=key_path(self.where, *keys), given=name
-                )
+                location = key_path(self.where, *keys)
+                raise DuplicateNameError("the contact is listed twice", where=location, given=name)
         return np.array(sorted(node_of[name] for name in names), dtype=np.int64)
 
     def find_radius(self, subject: Subject) -> FloatArray:
@@ -268,7 +264,3 @@ class _Table:
         """Raise InvalidValueError unless a weight acts into the ground."""
         problem = "no weight acts into the ground, so that no stiffness follows from the depth at rest"
         self.require(force > 0, problem, key, "with gravity into the ground", f"give {hint}, or gravity")
-
-
-def _allowed(node_of: Mapping[str, int]) -> str:
-    return '"body.point"; a bar has A and B' if any("." in name for name in node_of) else "names of nodes"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.assemble.targets import Targets, refuse_members
+from tensegrity_codegen.scene.assemble.targets import Targets, check_new_name, refuse_members
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.control_schema import (
     ActuatorTable,
@@ -71,10 +71,8 @@ def build_sensors(
     built: list[Sensor] = []
     for number, sensor in enumerate(stated):
         name = sensor.name or ""
-        if name and any(name == earlier.name for earlier in built):
-            problem = "two sensors under one name"
-            location, hint = key_path(targets.where, "sensors", number, "name"), "rename one of the two"
-            raise DuplicateNameError(problem, where=location, given=name, allowed="each name once", hint=hint)
+        if name:
+            check_new_name(name, built, "sensors", key_path(targets.where, "sensors", number, "name"))
         if isinstance(sensor, MemberSensor):
             every = tuple(range(len(targets.member_name)))
             keys = ("sensors", number, "members")
@@ -151,12 +149,11 @@ def _find_each_once(
         for row in find(name):
             if row in source:
                 by = "" if name == source[row] else f", by {source[row]!r} and by {name!r}"
+                problem = f"{row_name[row]!r} is listed twice{by}"
+                allowed = "each member or node once, by its own name or by one group or class"
+                hint = "remove one of the two" if by else f"remove one {name!r}"
                 raise DuplicateNameError(
-                    f"{row_name[row]!r} is listed twice{by}",
-                    where=key_path(where, *place),
-                    given=list(names),
-                    allowed="each member or node once, by its own name or by one group or class",
-                    hint="remove one of the two" if by else f"remove one {name!r}",
+                    problem, where=key_path(where, *place), given=list(names), allowed=allowed, hint=hint
                 )
             source[row] = name
     if not source:

@@ -171,9 +171,8 @@ def cut_at_rings(
     for name, table in scene.sliding.items():
         path = key_path(where, "sliding", name)
         if name in cables:
-            raise DuplicateNameError(
-                "a cable of this name has friction already", where=path, given=name, allowed="another name"
-            )
+            problem = "a cable of this name has friction already"
+            raise DuplicateNameError(problem, where=path, given=name, allowed="another name")
         cables[name] = (path, table.strands, table.friction, table.wrap_deg)
     _refuse_shared(cables)
     return parts, tuple(_build(name, values, parts) for name, values in cables.items())

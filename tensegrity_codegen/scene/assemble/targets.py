@@ -99,15 +99,19 @@ class Targets:
     def _refuse_unknown(
         self, name: str, known: Iterable[str], what: str, place: tuple[str | int, ...]
     ) -> None:
+        is_all = name == "all" and place[0] == "parameters"
+        hint = 'write "all", not in a list' if is_all else suggest(name, known)
+        location, allowed = key_path(self.where, *place), f"names of {what}"
         raise UnknownNameError(
-            "the name is not defined",
-            where=key_path(self.where, *place),
-            given=name,
-            allowed=f"names of {what}",
-            hint='write "all", not in a list'
-            if name == "all" and place[0] == "parameters"
-            else suggest(name, known),
+            "the name is not defined", where=location, given=name, allowed=allowed, hint=hint
         )
+
+
+def check_new_name(name: str, built: Iterable[Any], section: str, where: str) -> None:
+    """Raise DuplicateNameError for the name of an entry that is built already."""
+    if any(name == earlier.name for earlier in built):
+        problem, hint = f"two {section} under one name", "rename one of the two"
+        raise DuplicateNameError(problem, where=where, given=name, allowed="each name once", hint=hint)
 
 
 def build_inputs(
@@ -119,12 +123,7 @@ def build_inputs(
     """Return the actuated inputs; member: arrays of `build_member_arrays`."""
     built: list[ActuatedInput] = []
     for number, entry in enumerate(inputs):
-        if any(entry.name == earlier.name for earlier in built):
-            location, allowed = key_path(targets.where, "inputs", number, "name"), "each name once"
-            hint = "rename one of the two"
-            raise DuplicateNameError(
-                "two inputs under one name", where=location, given=entry.name, allowed=allowed, hint=hint
-            )
+        check_new_name(entry.name, built, "inputs", key_path(targets.where, "inputs", number, "name"))
         if isinstance(entry, ForceInput):
             nodes = targets.find_nodes(entry.nodes, "inputs", number, "nodes")
             keys = ("inputs", number, "direction")
@@ -163,11 +162,10 @@ def find_gain(
         return tuple(slope[list(members)].tolist())
     stated = (1.0,) * len(item.members) if item.gain is None else item.gain
     if len(stated) != len(item.members):
+        location = key_path(targets.where, *place, "gain")
+        allowed = f"{len(item.members)} numbers, one for each of `members`"
         raise InvalidValueError(
-            "not one gain for each name",
-            where=key_path(targets.where, *place, "gain"),
-            given=list(stated),
-            allowed=f"{len(item.members)} numbers, one for each of `members`",
+            "not one gain for each name", where=location, given=list(stated), allowed=allowed
         )
     gain: dict[int, float] = {}
     for name, value in zip(item.members, stated, strict=True):
@@ -239,9 +237,8 @@ def find_ground_numbers(
         if name not in valid_names:
             problem = "the ground has no friction, so that nothing would follow this number"
             hint = "give the ground a friction above 0"
-            raise InvalidValueError(
-                problem, where=location, given=name, allowed=", ".join(valid_names), hint=hint
-            )
+            allowed = ", ".join(valid_names)
+            raise InvalidValueError(problem, where=location, given=name, allowed=allowed, hint=hint)
     return {"ground": tuple(sorted({CHANGEABLE.index(name) for name in chosen}))}
 
 

@@ -95,9 +95,8 @@ def _check_kinds(structure: Structure, where: str) -> None:
         hold("interference", Integral, pair, "None, or pairs of indices of bars")
         if len(pair) != 2 or not all(0 <= e < structure.n_members and structure.is_bar[e] for e in pair):
             location = key_path(where, "interference")
-            raise InvalidValueError(
-                "no pair of bars", where=location, given=pair, allowed="indices of two bars"
-            )
+            problem = "no pair of bars"
+            raise InvalidValueError(problem, where=location, given=pair, allowed="indices of two bars")
 
 
 def _check_rings(structure: Structure, where: str) -> None:
@@ -139,35 +138,31 @@ def _check_arrays(structure: Structure, where: str) -> None:
             problem = "an array of the wrong shape or kind of number"
             allowed = f"{dtype_name} array of shape {shape}"
             raise InvalidValueError(problem, where=key_path(where, field.name), given=shown, allowed=allowed)
-    _check_tubes(structure, where)
-    _check_expansion(structure, where)
+    _check_optional_arrays(structure, where)
     if len(structure.member_class) != structure.n_members:
         problem, location = "one class name for each member is needed", key_path(where, "member_class")
         allowed = str(structure.n_members)
         raise InvalidValueError(problem, where=location, given=len(structure.member_class), allowed=allowed)
 
 
-def _check_tubes(structure: Structure, where: str) -> None:
-    inner = structure.inner_radius
-    if inner is None:
-        return
+def _check_optional_arrays(structure: Structure, where: str) -> None:
+    inner, expansion = structure.inner_radius, structure.thermal_expansion
     of_numbers = isinstance(inner, np.ndarray) and inner.dtype.kind == "f"
-    if not of_numbers or inner.shape != (structure.n_members,) or not (inner <= structure.radius).all():
+    if inner is not None and not (
+        of_numbers and inner.shape == (structure.n_members,) and (inner <= structure.radius).all()
+    ):
         raise InvalidValueError(
             "inner radii that members cannot have",
             where=key_path(where, "inner_radius"),
             given=inner.shape if of_numbers else type(inner).__name__,
             allowed=f"None, or an array of shape ({structure.n_members},) with values up to radius",
         )
-
-
-def _check_expansion(structure: Structure, where: str) -> None:
-    values = structure.thermal_expansion
-    if values is not None and (values.shape != (structure.n_members,) or not np.isfinite(values).all()):
+    is_array = expansion is not None and expansion.shape == (structure.n_members,)
+    if expansion is not None and not (is_array and np.isfinite(expansion).all()):
         problem = "coefficients of thermal expansion that members cannot have"
         location = key_path(where, "thermal_expansion")
         allowed = f"None, or an array of shape ({structure.n_members},) of finite numbers"
-        raise InvalidValueError(problem, where=location, given=values.shape, allowed=allowed)
+        raise InvalidValueError(problem, where=location, given=expansion.shape, allowed=allowed)
 
 
 def _check_names(structure: Structure, where: str) -> None:
@@ -183,9 +178,8 @@ def _check_names(structure: Structure, where: str) -> None:
 def _check_values(structure: Structure, where: str) -> None:
     """Check that all numbers are finite and in range, each by itself."""
     if not np.isfinite(structure.gravity).all():
-        raise NonFiniteError(
-            "not a finite number", where=key_path(where, "gravity"), given=structure.gravity.tolist()
-        )
+        problem = "not a finite number"
+        raise NonFiniteError(problem, where=key_path(where, "gravity"), given=structure.gravity.tolist())
     for key, shape in _SHAPE.items():
         value = getattr(structure, key)
         if value.dtype.kind != "f" or key == "gravity":
@@ -223,9 +217,8 @@ def _check_laws(structure: Structure, where: str) -> None:
     allowed = "one of spring_constant [N/m], axial_stiffness [N]"
     report(spring & axial, InvalidValueError, "stiffness given twice", allowed=allowed)
     report(~spring & ~axial & ~bar, InvalidValueError, "a cable without stiffness", allowed=allowed)
-    report(
-        bar & structure.tension_only, InvalidValueError, "a bar cannot be tension_only", key="tension_only"
-    )
+    is_bad = bar & structure.tension_only
+    report(is_bad, InvalidValueError, "a bar cannot be tension_only", key="tension_only")
     check_laws(structure, where)
 
 
@@ -285,14 +278,6 @@ def _check_plane(structure: Structure, where: str) -> None:
             raise StructureError(problem, where=location, given=structure.gravity.tolist(), allowed=allowed)
 
 
-def _check_gain(item: ActuatedInput, place: str) -> None:
-    allowed = "one number for each member" + ("" if item.kind == "temperature" else ", or none")
-    if len(item.gain) != len(item.targets) and (item.gain or item.kind == "temperature"):
-        raise InvalidValueError("wrong number of gains", where=place, given=item.gain, allowed=allowed)
-    if not np.isfinite(np.array(item.gain, dtype=float)).all():
-        raise NonFiniteError("not a finite gain", where=place, given=item.gain, allowed=allowed)
-
-
 def _check_input(structure: Structure, number: int, item: ActuatedInput, where: str) -> None:
     location = key_path(where, "inputs", number)
     if item.kind not in (*REST_LENGTH_KINDS, "force"):
@@ -302,18 +287,20 @@ def _check_input(structure: Structure, number: int, item: ActuatedInput, where: 
     check_indices(item.targets, structure.n_nodes if force else structure.n_members, location)
     if not force:
         if structure.is_rigid[list(item.targets)].any():
-            raise InvalidValueError(
-                "a rigid bar has no rest length to change", where=location, given=item.name
-            )
-        _check_gain(item, location)
+            problem = "a rigid bar has no rest length to change"
+            raise InvalidValueError(problem, where=location, given=item.name)
+        allowed = "one number for each member" + ("" if item.kind == "temperature" else ", or none")
+        if len(item.gain) != len(item.targets) and (item.gain or item.kind == "temperature"):
+            raise InvalidValueError("wrong number of gains", where=location, given=item.gain, allowed=allowed)
+        if not np.isfinite(np.array(item.gain, dtype=float)).all():
+            raise NonFiniteError("not a finite gain", where=location, given=item.gain, allowed=allowed)
         return
     direction = np.array(item.direction)
     if not np.isfinite(direction).all():
         raise NonFiniteError("not a finite number", where=location, given=item.direction)
     if direction.shape != (3,) or abs(np.linalg.norm(direction) - 1) > RIGID_TOLERANCE:
-        raise InvalidValueError(
-            "the direction is no unit vector", where=location, given=item.direction, allowed="length 1"
-        )
+        problem = "the direction is no unit vector"
+        raise InvalidValueError(problem, where=location, given=item.direction, allowed="length 1")
     dropped = sorted({0, 1, 2} - set(structure.axes))
     if direction[dropped].any():
         problem = "a force along an axis that the scene does not model"

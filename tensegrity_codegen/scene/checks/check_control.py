@@ -34,24 +34,21 @@ def check_control(structure: Structure, where: str) -> None:
         location = key_path(where, "sensors", number)
         valid_kinds = (*MEMBER_SENSORS, *NODE_SENSORS)
         if sensor.kind not in valid_kinds:
-            raise InvalidValueError(
-                "unknown kind of sensor", where=location, given=sensor.kind, allowed=", ".join(valid_kinds)
-            )
+            problem, allowed = "unknown kind of sensor", ", ".join(valid_kinds)
+            raise InvalidValueError(problem, where=location, given=sensor.kind, allowed=allowed)
         size = structure.n_members if sensor.kind in MEMBER_SENSORS else structure.n_nodes
         check_indices(sensor.targets, size, location)
         if not 0 <= sensor.noise < np.inf:
-            raise InvalidValueError(
-                "not a standard deviation", where=location, given=sensor.noise, allowed="0 or more, finite"
-            )
+            problem = "not a standard deviation"
+            raise InvalidValueError(problem, where=location, given=sensor.noise, allowed="0 or more, finite")
     _check_limits(structure, where)
 
 
 def check_indices(indices: tuple[int, ...], size: int, place: str) -> None:
     """Raise InvalidValueError for no index at all, or one that is not from 0 to size - 1."""
     if not indices or min(indices) < 0 or max(indices) >= size:
-        raise InvalidValueError(
-            "empty, or an index out of range", where=place, given=indices, allowed=f"0 to {size - 1}"
-        )
+        problem = "empty, or an index out of range"
+        raise InvalidValueError(problem, where=place, given=indices, allowed=f"0 to {size - 1}")
 
 
 def _check_actuator(item: Actuator, place: str) -> None:
@@ -74,11 +71,10 @@ def _check_limits(structure: Structure, where: str) -> None:
     for key in MEMBER_LIMITS:
         values = getattr(limits, key)
         if values.shape != (structure.n_members,) or values.dtype.kind != "f":
+            problem = "an array of the wrong shape or kind of number"
+            allowed = f"float64 array of shape ({structure.n_members},)"
             raise InvalidValueError(
-                "an array of the wrong shape or kind of number",
-                where=f"{location}.{key}",
-                given=f"{values.dtype} {values.shape}",
-                allowed=f"float64 array of shape ({structure.n_members},)",
+                problem, where=f"{location}.{key}", given=f"{values.dtype} {values.shape}", allowed=allowed
             )
         report = partial(
             refuse, section="limits.members", names=structure.member_name, where=where, key=key, given=values

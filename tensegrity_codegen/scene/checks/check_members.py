@@ -197,9 +197,8 @@ def _check_array(subject: Structure | BodySystem, name: str, values: object, whe
     """Check the name of a parameter, its shape, and that its values are finite."""
     location, array = key_path(where, "law_parameter", name), np.asarray(values)
     if name not in LAW_PARAMETERS:
-        raise UnknownNameError(
-            "no member law has this parameter", where=location, given=name, hint=suggest(name, LAW_PARAMETERS)
-        )
+        problem = "no member law has this parameter"
+        raise UnknownNameError(problem, where=location, given=name, hint=suggest(name, LAW_PARAMETERS))
     if array.shape != (subject.n_members,) or array.dtype.kind != "f":
         problem = "an array of the wrong shape or kind of number"
         allowed = f"float64 array of shape ({subject.n_members},)"

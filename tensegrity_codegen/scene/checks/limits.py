@@ -49,9 +49,8 @@ def check_counts(counts: Mapping[str, tuple[int, int]], problem: str, where: str
     """Raise SceneSyntaxError, `problem` with the name in it, for a count above the most that is allowed."""
     for name, (count, limit) in counts.items():
         if count > limit:
-            raise SceneSyntaxError(
-                problem.format(name), where=where, given=count, allowed=f"up to {limit}", hint=hint
-            )
+            allowed = f"up to {limit}"
+            raise SceneSyntaxError(problem.format(name), where=where, given=count, allowed=allowed, hint=hint)
 
 
 def check_document(document: Mapping[str, Any], where: str) -> None:
@@ -67,9 +66,8 @@ def check_document(document: Mapping[str, Any], where: str) -> None:
                 allowed = f"up to {limit}"
                 raise InvalidValueError(problem, where=location, given=f"{len(entry)} keys", allowed=allowed)
     if len(document) > MOST_KEYS:
-        raise InvalidValueError(
-            "too many sections", where=where, given=len(document), allowed=f"up to {MOST_KEYS}"
-        )
+        problem = "too many sections"
+        raise InvalidValueError(problem, where=where, given=len(document), allowed=f"up to {MOST_KEYS}")
 
 
 def too_large(section: object, count: int, where: str) -> TensegrityError:

@@ -69,11 +69,10 @@ def find_format(paths: Sequence[Path]) -> Format:
     for candidate in fitting:
         if candidate.recognises is None or candidate.recognises(paths[0]):
             return candidate
+    problem = "these files have no known format"
+    allowed = "; ".join(f"{candidate.example}: {candidate.title}" for candidate in formats)
     raise InvalidValueError(
-        "these files have no known format",
-        where="import",
-        given=" ".join(str(path) for path in paths),
-        allowed="; ".join(f"{candidate.example}: {candidate.title}" for candidate in formats),
+        problem, where="import", given=" ".join(str(path) for path in paths), allowed=allowed
     )
 
 

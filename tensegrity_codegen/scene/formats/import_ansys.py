@@ -103,9 +103,8 @@ class _Reader:
         elif command.split()[0] not in PASSED and not command.startswith(("/title", "/filename")):
             self.unknown[command[:20]] = self.unknown.get(command[:20], 0) + 1
         if len(self.keypoints) + len(self.links) > MOST_ENTRIES:
-            raise SceneSyntaxError(
-                "too many nodes and members", where=self.where, allowed=f"up to {MOST_ENTRIES}"
-            )
+            problem = "too many nodes and members"
+            raise SceneSyntaxError(problem, where=self.where, allowed=f"up to {MOST_ENTRIES}")
 
     def number(self, text: str) -> float:
         """Return a number, or the value of a parameter."""
@@ -170,27 +169,24 @@ class _Reader:
     def _latt(self, words: list[str]) -> None:
         chosen = self.links if self.selected is None else self.links[self.selected - 1 : self.selected]
         if not chosen or (self.selected is not None and self.selected < 1):
-            raise InvalidValueError(
-                "no such line", where=self.where, given=self.selected, allowed=f"1 to {len(self.links)}"
-            )
+            allowed = f"1 to {len(self.links)}"
+            raise InvalidValueError("no such line", where=self.where, given=self.selected, allowed=allowed)
         for link in chosen:
             link.material, link.section = self._index(words[0] or "1"), self._index(words[6] or "1")
 
     def _dk(self, words: list[str]) -> None:
         label = words[1].lower()
         if label != "all" and label not in ("ux", "uy", "uz"):
-            raise InvalidValueError(
-                "not a displacement", where=self.where, given=words[1][:20], allowed="UX, UY, UZ or ALL"
-            )
+            problem, location = "not a displacement", self.where
+            raise InvalidValueError(problem, where=location, given=words[1][:20], allowed="UX, UY, UZ or ALL")
         held = self.held.setdefault(self._index(words[0]), set())
         held.update("xyz" if label == "all" else AXES[label])
 
     def _fk(self, words: list[str]) -> None:
         axis = AXES.get(words[1].lower())
         if axis is None or words[1].lower().startswith("u"):
-            raise InvalidValueError(
-                "not a force", where=self.where, given=words[1][:20], allowed="FX, FY or FZ"
-            )
+            problem = "not a force"
+            raise InvalidValueError(problem, where=self.where, given=words[1][:20], allowed="FX, FY or FZ")
         self.loads[self._index(words[0]), axis] = self.number(words[2])
 
     def _acel(self, words: list[str]) -> None:
@@ -205,9 +201,8 @@ class _Reader:
             node |= {"anchored": True if len(held) == 3 else held} if held else {}
             network.nodes[name] = node
         for name in {*self.held, *(node for node, _ in self.loads)} - self.keypoints.keys():
-            raise UnknownNameError(
-                "unknown keypoint", where=self.file, given=name, allowed="a keypoint of the file"
-            )
+            problem = "unknown keypoint"
+            raise UnknownNameError(problem, where=self.file, given=name, allowed="a keypoint of the file")
         moved = 0.0
         for number, link in enumerate(self.links, start=1):
             moved += self._add_link(network, number, link)

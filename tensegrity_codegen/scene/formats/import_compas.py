@@ -135,9 +135,8 @@ def _name(key: str) -> str:
 
 def _table(value: Any, where: str) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise InvalidValueError(
-            "not a table", where=where, given=type(value).__name__, allowed="an object, { ... }"
-        )
+        allowed = "an object, { ... }"
+        raise InvalidValueError("not a table", where=where, given=type(value).__name__, allowed=allowed)
     return value
 
 
@@ -147,9 +146,8 @@ def _number(values: Mapping[str, Any], key: str, where: str) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InvalidValueError(
-            "not a number", where=f"{where}.{key}", given=str(value)[:80], allowed="a number, such as 0.25"
-        )
+        problem, allowed = "not a number", "a number, such as 0.25"
+        raise InvalidValueError(problem, where=f"{where}.{key}", given=str(value)[:80], allowed=allowed)
     if abs(value) >= 1e300 or not math.isfinite(value):
         raise NonFiniteError("the number is too large", where=f"{where}.{key}", allowed="up to 1e300")
     return float(value)
@@ -199,7 +197,9 @@ def _read_edge(
             member[target] = value
     density = _number(values, "q", where)
     if density is not None and "prestress" not in member and "rest_length" not in member:
-        member["prestress"] = density * _length(network, ends)
+        positions = [network.nodes[end]["position"] for end in ends if end in network.nodes]
+        length = math.dist(*positions) if len(positions) == 2 else 0.0  # a missing node is an error later
+        member["prestress"] = density * length
     modulus, area = _number(values, "E", where), _number(values, "A", where)
     if modulus is not None and area is not None and "axial_stiffness" not in member:
         member["axial_stiffness"] = modulus * area
@@ -209,12 +209,6 @@ def _read_edge(
     name = str(values.get("name") or network.name_member(f"{ends[0]}_{ends[1]}"))
     network.members.append(NetworkMember(name, ends, member, where))
     _count(ignored, values, ("name", *KINDS, *NUMBERS, *OTHERS))
-
-
-def _length(network: Network, ends: tuple[str, str]) -> float:
-    """Return the distance of two nodes, 0 where one is missing (which is an error later)."""
-    positions = [network.nodes[end]["position"] for end in ends if end in network.nodes]
-    return math.dist(*positions) if len(positions) == 2 else 0.0
 
 
 def _find_kind(values: Mapping[str, Any], member: Mapping[str, Any], where: str) -> str:
@@ -229,11 +223,10 @@ def _find_kind(values: Mapping[str, Any], member: Mapping[str, Any], where: str)
     force = member.get("prestress") or _number(values, "q", where)
     if force:
         return "bar" if force < 0 else "cable"
+    problem = "neither a bar nor a cable"
+    allowed = f'an attribute "kind" ({", ".join((*BARS, *CABLES))}), "is_strut", "q" or "f"'
     raise InvalidValueError(
-        "neither a bar nor a cable",
-        where=where,
-        given=", ".join(sorted(values))[:80] or "no attributes",
-        allowed=f'an attribute "kind" ({", ".join((*BARS, *CABLES))}), "is_strut", "q" or "f"',
+        problem, where=where, given=", ".join(sorted(values))[:80] or "no attributes", allowed=allowed
     )
 
 

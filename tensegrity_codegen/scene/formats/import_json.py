@@ -102,9 +102,8 @@ class _Place:
         if isinstance(self.value, bool) or not isinstance(self.value, int | float):
             raise self.wrong("not a number", "a number, such as 0.25 or 1e-3")
         if (isinstance(self.value, int) and abs(self.value) >= 10**300) or not math.isfinite(self.value):
-            raise NonFiniteError(
-                "the number is too large", where=self.where, given=self.shown, allowed="up to 1e300"
-            )
+            problem = "the number is too large"
+            raise NonFiniteError(problem, where=self.where, given=self.shown, allowed="up to 1e300")
         return float(self.value)
 
     def vector(self) -> list[float]:
@@ -139,9 +138,8 @@ def _list_entries(
             raise name_entry.wrong("the entry has a name already", f"no key name: it is {key!r}")
         name = str(key) if name_entry is None else name_entry.text()
         if name in entries:
-            raise DuplicateNameError(
-                f"two {section} with one name", where=entry.where, given=name, allowed="each name once"
-            )
+            problem = f"two {section} with one name"
+            raise DuplicateNameError(problem, where=entry.where, given=name, allowed="each name once")
         entries[name] = entry
     return entries
 

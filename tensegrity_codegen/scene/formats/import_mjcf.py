@@ -57,7 +57,12 @@ def import_mjcf(
     if any(damped_values["kind"] == "cable" for damped_values in damped):
         network.notes.append("in MuJoCo tendons keep their damping while slack, cables do not")
     network.notes += defaults.describe_unread()
-    _note_left(root, network)
+    sections = ("equality", "contact", "sensor", "deformable", "asset", "custom")
+    unread = [tag for tag in sections if any(True for section in root.iterfind(tag) for _ in section)]
+    if unread:
+        network.notes.append(f"sections that are not read: {', '.join(unread)}")
+    if next(root.iter("geom"), None) is not None:
+        network.notes.append("geoms are read for their masses only: there are no contacts")
     return build_result(network, path, name, gravity)
 
 
@@ -141,9 +146,8 @@ def _add_bar(network: Network, link: Link, chosen: Sequence[str], where: str) ->
     tips = np.array([link.sites[site] for site in chosen])
     length = float(np.linalg.norm(tips[1] - tips[0]))
     if not length or not link.mass > 0:
-        raise InvalidValueError(
-            "the rod has no length or no mass", where=where, allowed="two sites apart, and a mass"
-        )
+        problem = "the rod has no length or no mass"
+        raise InvalidValueError(problem, where=where, allowed="two sites apart, and a mass")
     axis = (tips[1] - tips[0]) / length
     aside = float(np.linalg.norm(np.cross(link.centre - tips[0], axis)))
     if aside > MOST_ASIDE * length:
@@ -204,15 +208,6 @@ def _couple(network: Network, masses: dict[str, float], gravity: Sequence[float]
                 network.loads.append((end, [-mass / 3 * value for value in gravity]))
     if masses:
         network.notes.append(f"fixed tendons that are not read: {name_list(masses)}")
-
-
-def _note_left(root: Element, network: Network) -> None:
-    sections = ("equality", "contact", "sensor", "deformable", "asset", "custom")
-    unread = [tag for tag in sections if any(True for section in root.iterfind(tag) for _ in section)]
-    if unread:
-        network.notes.append(f"sections that are not read: {', '.join(unread)}")
-    if next(root.iter("geom"), None) is not None:
-        network.notes.append("geoms are read for their masses only: there are no contacts")
 
 
 FORMAT = Format(

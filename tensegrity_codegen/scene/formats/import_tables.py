@@ -59,9 +59,8 @@ def import_tables(
     member_rows = read_table(members_path, MEMBER_COLUMNS, MEMBER_COLUMNS[1:4], OTHER_MEMBER_NAMES)
     for path, rows, section in ((nodes_path, node_rows, "nodes"), (members_path, member_rows, "members")):
         if not rows:
-            raise StructureError(
-                f"the table has no {section}", where=str(path), allowed="a row below the header"
-            )
+            problem = f"the table has no {section}"
+            raise StructureError(problem, where=str(path), allowed="a row below the header")
         if rows[0].decimal_comma:
             network.notes.append(f"{path}: commas within numbers were read as decimal commas")
     for foreign, row in _name_rows(node_rows, "node").items():

@@ -37,9 +37,8 @@ def import_tdf(
     path = Path(path)
     root, where = read_xml(path, WHAT), str(path)
     if root.tag != "tdf":
-        raise InvalidValueError(
-            "not a tensegrity document", where=where, given=root.tag[:80], allowed="<tdf>"
-        )
+        problem = "not a tensegrity document"
+        raise InvalidValueError(problem, where=where, given=root.tag[:80], allowed="<tdf>")
     for element in root.iter():
         macros = [text for text in (element.tag, *element.attrib.values()) if text.startswith(("{", "${"))]
         if macros:
@@ -86,9 +85,8 @@ def _read_members(
     for number, element in enumerate(root.iterfind("composition/*")):
         location = f"{file}: composition[{number}]"
         if element.tag not in KINDS:
-            raise InvalidValueError(
-                "neither a rod nor a cable", where=location, given=element.tag[:80], allowed="rod, cable"
-            )
+            problem = "neither a rod nor a cable"
+            raise InvalidValueError(problem, where=location, given=element.tag[:80], allowed="rod, cable")
         start, end = (read_attribute(element, key, location) for key in ("node1", "node2"))
         class_name = element.get("class")
         pair = (element.tag, frozenset((start, end)))

@@ -91,9 +91,8 @@ def read_bytes(path: Path, largest: int, what: str) -> bytes:
         problem = f"the file cannot be read: {describe_reason(error)}"
         raise SceneError(problem, where=where, hint="check the path and its permissions") from None
     if len(data) > largest:
-        raise SceneSyntaxError(
-            f"the file is too large for {what}", where=where, allowed=f"up to {largest >> 10} KB"
-        )
+        problem = f"the file is too large for {what}"
+        raise SceneSyntaxError(problem, where=where, allowed=f"up to {largest >> 10} KB")
     return data
 
 
@@ -109,9 +108,8 @@ def read_text(path: Path, largest: int, what: str, fallback: str = "") -> str:
     except UnicodeDecodeError:
         if fallback:
             return data.decode(fallback).replace("\r\n", "\n").replace("\r", "\n")
-        raise SceneSyntaxError(
-            "the file is not UTF-8 text", where=where, allowed=what, hint="save it as UTF-8"
-        ) from None
+        problem = "the file is not UTF-8 text"
+        raise SceneSyntaxError(problem, where=where, allowed=what, hint="save it as UTF-8") from None
     if not text.strip():
         raise SceneSyntaxError("the file is empty", where=where, allowed=what)
     return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -23,9 +23,8 @@ POSITIVE = (*("rest_length", *STIFFNESSES, "mass", "density", "radius"), *("inne
 def check_ends(first: str, second: str, given: object, where: str) -> None:
     """Raise StructureError where a member joins a node to itself."""
     if first == second:
-        raise StructureError(
-            "the member joins a node to itself", where=where, given=given, allowed="two different nodes"
-        )
+        problem = "the member joins a node to itself"
+        raise StructureError(problem, where=where, given=given, allowed="two different nodes")
 
 
 def check_member(member: Mapping[str, Any], where: Where) -> None:
@@ -39,9 +38,8 @@ def check_member(member: Mapping[str, Any], where: Where) -> None:
         if key in member and alternative in member:
             problem = f"the member has {key} and {alternative}, which define the same value"
             allowed = f"at most one of {key} and {alternative}"
-            raise InvalidValueError(
-                problem, where=where(alternative), given=member[alternative], allowed=allowed
-            )
+            location = where(alternative)
+            raise InvalidValueError(problem, where=location, given=member[alternative], allowed=allowed)
     _check_mass(member, where)
     if "prestress" in member:
         _check_prestress(member, where)
@@ -52,9 +50,8 @@ def _check_ranges(member: Mapping[str, Any], where: Where) -> None:
         value = member.get(key)
         if value is not None and not (value >= 0 if key == "damping" else value > 0):
             allowed = "0 or more" if key == "damping" else "greater than 0, or no value"
-            raise InvalidValueError(
-                "the value is out of range", where=where(key), given=value, allowed=allowed
-            )
+            problem = "the value is out of range"
+            raise InvalidValueError(problem, where=where(key), given=value, allowed=allowed)
 
 
 def _check_stiffness(member: Mapping[str, Any], where: Where) -> None:

@@ -26,10 +26,9 @@ def turn_onto_facet(nodes: dict[str, dict[str, Any]], names: Sequence[str], wher
     area = float(np.linalg.norm(normal))
     height = (position - corner) @ normal / max(area, 1e-300)
     if area <= FLAT * size**2 or height.min() < -FLAT * size < FLAT * size < height.max():
-        raise InvalidValueError(
-            "not a facet of the shape", where=where, given=", ".join(names),
-            allowed="three nodes that are not on a line, with all others on one side of their plane",
-        )  # fmt: skip
+        problem = "not a facet of the shape"
+        allowed = "three nodes that are not on a line, with all others on one side of their plane"
+        raise InvalidValueError(problem, where=where, given=", ".join(names), allowed=allowed)
     up = normal / area if height.max() > -height.min() else -normal / area
     x = along / np.linalg.norm(along)
     placed = (position - (corner + second + third) / 3) @ np.array([x, np.cross(up, x), up]).T

@@ -121,9 +121,8 @@ def read_lines(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
             if any(stripped):
                 yield reader.line_num, stripped
     except csv.Error as error:
-        raise SceneSyntaxError(
-            f"not a CSV table: {error}", where=f"{path}: line {reader.line_num}", allowed="a CSV table"
-        ) from None
+        location = f"{path}: line {reader.line_num}"
+        raise SceneSyntaxError(f"not a CSV table: {error}", where=location, allowed="a CSV table") from None
 
 
 def _check_header(
@@ -137,9 +136,8 @@ def _check_header(
         if name not in columns:
             raise unknown_key(name, columns, where, "unknown column")
         if header.count(name) > 1:
-            raise DuplicateNameError(
-                "a column appears twice", where=where, given=name, allowed="each column once"
-            )
+            problem = "a column appears twice"
+            raise DuplicateNameError(problem, where=where, given=name, allowed="each column once")
     missing = [name for name in needed if name not in header]
     if missing:
         problem = f"the table lacks the column {missing[0]}"

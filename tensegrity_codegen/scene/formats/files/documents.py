@@ -30,9 +30,8 @@ def parse_json(text: str, path: Path) -> Any:
     """Return the content of JSON text from a file, as `read_json` does."""
     count = sum(text.count(sign) for sign in ",[{")
     if count > MOST_VALUES:
-        raise SceneSyntaxError(
-            "the file has too many values", where=str(path), given=count, allowed=f"up to {MOST_VALUES}"
-        )
+        problem = "the file has too many values"
+        raise SceneSyntaxError(problem, where=str(path), given=count, allowed=f"up to {MOST_VALUES}")
 
     def refuse(word: str) -> Any:
         raise NonFiniteError("not a finite number", where=str(path), given=word, allowed="finite numbers")
@@ -41,9 +40,8 @@ def parse_json(text: str, path: Path) -> Any:
         table: dict[str, Any] = {}
         for key, value in pairs:
             if key in table:
-                raise DuplicateNameError(
-                    "a key is given twice in one object", where=str(path), given=key, allowed="each key once"
-                )
+                problem = "a key is given twice in one object"
+                raise DuplicateNameError(problem, where=str(path), given=key, allowed="each key once")
             table[key] = value
         return table
 
@@ -119,9 +117,8 @@ def check_attributes(attributes: Mapping[str, str], tag: str, where: str) -> Non
     """Raise SceneSyntaxError for too many attributes of an element, which others may have by their class."""
     if len(attributes) > MOST_ATTRIBUTES:
         allowed = f"up to {MOST_ATTRIBUTES} attributes"
-        raise SceneSyntaxError(
-            "too many attributes", where=f"{where}: {tag[:80]}", given=len(attributes), allowed=allowed
-        )
+        problem = "too many attributes"
+        raise SceneSyntaxError(problem, where=f"{where}: {tag[:80]}", given=len(attributes), allowed=allowed)
 
 
 class _FirstElementError(Exception):

@@ -71,9 +71,8 @@ def build_lines(
     pairs = nodes.reshape(-1, 2)
     for number in np.flatnonzero(pairs[:, 0] == pairs[:, 1])[:1]:
         shown, allowed = ends[number].tolist(), f"ends that are more than {reach:g} apart"
-        raise InvalidValueError(
-            "a line without length", where=lines[number].where, given=shown, allowed=allowed
-        )
+        problem = "a line without length"
+        raise InvalidValueError(problem, where=lines[number].where, given=shown, allowed=allowed)
     network = Network(notes=[*notes, "lines have no masses: motions need masses of nodes or bars"])
     moved = float(np.linalg.norm(ends.reshape(-1, 3) - positions[nodes], axis=1).max())
     if moved > 1e-3 * reach:

@@ -71,9 +71,8 @@ def read_links(root: Element, defaults: Defaults, speeds: list[float] | None, fi
         defaults.complete(element, "compiler")
         angle, sequence = element.get("angle", angle), element.get("eulerseq", sequence)
     if sorted(sequence.lower()) != ["x", "y", "z"]:
-        raise InvalidValueError(
-            "not a sequence of axes", where=f"{file}: compiler.eulerseq", given=sequence[:20], allowed="xyz"
-        )
+        location = f"{file}: compiler.eulerseq"
+        raise InvalidValueError("not a sequence of axes", where=location, given=sequence[:20], allowed="xyz")
     walk = _Walk(file, defaults, angle != "radian", sequence, speeds)
     world = Link("world", "static", np.zeros(3), np.eye(3))
     walk.links.append(world)
@@ -211,10 +210,9 @@ def _read_geom(values: Mapping[str, str], where: str) -> tuple[float, FloatArray
         "plane": 0.0,
     }
     if kind not in volumes:
-        raise InvalidValueError(
-            "the mass of this geom is not known", where=where, given=kind, allowed=", ".join(volumes),
-            hint="give it the attribute mass, or its body an element inertial",
-        )  # fmt: skip
+        problem = "the mass of this geom is not known"
+        hint = "give it the attribute mass, or its body an element inertial"
+        raise InvalidValueError(problem, where=where, given=kind, allowed=", ".join(volumes), hint=hint)
     return volumes[kind] * read_number(values.get("density", str(WATER)), f"{where}.density"), centre
 
 

@@ -50,9 +50,8 @@ def _read_values(values: Mapping[str, str], group: str, where: str) -> dict[str,
     stiffness = read_numbers(values.get("stiffness", "0"), f"{where}.stiffness")
     damping = read_numbers(values.get("damping", "0"), f"{where}.damping")
     if any(stiffness[1:]) or any(damping[1:]):
-        raise InvalidValueError(
-            "stiffness and damping that are polynomials are not read", where=where, hint="give one number"
-        )
+        problem = "stiffness and damping that are polynomials are not read"
+        raise InvalidValueError(problem, where=where, hint="give one number")
     member: dict[str, Any] = {"kind": "bar" if group == "bar" else "cable"}
     if stiffness[0]:
         member["spring_constant"] = stiffness[0]
@@ -61,12 +60,11 @@ def _read_values(values: Mapping[str, str], group: str, where: str) -> dict[str,
     lengths = read_numbers(values.get("springlength", "-1"), f"{where}.springlength", (1, 2))
     if len(lengths) == 2 and lengths[0] != lengths[1]:
         if lengths[0] != 0:
+            problem, location = "a dead band that does not begin at 0 is not read", f"{where}.springlength"
+            allowed = '"0 length" of a cable, or one length'
+            hint = "give 0 as the first number: the tendon does not push then"
             raise InvalidValueError(
-                "a dead band that does not begin at 0 is not read",
-                where=f"{where}.springlength",
-                given=values["springlength"],
-                allowed='"0 length" of a cable, or one length',
-                hint="give 0 as the first number: the tendon does not push then",
+                problem, where=location, given=values["springlength"], allowed=allowed, hint=hint
             )
     elif member["kind"] == "cable":
         member["tension_only"] = False
@@ -162,7 +160,5 @@ def read_actuators(
 def _is_plain(tag: str, values: Mapping[str, str]) -> bool:
     """Return whether the force of an actuator is a constant, or in proportion to its control."""
     unread = list_unread(tag, values, by_range=True) if tag in ("general", "motor") else [tag]
-    return all(key.endswith("range") for key in unread) and values.get("biastype", "none") in (
-        "none",
-        "affine",
-    )
+    is_plain = values.get("biastype", "none") in ("none", "affine")
+    return is_plain and all(key.endswith("range") for key in unread)

@@ -85,9 +85,8 @@ def read_table(value: Any, where: str) -> dict[str, Any]:
     if value is None or value == "":
         return {}
     if not isinstance(value, dict):
-        raise InvalidValueError(
-            "not a table", where=where, given=_shown(value), allowed="a table of key: value"
-        )
+        problem = "not a table"
+        raise InvalidValueError(problem, where=where, given=_shown(value), allowed="a table of key: value")
     return value
 
 
@@ -111,9 +110,8 @@ def parse_number(value: Any, where: str) -> float:
     if not math.isfinite(number):
         raise NonFiniteError("not a finite number", where=where, given=value, allowed="a finite number")
     if abs(number) > LARGEST_NUMBER:
-        raise InvalidValueError(
-            "the number is too large", where=where, given=number, allowed=f"up to {LARGEST_NUMBER:g}"
-        )
+        problem = "the number is too large"
+        raise InvalidValueError(problem, where=where, given=number, allowed=f"up to {LARGEST_NUMBER:g}")
     return number
 
 
@@ -128,9 +126,8 @@ def parse_vector(value: Any, where: str) -> tuple[float, float, float]:
 def parse_pair(value: Any, where: str) -> tuple[str, str]:
     """Return the two node names of a pair; raises InvalidValueError."""
     if not isinstance(value, list) or len(value) != 2 or not all(isinstance(name, str) for name in value):
-        raise InvalidValueError(
-            "not a pair of nodes", where=where, given=_shown(value), allowed="[node, node]"
-        )
+        problem = "not a pair of nodes"
+        raise InvalidValueError(problem, where=where, given=_shown(value), allowed="[node, node]")
     return value[0], value[1]
 
 

@@ -63,11 +63,10 @@ def bond_nodes_to_edges(
     pair is (node, node, place in the file).
     """
     if not isinstance(pairs, list) or len(pairs) < _FEWEST:
+        problem = "a node_edge bond of fewer than three pairs"
+        allowed = "a list of three or more [node, node/node]"
         raise InvalidValueError(
-            "a node_edge bond of fewer than three pairs",
-            where=where,
-            given=len(pairs) if isinstance(pairs, list) else None,
-            allowed="a list of three or more [node, node/node]",
+            problem, where=where, given=len(pairs) if isinstance(pairs, list) else None, allowed=allowed
         )
     bond = _read(sides, pairs, where)
     _move(sides[1], np.array(bond.points[0]), np.array(bond.points[1]), where)
@@ -276,14 +275,18 @@ def _add_children(structure: NtrtStructure, entries: dict[str, Any], path: Path,
         check_keys(attributes, _ATTRIBUTES, where)
         names = key.split("/")
         if not all(names) or any("." in name for name in names):
-            raise InvalidValueError(
-                "not a list of names", where=where, given=key, allowed="name or name/name/..."
-            )
+            problem = "not a list of names"
+            raise InvalidValueError(problem, where=where, given=key, allowed="name or name/name/...")
         rows.append((names, attributes, where))
     for names, attributes, where in rows:
         if "path" in attributes:
             for name in names:
-                _add_child(structure, name, _child_path(path, attributes["path"], where), where, loading)
+                file = _child_path(path, attributes["path"], where)
+                if name in structure.children:
+                    raise DuplicateNameError("two substructures under one name", where=where, given=name)
+                child = NtrtStructure(name, _join(structure.path, name))
+                _build(child, file, loading)
+                structure.children[name] = child
     for names, attributes, where in rows:
         for name in names:
             child = structure.find_child(name, where)
@@ -297,11 +300,10 @@ def _add_children(structure: NtrtStructure, entries: dict[str, Any], path: Path,
 def _child_path(path: Path, value: Any, where: str) -> Path:
     """Return the file of a substructure: relative to the file that names it, YAML only."""
     if not isinstance(value, str) or not value or "\0" in value or Path(value).is_absolute():
+        problem = "not a path that a substructure may have"
+        allowed = "a relative path to a .yaml file; .. is fine"
         raise InvalidValueError(
-            "not a path that a substructure may have",
-            where=f"{where}.path",
-            given=value if isinstance(value, str) else None,
-            allowed="a relative path to a .yaml file; .. is fine",
+            problem, where=f"{where}.path", given=value if isinstance(value, str) else None, allowed=allowed
         )
     child = path.parent / value
     if child.suffix.lower() not in _SUFFIXES or not child.is_file():
@@ -312,22 +314,13 @@ def _child_path(path: Path, value: Any, where: str) -> Path:
     return child
 
 
-def _add_child(structure: NtrtStructure, name: str, path: Path, where: str, loading: _Loading) -> None:
-    if name in structure.children:
-        raise DuplicateNameError("two substructures under one name", where=where, given=name)
-    child = NtrtStructure(name, _join(structure.path, name))
-    _build(child, path, loading)
-    structure.children[name] = child
-
-
 def _rotate(child: NtrtStructure, rotation: dict[str, Any], where: str) -> None:
     """Turn `child` about an axis through the reference point, else through its centroid; angle in degrees."""
     check_keys(rotation, ("reference", "axis", "angle"), where)
     for key in ("axis", "angle"):
         if key not in rotation:
-            raise InvalidValueError(
-                f"a rotation needs its {key}", where=where, allowed="axis and angle [deg]"
-            )
+            problem = f"a rotation needs its {key}"
+            raise InvalidValueError(problem, where=where, allowed="axis and angle [deg]")
     axis = np.array(parse_vector(rotation["axis"], f"{where}.axis"))
     if not axis.any():
         raise InvalidValueError("the axis has no direction", where=f"{where}.axis", given=axis.tolist())
@@ -354,9 +347,8 @@ def _place(child: NtrtStructure, place: int, attributes: dict[str, Any], where: 
     if "scale" in attributes:
         factor, center = parse_number(attributes["scale"], f"{where}.scale"), child.centroid(where)
         if not factor > 0:
-            raise InvalidValueError(
-                "the scale is out of range", where=f"{where}.scale", given=factor, allowed="greater than 0"
-            )
+            problem = "the scale is out of range"
+            raise InvalidValueError(problem, where=f"{where}.scale", given=factor, allowed="greater than 0")
         child.transform(lambda point: center + (point - center) * factor)
     if "offset" in attributes:
         offset = np.array(parse_vector(attributes["offset"], f"{where}.offset")) * place

@@ -174,9 +174,8 @@ def make_plan(structure: NtrtStructure, builders: BuilderBook, where: str) -> Pl
                 continue
             built = Built(pair, builder, (find_position(pair.ends[0]), find_position(pair.ends[1])))
             if built.ends[0] == built.ends[1]:
-                raise StructureError(
-                    "the pair joins a point to itself", where=pair.where, given=pair.ends[0].path
-                )
+                problem = "the pair joins a point to itself"
+                raise StructureError(problem, where=pair.where, given=pair.ends[0].path)
             (plan.rods if builder.kind == "rod" else plan.cables).append(built)
     if not plan.rods and not plan.cables:
         problem = "the file defines no rod and no cable"
@@ -187,11 +186,10 @@ def make_plan(structure: NtrtStructure, builders: BuilderBook, where: str) -> Pl
     largest = max(map(len, plan.bodies), default=0)
     braces = sum(len(points) * (len(points) - 1) // 2 for points in plan.bodies)
     if largest > _MOST_POINTS or braces > _MOST_BRACES:
+        problem = "too many points on rigid bodies: bars between all points of a body keep its shape"
+        allowed = f"up to {_MOST_POINTS} points on one body, {_MOST_BRACES} bars"
         raise StructureError(
-            "too many points on rigid bodies: bars between all points of a body keep its shape",
-            where=where,
-            given=f"{largest} points on one body, {braces} bars in all",
-            allowed=f"up to {_MOST_POINTS} points on one body, {_MOST_BRACES} bars",
+            problem, where=where, given=f"{largest} points on one body, {braces} bars in all", allowed=allowed
         )
     _drop_inner_cables(plan)
     _check_pairs(plan)

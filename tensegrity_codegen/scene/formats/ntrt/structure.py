@@ -71,9 +71,8 @@ class NtrtStructure:
         node_names = {node for candidate in structure.walk() for node in candidate.nodes}
         problem = f"no node of this name in {structure.name or 'the structure'}"
         allowed = "the name of a node, or child.node"
-        raise UnknownNameError(
-            problem, where=where, given=name, allowed=allowed, hint=suggest(node_name, node_names)
-        )
+        hint = suggest(node_name, node_names)
+        raise UnknownNameError(problem, where=where, given=name, allowed=allowed, hint=hint)
 
     def find_child(self, name: str, where: str) -> "NtrtStructure":
         """Return the nearest substructure called `name`; raises UnknownNameError."""
@@ -235,6 +234,5 @@ def _check_ranges(kind: str, values: Mapping[str, float], where: str) -> None:
             raise InvalidValueError(problem, where=location, given=values[name], allowed="greater than 0")
     for name in not_negative:
         if values[name] < 0:
-            raise InvalidValueError(
-                "the value is out of range", where=f"{where}.{name}", given=values[name], allowed="0 or more"
-            )
+            problem = "the value is out of range"
+            raise InvalidValueError(problem, where=f"{where}.{name}", given=values[name], allowed="0 or more")
