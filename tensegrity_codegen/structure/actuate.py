@@ -21,8 +21,7 @@ def actuate_members(structure: Subject, names: Sequence[str]) -> tuple[Subject, 
     all members that are not rigid.
     Returns structure: the structure with an actuator of the name of the member for each member that is named,
     without limits of rate and range. Members that have an actuator of their own keep it; chosen: names of the
-    actuators that were named. Raises UnknownNameError: an unknown name; InvalidValueError: a member is named
-    twice, or is rigid; StructureError: an input has the name of the member.
+    actuators that were named.
     """
     chosen: list[str] = []
     members: list[int] = []
@@ -36,9 +35,8 @@ def actuate_members(structure: Subject, names: Sequence[str]) -> tuple[Subject, 
     chosen += [own.get(e, structure.member_name[e]) for e in members]
     for name in chosen:
         if chosen.count(name) > 1:
-            raise InvalidValueError(
-                "a member or actuator is named twice", where="actuate", given=name, allowed="each once"
-            )
+            problem = "a member or actuator is named twice"
+            raise InvalidValueError(problem, where="actuate", given=name, allowed="each once")
     _check_names(structure, fresh)
     added = tuple(Actuator(structure.member_name[e], (e,)) for e in fresh)
     actuators = (*structure.actuators, *added)
@@ -55,10 +53,8 @@ def _find_members(structure: Subject, name: str) -> list[int]:
     if name in structure.member_name:
         e = structure.member_name.index(name)
         if rigid[e]:
-            raise InvalidValueError(
-                "a rigid bar has no rest length to change", where="actuate", given=name,
-                allowed="members with stiffness",
-            )  # fmt: skip
+            problem = "a rigid bar has no rest length to change"
+            raise InvalidValueError(problem, where="actuate", given=name, allowed="members with stiffness")
         return [e]
     sets = {ALL: np.ones(len(rigid), dtype=bool), CABLES: ~np.asarray(structure.is_bar)}
     for word in (*structure.groups, *structure.member_class):
@@ -67,10 +63,9 @@ def _find_members(structure: Subject, name: str) -> list[int]:
         sets.setdefault(word, np.isin(np.arange(len(rigid)), rows))
     if name not in sets:
         known = [*(item.name for item in structure.actuators), *structure.member_name, *sets]
-        raise UnknownNameError(
-            "unknown member or actuator", where="actuate", given=name,
-            allowed="names of actuators, members, groups and classes; cables; all", hint=suggest(name, known),
-        )  # fmt: skip
+        problem = "unknown member or actuator"
+        allowed, hint = "names of actuators, members, groups and classes; cables; all", suggest(name, known)
+        raise UnknownNameError(problem, where="actuate", given=name, allowed=allowed, hint=hint)
     return [int(e) for e in np.flatnonzero(sets[name] & ~rigid)]
 
 
@@ -78,10 +73,8 @@ def _check_names(structure: Subject, members: list[int]) -> None:
     taken = {item.name for item in structure.inputs}
     for e in members:
         if structure.member_name[e] in taken:
+            problem = "an input has the name of the member already"
+            allowed, hint = "a member without an input of its name", "add it to [[actuators]] in the scene"
             raise StructureError(
-                "an input has the name of the member already",
-                where="actuate",
-                given=structure.member_name[e],
-                allowed="a member without an input of its name",
-                hint="add it to [[actuators]] in the scene",
+                problem, where="actuate", given=structure.member_name[e], allowed=allowed, hint=hint
             )

@@ -152,10 +152,9 @@ def find_catenary(
             raise InvalidValueError("not a cable", where=name, given=value, allowed=allowed)
     chord = math.hypot(span, rise)
     if not math.isfinite(axial_stiffness) and length <= chord:
-        raise InvalidValueError(
-            "a cable that does not stretch is not longer than the distance of its ends",
-            where="length", given=length, allowed=f"more than {chord:.6g} m, or an axial_stiffness",
-        )  # fmt: skip
+        problem = "a cable that does not stretch is not longer than the distance of its ends"
+        allowed = f"more than {chord:.6g} m, or an axial_stiffness"
+        raise InvalidValueError(problem, where="length", given=length, allowed=allowed)
     start = Catenary(*given, 0.0, 0.0)
     return Catenary(*given, *((0.0, _hang(start)) if span <= VERTICAL * length else _iterate(start)))
 

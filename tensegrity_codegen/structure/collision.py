@@ -23,7 +23,6 @@ class Collision:
 
     stiffness [N/m]: k, above 0; [N/m^1.5] with exponent 1.5; exponent: power p of the overlap, 1.0 or 1.5;
     dissipation [s/m]: factor a of the rate of overlap, 0 or more (Hunt and Crossley 1975).
-    Raises InvalidValueError for numbers outside of these ranges, or not finite.
     """
 
     stiffness: float
@@ -39,23 +38,20 @@ class Collision:
         )
         for key, is_met, allowed in rules:
             if not is_met:
+                problem = "invalid force between bars"
                 raise InvalidValueError(
-                    "invalid force between bars",
-                    where=f"interference.{key}",
-                    given=repr(getattr(self, key)),
-                    allowed=allowed,
+                    problem, where=f"interference.{key}", given=repr(getattr(self, key)), allowed=allowed
                 )
 
 
 def require_no_collision(subject: Any, what: str) -> None:
     """Raise FormulationError for a structure with forces between bars; what: what does not know them."""
     if getattr(subject, "collision", None) is not None:
-        raise FormulationError(
-            f"forces between bars are not supported here: {what}",
-            where=f"{subject.name}: interference.stiffness",
-            allowed=f"motions by {', '.join(INTEGRATORS)}, in node positions or with rigid bars",
-            hint="remove interference.stiffness for this: contacts are then only detected",
-        )
+        problem = f"forces between bars are not supported here: {what}"
+        location = f"{subject.name}: interference.stiffness"
+        allowed = f"motions by {', '.join(INTEGRATORS)}, in node positions or with rigid bars"
+        hint = "remove interference.stiffness for this: contacts are then only detected"
+        raise FormulationError(problem, where=location, allowed=allowed, hint=hint)
 
 
 def check_collision(subject: Any, request: ModelRequest) -> None:

@@ -34,8 +34,6 @@ class Ground:
         states of their own: their sum is the change of the total energy.
     stick_point (n_contacts, n_tangents) [m]: where along the tangents each contact sticks: bristles reach
         from there to their nodes, and are no internal states. None: they are.
-    Raises InvalidValueError for numbers outside of these ranges or not finite, a normal that is no unit
-    vector, a belt that does not move along the plane, and nodes that are not ascending.
 
     A ball at x with penetration ``d = offset + radius - normal . x`` feels, with its velocity v relative to
     the belt in the plane and its internal state s, the deflection of a bristle::
@@ -87,9 +85,8 @@ class Ground:
 
     def _require(self, name: str, is_met: bool, allowed: str) -> None:
         if not is_met:
-            raise InvalidValueError(
-                "invalid ground", where=f"ground.{name}", given=repr(getattr(self, name)), allowed=allowed
-            )
+            problem, location = "invalid ground", f"ground.{name}"
+            raise InvalidValueError(problem, where=location, given=repr(getattr(self, name)), allowed=allowed)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Ground) and all(
@@ -133,11 +130,10 @@ class Ground:
         """
         outside = [axis for axis in range(3) if axis not in axes]
         if np.abs(self.normal[outside]).max(initial=0.0) > 1e-12:
+            problem = "the ground's normal leaves the axes that the scene models"
+            allowed = "a vector within the axes " + ", ".join("xyz"[axis] for axis in axes)
             raise InvalidValueError(
-                "the ground's normal leaves the axes that the scene models",
-                where="ground.normal",
-                given=repr(self.normal.tolist()),
-                allowed="a vector within the axes " + ", ".join("xyz"[axis] for axis in axes),
+                problem, where="ground.normal", given=repr(self.normal.tolist()), allowed=allowed
             )
         main = int(np.argmax(np.abs(self.normal)))
         # The reflection that swaps the main axis and minus the normal on its side; its other columns lie in

@@ -114,10 +114,8 @@ def refuse_bare(structure: Structure, bare: Sequence[Any]) -> None:
         return
     names = [structure.node_name[node] for node in bare]
     shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
-    raise FormulationError(
-        "a free node without mass has no acceleration",
-        where=f"{structure.name}: nodes.{names[0]}.mass",
-        given=f"no mass at {shown}",
-        allowed="a mass > 0 [kg] at the node, or a bar with own mass that ends there",
-        hint="give the node a mass, or anchor it",
-    )
+    problem = "a free node without mass has no acceleration"
+    location = f"{structure.name}: nodes.{names[0]}.mass"
+    allowed = "a mass > 0 [kg] at the node, or a bar with own mass that ends there"
+    hint = "give the node a mass, or anchor it"
+    raise FormulationError(problem, where=location, given=f"no mass at {shown}", allowed=allowed, hint=hint)

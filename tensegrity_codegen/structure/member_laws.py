@@ -155,21 +155,16 @@ class WithMemberLaws:
         return rest
 
     def require_rest_length(self, length: FloatArray, tension: FloatArray, hint: str) -> FloatArray:
-        """Return the rest lengths of find_rest_length; rigid members keep those that they have.
-
-        Raises InvalidValueError, with the hint, for a member that has none.
-        """
+        """Return the rest lengths of find_rest_length; rigid members keep those that they have."""
         rigid = (self.spring_constant == 0) & (self.axial_stiffness == 0)
         rest = self.find_rest_length(length, tension)
         bad = ~(np.isfinite(rest) & (rest > 0)) & ~rigid
         if bad.any():
             e = int(np.argmax(bad))
+            problem, location = "no rest length gives a member its tension", f"members.{self.member_name[e]}"
+            allowed = "a tension that its law has at a positive rest length"
             raise InvalidValueError(
-                "no rest length gives a member its tension",
-                where=f"members.{self.member_name[e]}",
-                given=f"{tension[e]:g} N",
-                allowed="a tension that its law has at a positive rest length",
-                hint=hint,
+                problem, where=location, given=f"{tension[e]:g} N", allowed=allowed, hint=hint
             )
         return np.where(rigid, self.rest_length, rest)
 

@@ -33,12 +33,10 @@ def require_no_lag(subject: Any, what: str) -> None:
     """Raise FormulationError for a structure whose motors have a time constant; what: does not know them."""
     names = [item.name for item in subject.actuators if item.time_constant]
     if names:
-        raise FormulationError(
-            f"time constants of motors are not supported here: {what}",
-            where=f"{subject.name}: actuators.{names[0]}.time_constant",
-            allowed="motions by integrators in C and equilibria, in node positions or with rigid bars",
-            hint="leave time_constant out",
-        )
+        problem = f"time constants of motors are not supported here: {what}"
+        location = f"{subject.name}: actuators.{names[0]}.time_constant"
+        allowed = "motions by integrators in C and equilibria, in node positions or with rigid bars"
+        raise FormulationError(problem, where=location, allowed=allowed, hint="leave time_constant out")
 
 
 def _list_foreign(request: ModelRequest) -> dict[str, bool]:

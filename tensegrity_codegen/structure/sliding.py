@@ -60,12 +60,10 @@ def slip_rest_lengths(
 def require_no_ring_friction(subject: Any, what: str, hint: str = "leave friction out") -> None:
     """Raise FormulationError for cables with friction at rings; what: names what does not know them."""
     if subject.sliding:
-        raise FormulationError(
-            f"friction at rings is not supported here: {what}",
-            where=f"{subject.name}: members.{subject.sliding[0].name}.friction",
-            allowed="motions and equilibria, in node positions or with rigid bars",
-            hint=hint,
-        )
+        problem = f"friction at rings is not supported here: {what}"
+        location = f"{subject.name}: members.{subject.sliding[0].name}.friction"
+        allowed = "motions and equilibria, in node positions or with rigid bars"
+        raise FormulationError(problem, where=location, allowed=allowed, hint=hint)
 
 
 def check_ring_friction(subject: Any, request: ModelRequest) -> None:

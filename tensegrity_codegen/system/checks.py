@@ -31,9 +31,8 @@ def check_whole(
     if is_whole(value) and least <= value and (most is None or value <= most):
         return int(value)
     upper = "on" if most is None else f"to {most}"
-    raise InvalidValueError(
-        problem, where=where, given=value, allowed=f"a whole number from {least} {upper}", hint=hint
-    )
+    allowed = f"a whole number from {least} {upper}"
+    raise InvalidValueError(problem, where=where, given=value, allowed=allowed, hint=hint)
 
 
 def check_switch(value: Any, where: str) -> bool:
@@ -47,9 +46,8 @@ def check_positive(value: Any, where: str, unit: str = "") -> float:
     """Return a finite number above zero; raises InvalidValueError. unit: "[s]", for the message."""
     if is_number(value) and value > 0:
         return float(value)
-    raise InvalidValueError(
-        "out of range", where=where, given=value, allowed=f"a finite number > 0 {unit}".strip()
-    )
+    problem = "out of range"
+    raise InvalidValueError(problem, where=where, given=value, allowed=f"a finite number > 0 {unit}".strip())
 
 
 def check_instance(value: Any, kinds: type | tuple[type, ...], where: str, allowed: str) -> None:

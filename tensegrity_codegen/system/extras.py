@@ -43,9 +43,8 @@ def import_extra(name: str, extra: str = PLOT) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         package = (error.name or name).partition(".")[0].replace("PIL", "pillow")
-        raise MissingExtraError(
-            f"{WORK[extra]} the package {package!r}, which is not installed", hint=name_install(extra)
-        ) from error
+        problem = f"{WORK[extra]} the package {package!r}, which is not installed"
+        raise MissingExtraError(problem, hint=name_install(extra)) from error
 
 
 def require_plot() -> None:

@@ -48,8 +48,6 @@ def check_output(path: str | Path, *, inputs: Iterable[Path] = (), overwrite: bo
 
     For long work: that its result has a place is known before it starts. Folders, devices and pipes are
     refused.
-
-    Raises OutputError if the file cannot be written, or exists and may not be replaced.
     """
     check_path(path, "path")
     target = Path(os.path.realpath(path))
@@ -65,11 +63,8 @@ def check_output(path: str | Path, *, inputs: Iterable[Path] = (), overwrite: bo
         raise explain_unwritable(path, _reason(error)) from error
     check_not_input(path, inputs)
     if exists and not overwrite:
-        raise OutputError(
-            "the file exists already",
-            where=str(path),
-            hint="choose another name, or pass `overwrite=True` to replace it",
-        )
+        hint = "choose another name, or pass `overwrite=True` to replace it"
+        raise OutputError("the file exists already", where=str(path), hint=hint)
     if not os.access(target.parent, os.W_OK):
         raise explain_unwritable(path, f"the folder {target.parent} may not be written to")
     return target
@@ -80,13 +75,9 @@ def check_not_input(path: str | Path, inputs: Iterable[Path]) -> None:
     for source in inputs:
         with suppress(OSError):
             if Path(path).samefile(source):
-                raise OutputError(
-                    "the output would replace an input",
-                    where=str(path),
-                    given=str(source),
-                    allowed="a file that is not read",
-                    hint="choose another name for the output",
-                )
+                problem, allowed = "the output would replace an input", "a file that is not read"
+                hint = "choose another name for the output"
+                raise OutputError(problem, where=str(path), given=str(source), allowed=allowed, hint=hint)
 
 
 @contextmanager

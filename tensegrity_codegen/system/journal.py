@@ -84,7 +84,6 @@ class Journal:
     key: what the results belong to.
     fresh: whether to remove the results that belong to the key.
     notice: called with what is taken from an earlier run.
-    Raises OutputError if `path` is a folder, a device or a pipe.
     """
 
     def __init__(
@@ -101,11 +100,8 @@ class Journal:
         self._times: dict[bool, float | None] = {}  # of the last line, of this key or of another
         if path is not None and path.exists():
             if not path.is_file():
-                raise OutputError(
-                    "the journal is no regular file",
-                    where=str(path),
-                    hint="remove it, or choose another folder",
-                )
+                problem = "the journal is no regular file"
+                raise OutputError(problem, where=str(path), hint="remove it, or choose another folder")
             self._read(path.read_text(encoding="utf-8", errors="replace"))
             if fresh:
                 self._forget(path)

@@ -26,12 +26,8 @@ def with_moved(**places: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         def call(*args: P.args, **kwargs: P.kwargs) -> R:
             for name in kwargs:
                 if name in places:
-                    raise MovedArgumentError(
-                        f"{function.__name__} takes this argument in an object",
-                        where=name,
-                        given=f"{name}=...",
-                        allowed=places[name],
-                    )
+                    problem = f"{function.__name__} takes this argument in an object"
+                    raise MovedArgumentError(problem, where=name, given=f"{name}=...", allowed=places[name])
             return function(*args, **kwargs)
 
         return call

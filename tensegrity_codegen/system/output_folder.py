@@ -29,10 +29,7 @@ def check_folder(
     overwrite: bool = False,
     listed: bool = False,
 ) -> Path:
-    """Return the folder, which need not exist, if files of these names may be written into it.
-
-    Raises OutputError if the folder cannot be made or written, or holds files that may not be replaced.
-    """
+    """Return the folder, which need not exist, if files of these names may be written into it."""
     check_path(folder, "folder")
     check_switch(overwrite, "overwrite")
     target = Path(folder)
@@ -56,12 +53,11 @@ def check_folder(
     if existing:
         more = f" and {len(existing) - MOST_NAMED} more" if len(existing) > MOST_NAMED else ""
         unchanged = f", or with these as {LIST_FILE} lists them" if listed else ""
+        problem, location = "the folder holds files of these names already", str(folder)
+        allowed = f"a folder without files of these names{unchanged}"
+        hint = "choose another folder, or pass `overwrite=True` to replace these files"
         raise OutputError(
-            "the folder holds files of these names already",
-            where=str(folder),
-            given=", ".join(existing[:MOST_NAMED]) + more,
-            allowed=f"a folder without files of these names{unchanged}",
-            hint="choose another folder, or pass `overwrite=True` to replace these files",
+            problem, where=location, given=", ".join(existing[:MOST_NAMED]) + more, allowed=allowed, hint=hint
         )
     return target
 

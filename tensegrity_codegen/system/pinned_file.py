@@ -67,7 +67,6 @@ class PinnedFile:
 
         file: the file; by default the copy in the cache of this package, else pip downloads it from the index
         that pip is configured for, and it is kept in the cache.
-        Raises MissingSourceError: the file cannot be read, is another one, or pip cannot download it.
         """
         if file is not None:
             return self._read_file(Path(file))
@@ -125,12 +124,10 @@ class PinnedFile:
             ) from error
         found = hashlib.sha256(content).hexdigest()
         if found != self.sha256:
+            problem = f"this is not {self.title} {self.version}"
+            allowed = f"{self.file} with SHA-256 {self.sha256}"
             raise MissingSourceError(
-                f"this is not {self.title} {self.version}",
-                where=str(path),
-                given=f"SHA-256 {found}",
-                allowed=f"{self.file} with SHA-256 {self.sha256}",
-                hint=self.hint,
+                problem, where=str(path), given=f"SHA-256 {found}", allowed=allowed, hint=self.hint
             )
         return content
 

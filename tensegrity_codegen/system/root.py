@@ -9,7 +9,6 @@ def find_root(function: Callable[[float], float], low: float, high: float, toler
 
     function: continuous function of one number; low, high: ends of the bracket, in either order; tolerance:
     largest distance to a change of sign, beside four roundings of the root; 0 is allowed.
-    Raises ValueError: the values at the ends have the same sign, or a value is not a number.
     """
     # The root is between `best` and `other`; `last` is the estimate before.
     last, best = (low, function(low)), (high, function(high))

@@ -156,10 +156,6 @@ def find_row(name: str, names: Sequence[str], what: str) -> int:
     """Return the index of a name; raises UnknownNameError, which has similar names, where it is unknown."""
     if isinstance(name, str) and name in names:
         return names.index(name)
-    raise UnknownNameError(
-        f"no {what} has this name",
-        where=what,
-        given=name,
-        allowed=f"the names of the {len(names)} {what}s" if names else f"there are no {what}s",
-        hint=suggest(name, names),
-    )
+    problem = f"no {what} has this name"
+    allowed = f"the names of the {len(names)} {what}s" if names else f"there are no {what}s"
+    raise UnknownNameError(problem, where=what, given=name, allowed=allowed, hint=suggest(name, names))

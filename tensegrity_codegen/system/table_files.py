@@ -26,10 +26,7 @@ def require_packages(path: str | Path) -> None:
 def write_csv(
     path: str | Path, header: Sequence[str], rows: Iterable[Sequence[Any]], *, overwrite: bool
 ) -> None:
-    """Write a table as CSV, numbers by their shortest text that reads back bit-equal.
-
-    Raises OutputError if it cannot be written, or exists (without `overwrite`).
-    """
+    """Write a table as CSV, numbers by their shortest text that reads back bit-equal."""
     with (
         replaced(path, overwrite=overwrite) as temporary,
         temporary.open("w", encoding="utf-8", newline="") as file,
@@ -42,11 +39,7 @@ def write_csv(
 def write_parquet(
     path: str | Path, columns: Mapping[str, NDArray[Any]], facts: Mapping[str, str], *, overwrite: bool
 ) -> None:
-    """Write columns of one length as Parquet, `facts` as its metadata.
-
-    Raises MissingExtraError without pyarrow, OutputError if it cannot be written, or exists (without
-    `overwrite`).
-    """
+    """Write columns of one length as Parquet, `facts` as its metadata."""
     check_ending(path, PARQUET)
     pyarrow, parquet = import_extra("pyarrow", TABLES), import_extra("pyarrow.parquet", TABLES)
     known = {key: value.encode("utf-8") for key, value in facts.items()}
@@ -58,8 +51,7 @@ def write_parquet(
 def write_mat(path: str | Path, variables: Mapping[str, Any], *, overwrite: bool) -> None:
     """Write variables as a MATLAB file (level 5): arrays, sparse matrices, texts; lists of texts are cells.
 
-    Vectors become columns. Raises InvalidValueError for an array that the format cannot hold, OutputError if
-    it cannot be written, or exists (without `overwrite`).
+    Vectors become columns.
     """
     from scipy.io import savemat
 
@@ -67,13 +59,9 @@ def write_mat(path: str | Path, variables: Mapping[str, Any], *, overwrite: bool
     for name, value in variables.items():
         size = getattr(value, "nbytes", 0)
         if size > MOST_MAT:
-            raise InvalidValueError(
-                "the array is too large for a .mat file",
-                where=name,
-                given=f"{size >> 20} MB",
-                allowed=f"up to {MOST_MAT >> 20} MB",
-                hint="write an .npz file",
-            )
+            problem, allowed = "the array is too large for a .mat file", f"up to {MOST_MAT >> 20} MB"
+            hint = "write an .npz file"
+            raise InvalidValueError(problem, where=name, given=f"{size >> 20} MB", allowed=allowed, hint=hint)
     with replaced(path, overwrite=overwrite) as temporary:
         known = {name: _to_matlab(value) for name, value in variables.items()}
         savemat(str(temporary), known, appendmat=False, oned_as="column")

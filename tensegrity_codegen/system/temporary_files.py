@@ -90,10 +90,7 @@ STALE_AFTER = 24 * 3600.0  # s; where the system does not say whether a process 
 
 @contextmanager
 def work_folder(parent: Path | None = None, *, sweep: bool = False) -> Iterator[Path]:
-    """Give a new folder for this user alone, removed at the end.
-
-    Raises OSError if no folder can be made.
-    """
+    """Give a new folder for this user alone, removed at the end."""
     place = Path(tempfile.gettempdir()).resolve() if parent is None else parent
     if sweep:
         remove_abandoned(place)

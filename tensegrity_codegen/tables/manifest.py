@@ -338,13 +338,9 @@ class Manifest:
         except (ValueError, KeyError, TypeError) as error:
             raise LibraryError("the manifest is damaged", where=where, hint="build it again") from error
         if version != ABI_VERSION:
-            raise AbiMismatchError(
-                "the library was made for another version of the C interface",
-                where=where,
-                given=version,
-                allowed=str(ABI_VERSION),
-                hint="build it again with this version of tensegrity_codegen",
-            )
+            problem = "the library was made for another version of the C interface"
+            hint = "build it again with this version of tensegrity_codegen"
+            raise AbiMismatchError(problem, where=where, given=version, allowed=str(ABI_VERSION), hint=hint)
         try:
             return _decode(data)
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:

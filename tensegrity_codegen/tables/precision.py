@@ -39,10 +39,6 @@ def find_precision(name: str, where: str = "model.precision") -> Precision:
 def check_precision(value: float, precision: Precision, where: str) -> None:
     """Raise InvalidValueError if a finite `value` is too large for the precision; `where` names its owner."""
     if precision.largest < abs(value) < np.inf:
-        raise InvalidValueError(
-            f"too large for {precision.name} precision",
-            where=where,
-            given=float(value),
-            allowed=f"up to {precision.largest:.6g}",
-            hint='a smaller value, or precision = "double"',
-        )
+        problem, allowed = f"too large for {precision.name} precision", f"up to {precision.largest:.6g}"
+        hint = 'a smaller value, or precision = "double"'
+        raise InvalidValueError(problem, where=where, given=float(value), allowed=allowed, hint=hint)

@@ -30,59 +30,35 @@ INTERFACES = ("casadi", "casadi_hessian", "acados")
 def complete_options(
     formulation: str, options: Mapping[str, str], where: str = "model.options"
 ) -> dict[str, str]:
-    """Return all options of a formulation, the omitted ones at their defaults.
-
-    Raises UnknownKeyError for an option that the formulation does not have, UnknownNameError for a word
-    that the option does not allow; `where` names the key in errors.
-    """
+    """Return all options of a formulation, the omitted ones at their defaults."""
     known = FORMULATIONS[formulation].options if formulation in FORMULATIONS else {}
     for name, value in options.items():
         if name not in known:
-            raise UnknownKeyError(
-                f"formulation {formulation!r} has no such option",
-                where=where,
-                given=name,
-                allowed=", ".join(known) or "no options",
-                hint=suggest(name, known),
-            )
+            problem = f"formulation {formulation!r} has no such option"
+            allowed, hint = ", ".join(known) or "no options", suggest(name, known)
+            raise UnknownKeyError(problem, where=where, given=name, allowed=allowed, hint=hint)
         if value not in known[name]:
-            raise UnknownNameError(
-                "not one of the words that the option allows",
-                where=f"{where}.{name}",
-                given=value,
-                allowed=", ".join(known[name]),
-                hint=suggest(value, known[name]),
-            )
+            problem, allowed = "not one of the words that the option allows", ", ".join(known[name])
+            hint = suggest(value, known[name])
+            raise UnknownNameError(problem, where=f"{where}.{name}", given=value, allowed=allowed, hint=hint)
     return {name: options.get(name, words[0]) for name, words in known.items()}
 
 
 def check_batch_width(width: int, where: str = "model.batch_width") -> None:
     """Raise InvalidValueError, naming `where`, for a batch width that batch functions cannot have."""
     if not is_whole(width) or width not in BATCH_WIDTHS:
-        raise InvalidValueError(
-            "not a batch width",
-            where=where,
-            given=width,
-            allowed="a power of two from 2 to 64, or 0 for no batch functions",
-            hint="8 fits most machines",
-        )
+        allowed, hint = "a power of two from 2 to 64, or 0 for no batch functions", "8 fits most machines"
+        raise InvalidValueError("not a batch width", where=where, given=width, allowed=allowed, hint=hint)
 
 
 def check_interfaces(interfaces: Sequence[str], where: str = "model.interfaces") -> None:
-    """Raise UnknownNameError, naming `where`, for an interface that no library can offer.
-
-    Raises InvalidValueError for interfaces that one library cannot have together.
-    """
+    """Raise UnknownNameError, naming `where`, for an interface that no library can offer."""
     for name in interfaces:
         check_choice(name, INTERFACES, "interface", where)
     if "acados" in interfaces and len(set(interfaces)) > 1:
-        raise InvalidValueError(
-            "interfaces with different integers",
-            where=where,
-            given=", ".join(interfaces),
-            allowed='"acados" alone (int), or those of CasADi (long long)',
-            hint="build two libraries",
-        )
+        problem = "interfaces with different integers"
+        allowed, hint = '"acados" alone (int), or those of CasADi (long long)', "build two libraries"
+        raise InvalidValueError(problem, where=where, given=", ".join(interfaces), allowed=allowed, hint=hint)
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,9 @@ FORMULATIONS = _collect()
 def find_formulation(name: str) -> Formulation:
     """Return the formulation of that name; raises FormulationError, which lists the known ones."""
     if name not in FORMULATIONS:
-        raise FormulationError(
-            "unknown formulation",
-            where="model.formulation",
-            given=name,
-            allowed=", ".join(FORMULATIONS),
-            hint=suggest(name, FORMULATIONS),
-        )
+        problem, allowed = "unknown formulation", ", ".join(FORMULATIONS)
+        hint = suggest(name, FORMULATIONS)
+        raise FormulationError(problem, where="model.formulation", given=name, allowed=allowed, hint=hint)
     return FORMULATIONS[name]
 
 
