@@ -26,13 +26,15 @@ def actuate_members(structure: Subject, names: Sequence[str]) -> tuple[Subject, 
     chosen: list[str] = []
     members: list[int] = []
     for name in names:
-        if any(name == item.name for item in structure.actuators):
+        if any(name == actuator.name for actuator in structure.actuators):
             chosen.append(name)
         else:
             members += _find_members(structure, name)
-    own = {item.members[0]: item.name for item in structure.actuators if len(item.members) == 1}
-    fresh = [e for e in members if e not in own]
-    chosen += [own.get(e, structure.member_name[e]) for e in members]
+    own_name = {
+        actuator.members[0]: actuator.name for actuator in structure.actuators if len(actuator.members) == 1
+    }
+    fresh = [e for e in members if e not in own_name]
+    chosen += [own_name.get(e, structure.member_name[e]) for e in members]
     for name in chosen:
         if chosen.count(name) > 1:
             problem = "a member or actuator is named twice"
@@ -41,9 +43,9 @@ def actuate_members(structure: Subject, names: Sequence[str]) -> tuple[Subject, 
     added = tuple(Actuator(structure.member_name[e], (e,)) for e in fresh)
     actuators = (*structure.actuators, *added)
     if isinstance(structure, BodySystem):
-        moved = (BodyInput(item.name, "rest_length", item.members) for item in added)
+        moved = (BodyInput(actuator.name, "rest_length", actuator.members) for actuator in added)
         return structure.with_changes(actuators=actuators, inputs=(*structure.inputs, *moved)), tuple(chosen)
-    pulled = (ActuatedInput(item.name, "rest_length", item.members) for item in added)
+    pulled = (ActuatedInput(actuator.name, "rest_length", actuator.members) for actuator in added)
     return structure.with_changes(actuators=actuators, inputs=(*structure.inputs, *pulled)), tuple(chosen)
 
 
@@ -57,22 +59,22 @@ def _find_members(structure: Subject, name: str) -> list[int]:
             raise InvalidValueError(problem, where="actuate", given=name, allowed="members with stiffness")
         return [e]
     sets = {ALL: np.ones(len(rigid), dtype=bool), CABLES: ~np.asarray(structure.is_bar)}
-    for word in (*structure.groups, *structure.member_class):
-        rows = list(structure.groups.get(word, ()))
-        rows += [e for e, other in enumerate(structure.member_class) if other == word and e not in rows]
-        sets.setdefault(word, np.isin(np.arange(len(rigid)), rows))
+    for class_name in (*structure.groups, *structure.member_class):
+        rows = list(structure.groups.get(class_name, ()))
+        rows += [e for e, owner in enumerate(structure.member_class) if owner == class_name and e not in rows]
+        sets.setdefault(class_name, np.isin(np.arange(len(rigid)), rows))
     if name not in sets:
-        known = [*(item.name for item in structure.actuators), *structure.member_name, *sets]
+        valid = [*(actuator.name for actuator in structure.actuators), *structure.member_name, *sets]
         problem = "unknown member or actuator"
-        allowed, hint = "names of actuators, members, groups and classes; cables; all", suggest(name, known)
+        allowed, hint = ("names of actuators, members, groups and classes; cables; all", suggest(name, valid))
         raise UnknownNameError(problem, where="actuate", given=name, allowed=allowed, hint=hint)
     return [int(e) for e in np.flatnonzero(sets[name] & ~rigid)]
 
 
 def _check_names(structure: Subject, members: list[int]) -> None:
-    taken = {item.name for item in structure.inputs}
+    input_names = {entry.name for entry in structure.inputs}
     for e in members:
-        if structure.member_name[e] in taken:
+        if structure.member_name[e] in input_names:
             problem = "an input has the name of the member already"
             allowed, hint = "a member without an input of its name", "add it to [[actuators]] in the scene"
             raise StructureError(

@@ -24,11 +24,11 @@ class RestLengthGains:
     @property
     def rest_length_gain(self) -> dict[int, float]:
         """Change of the rest length for one unit of the input [1, m/K], by member; empty for forces."""
-        found: dict[int, float] = {}
+        gain_of: dict[int, float] = {}
         gains = self.gain or (1.0,) * len(self.targets)
         for e, gain in zip(self.targets, gains, strict=True) if self.kind in REST_LENGTH_KINDS else ():
-            found[e] = found.get(e, 0.0) + gain  # a member that is listed twice
-        return found
+            gain_of[e] = gain_of.get(e, 0.0) + gain  # a member that is listed twice
+        return gain_of
 
 
 @dataclass(frozen=True)

@@ -105,10 +105,10 @@ def plan_assembly(structure: Structure, parameters: Mapping[str, tuple[int, ...]
     Groups come in the order of their first members, members in that of the scene.
     """
     features = _features(structure, parameters)
-    _, first, class_of = np.unique(_number(features), return_index=True, return_inverse=True)
+    _, first_row, class_of = np.unique(_number(features), return_index=True, return_inverse=True)
     groups = []
     for number in dict.fromkeys(class_of.tolist()):
-        row = features[first[number]].tolist()
+        row = features[first_row[number]].tolist()
         groups.append(MemberGroup(_class_of_row(row), np.flatnonzero(class_of == number), bool(row[-1])))
     return AssemblyPlan(tuple(groups))
 
@@ -125,8 +125,8 @@ def _features(structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -
     """Return (n_members, 7 or more): the values of MemberClass, and whether a member is interior."""
     anchored = np.any(structure.node_anchored[:, list(structure.axes)], axis=1)
     n_inputs = np.zeros(structure.n_members, dtype=np.int64)
-    for item in structure.inputs:
-        n_inputs[list(item.rest_length_gain)] += 1
+    for entry in structure.inputs:
+        n_inputs[list(entry.rest_length_gain)] += 1
     sources = [_source(structure.member_value(name), parameters.get(name, ())) for name in MEMBER_VALUES]
     interior = ~np.any(anchored[structure.connectivity.reshape(-1, 2)], axis=1)
     columns = [structure.tension_only, *sources, n_inputs, interior]

@@ -25,8 +25,8 @@ def compute_bar_distance(subject: Structure | BodySystem) -> tuple[tuple[tuple[s
         radii = [body.radius if isinstance(body, Bar) else 0.0 for body in subject.bodies]
         ends = np.array([[subject.bar_ends(int(k)) for k in pair] for pair in pairs], dtype=np.int64)
         ends, radius = ends.reshape(-1, 2, 2), np.array(radii)[pairs]
-    place = position[ends]
-    distance = compute_segment_distance(place[:, 0, 0], place[:, 0, 1], place[:, 1, 0], place[:, 1, 1])
+    end = position[ends]
+    distance = compute_segment_distance(end[:, 0, 0], end[:, 0, 1], end[:, 1, 0], end[:, 1, 1])
     return tuple((name[i], name[j]) for i, j in pairs.tolist()), distance - radius.sum(axis=1)
 
 
@@ -40,20 +40,20 @@ def compute_segment_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: Flo
     uu, vv, uv = (np.einsum("ij,ij->i", x, y) for x, y in ((u, u), (v, v), (u, v)))
     uw, vw = np.einsum("ij,ij->i", u, w), np.einsum("ij,ij->i", v, w)
     to_other = [_to_segment(point, c, d) for point in (a, b)] + [_to_segment(point, a, b) for point in (c, d)]
-    least: FloatArray = np.min(to_other, axis=0)
+    distance: FloatArray = np.min(to_other, axis=0)
     determinant = uu * vv - uv * uv
     crossing = determinant > PARALLEL * uu * vv
     safe = np.where(crossing, determinant, 1.0)
     s, t = (uv * vw - vv * uw) / safe, (uu * vw - uv * uw) / safe
     inside = crossing & (s > 0) & (s < 1) & (t > 0) & (t < 1)
     gap = np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=1)
-    return np.where(inside, np.minimum(gap, least), least)
+    return np.where(inside, np.minimum(gap, distance), distance)
 
 
 def _to_segment(point: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
     """Return the distances of points to segments, (n,)."""
     along = end - start
     square = np.einsum("ij,ij->i", along, along)
-    part = np.einsum("ij,ij->i", point - start, along) / np.where(square > 0, square, 1.0)
-    nearest = start + np.clip(part, 0.0, 1.0)[:, None] * along
+    fraction = np.einsum("ij,ij->i", point - start, along) / np.where(square > 0, square, 1.0)
+    nearest = start + np.clip(fraction, 0.0, 1.0)[:, None] * along
     return np.asarray(np.linalg.norm(point - nearest, axis=1))

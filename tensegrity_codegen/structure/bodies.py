@@ -182,11 +182,11 @@ class BodySystem(WithMemberLaws, Summarised):
     def facts(self) -> list[Fact]:
         """Return numbers and names, for `repr` and notebooks."""
         return [
-            ("bodies", count_names([item.name for item in self.bodies])),
+            ("bodies", count_names([entry.name for entry in self.bodies])),
             ("points", count_names(self.node_name)),
             ("tendons", count_names(self.member_name)),
             ("coordinates", count_names(self.coordinate_name)),
-            ("inputs", count_names([item.name for item in self.inputs])),
+            ("inputs", count_names([entry.name for entry in self.inputs])),
             ("gravity", f"{self.gravity.tolist()} m/s2"),
         ]
 
@@ -243,13 +243,13 @@ class BodySystem(WithMemberLaws, Summarised):
 
     def bar_ends(self, body: int) -> tuple[int, int]:
         """Return the nodes of a bar's ends A and B."""
-        first, second = np.flatnonzero(self.node_body == body)[:2]
-        return int(first), int(second)
+        start, second = np.flatnonzero(self.node_body == body)[:2]
+        return int(start), int(second)
 
     def bar_joints(self, body: int) -> set[int]:
         """Return the nodes where a bar ends: its own, and the node of another body that holds it."""
-        item = self.bodies[body]
-        held = {item.anchor} if isinstance(item, Bar) and item.held else set()
+        bar = self.bodies[body]
+        held = {bar.anchor} if isinstance(bar, Bar) and bar.held else set()
         return {*self.bar_ends(body), *held}
 
     @property
@@ -265,7 +265,7 @@ class BodySystem(WithMemberLaws, Summarised):
         """
         if self.interference is not None:
             return np.array(self.interference, dtype=np.int64).reshape(-1, 2)
-        round_bars = [k for k, item in enumerate(self.bodies) if isinstance(item, Bar) and item.radius > 0]
+        round_bars = [k for k, bar in enumerate(self.bodies) if isinstance(bar, Bar) and bar.radius > 0]
         joints = {body: self.bar_joints(body) for body in round_bars}
         pairs = [pair for pair in combinations(round_bars, 2) if not joints[pair[0]] & joints[pair[1]]]
         return np.array(pairs, dtype=np.int64).reshape(-1, 2)
@@ -273,7 +273,7 @@ class BodySystem(WithMemberLaws, Summarised):
     @property
     def has_unpotential_load(self) -> bool:
         """Whether torques or turning forces act, or can act through inputs."""
-        turning = [item for item in self.inputs if item.kind == "torque" or item.frame == "body"]
+        turning = [entry for entry in self.inputs if entry.kind == "torque" or entry.frame == "body"]
         return bool(self.loads or turning)
 
     def find_node(self, name: str) -> int:

@@ -93,7 +93,7 @@ class Catenary:
 
     def position(self, s: FloatArray) -> FloatArray:
         """Return the places (n, 2) of unstrained arc lengths (n,), (x, z) from the first end [m]."""
-        ends = [_displace(self, self._force, float(part)) for part in np.asarray(s)]
+        ends = [_displace(self, self._force, float(arc)) for arc in np.asarray(s)]
         return np.array(ends).reshape(-1, 2) * [1.0, -1.0]
 
     def points(self, n: int) -> FloatArray:
@@ -142,21 +142,21 @@ def find_catenary(
     >>> round(found.horizontal_force, 10), round(found.sag, 11), round(float(found.end_tension[0]), 10)
     (9.1963963004, 1.39304206592, 10.5894383663)
     """
-    given = (span, rise, length, weight, axial_stiffness)
-    least = {"span": "0 or more [m]", "rise": "a number [m]"}
-    for name, value in zip(("span", "rise", "length", "weight", "axial_stiffness"), given, strict=True):
+    values = (span, rise, length, weight, axial_stiffness)
+    low = {"span": "0 or more [m]", "rise": "a number [m]"}
+    for name, value in zip(("span", "rise", "length", "weight", "axial_stiffness"), values, strict=True):
         is_endless = name == "axial_stiffness" and isinstance(value, float) and value == math.inf
         is_sound = is_endless or (is_number(value) and abs(value) < LARGEST)
-        if not is_sound or value < (-math.inf if name == "rise" else 0) or (name not in least and value == 0):
-            allowed = least.get(name, "more than 0")
+        if not is_sound or value < (-math.inf if name == "rise" else 0) or (name not in low and value == 0):
+            allowed = low.get(name, "more than 0")
             raise InvalidValueError("not a cable", where=name, given=value, allowed=allowed)
     chord = math.hypot(span, rise)
     if not math.isfinite(axial_stiffness) and length <= chord:
         problem = "a cable that does not stretch is not longer than the distance of its ends"
         allowed = f"more than {chord:.6g} m, or an axial_stiffness"
         raise InvalidValueError(problem, where="length", given=length, allowed=allowed)
-    start = Catenary(*given, 0.0, 0.0)
-    return Catenary(*given, *((0.0, _hang(start)) if span <= VERTICAL * length else _iterate(start)))
+    start = Catenary(*values, 0.0, 0.0)
+    return Catenary(*values, *((0.0, _hang(start)) if span <= VERTICAL * length else _iterate(start)))
 
 
 def _hang(cable: Catenary) -> float:
@@ -175,29 +175,29 @@ def _iterate(cable: Catenary) -> tuple[float, float]:
     goal = np.array([cable.span, -cable.rise])
     stretch = cable.weight * cable.length / cable.axial_stiffness
     size = max(float(np.linalg.norm(goal)), cable.length * (1.0 + stretch))
-    force, best, least = _guess(cable), np.zeros(2), math.inf
+    force, best, smallest = _guess(cable), np.zeros(2), math.inf
     for _ in range(MAX_ITERATIONS):
         residual = _displace(cable, force, cable.length) - goal
         error = float(np.abs(residual).max())
-        if error < least:
-            best, least = force, error
-        elif least <= TOLERANCE * size:  # rounding alone is left
+        if error < smallest:
+            best, smallest = force, error
+        elif smallest <= TOLERANCE * size:  # rounding alone is left
             break
         step = -np.linalg.solve(_flexibility(cable, force), residual)
-        part = 1.0 if force[0] + step[0] >= 0.1 * force[0] else -0.9 * force[0] / step[0]
+        step_fraction = 1.0 if force[0] + step[0] >= 0.1 * force[0] else -0.9 * force[0] / step[0]
         slope = float(residual @ step)
-        while part > 1e-12:
-            ahead = _displace(cable, force + part * step, cable.length) - goal
+        while step_fraction > 1e-12:
+            ahead = _displace(cable, force + step_fraction * step, cable.length) - goal
             if float(ahead @ step) <= -MAX_OVERSHOOT * slope:
                 break
-            part /= 2
-        force = force + part * step
-    if least > TOLERANCE * size:
+            step_fraction /= 2
+        force = force + step_fraction * step
+    if smallest > TOLERANCE * size:
         raise ConvergenceError(
             "the forces of the cable were not found to the precision of numbers",
             where="length",
             hint="a larger axial_stiffness, or a length that differs clearly from the distance of the ends",
-            evidence={"residual": least, "span": cable.span, "rise": cable.rise, "length": cable.length},
+            evidence={"residual": smallest, "span": cable.span, "rise": cable.rise, "length": cable.length},
         )
     return float(best[0]), float(best[1])
 
@@ -218,8 +218,8 @@ def _displace(cable: Catenary, force: FloatArray, s: float) -> FloatArray:
     """Return how far the arc length s is from the first end, horizontally and downwards, (2,) [m]."""
     h, v = force.tolist()
     w, below = cable.weight, v - cable.weight * s
-    first, second = math.hypot(h, v), math.hypot(h, below)
-    give, tensions = s / cable.axial_stiffness, first + second
+    top_force, second = math.hypot(h, v), math.hypot(h, below)
+    give, tensions = s / cable.axial_stiffness, top_force + second
     # Differences of nearly equal numbers as products: T(0)^2 - T(s)^2 = w s (2 V - w s).
     drop = s * (v + below) / tensions if tensions else 0.0
     return np.array([h * give + (h / w * _turn(h, v, w * s) if h else 0.0), (v - w * s / 2) * give + drop])
@@ -229,15 +229,15 @@ def _flexibility(cable: Catenary, force: FloatArray) -> FloatArray:
     """Return the derivative of both distances of the ends to (H, V), (2, 2) [m/N]."""
     h, v = force.tolist()
     w, below = cable.weight, v - cable.weight * cable.length
-    first, second = math.hypot(h, v), math.hypot(h, below)
+    top_force, second = math.hypot(h, v), math.hypot(h, below)
     give = cable.length / cable.axial_stiffness
     if h == 0.0:  # along one line: taut, or a loop
         taut = v * below > 0
-        across = math.log(max(first, second) / min(first, second)) / w if taut else math.inf
+        across = math.log(max(top_force, second) / min(top_force, second)) / w if taut else math.inf
         return np.diag([give + across, give + (0.0 if taut else 2.0 / w)])
     turn = _turn(h, v, w * cable.length)
-    tilt = math.sinh(turn) * (h / first) * (h / second)  # V / T(0) - (V - w l0) / T(l0)
-    mixed = -h * cable.length * (v + below) / ((first + second) * first * second)
+    tilt = math.sinh(turn) * (h / top_force) * (h / second)  # V / T(0) - (V - w l0) / T(l0)
+    mixed = -h * cable.length * (v + below) / ((top_force + second) * top_force * second)
     return np.array([[give + (turn - tilt) / w, mixed], [mixed, give + tilt / w]])
 
 

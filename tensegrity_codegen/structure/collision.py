@@ -67,6 +67,6 @@ def check_collision(subject: Any, request: ModelRequest) -> None:
         "single precision": request.precision != "double",
     }
     foreign |= {f"quantity {name!r}": name in WITHOUT_COLLISION for name in request.quantities}
-    for what, is_foreign in foreign.items():
+    for feature, is_foreign in foreign.items():
         if is_foreign:
-            require_no_collision(subject, what)
+            require_no_collision(subject, feature)

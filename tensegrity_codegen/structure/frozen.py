@@ -12,13 +12,13 @@ def freeze_fields(instance: Any) -> None:
 
     For its `__post_init__`; the caller's arrays and dicts stay as they are.
     """
-    for item in fields(instance):
-        value = getattr(instance, item.name)
+    for field in fields(instance):
+        value = getattr(instance, field.name)
         if isinstance(value, np.ndarray):
-            object.__setattr__(instance, item.name, _freeze(value))
+            object.__setattr__(instance, field.name, _freeze(value))
         elif isinstance(value, dict):
-            frozen = {key: _freeze(part) for key, part in value.items()}
-            object.__setattr__(instance, item.name, MappingProxyType(frozen))
+            frozen = {key: _freeze(entry) for key, entry in value.items()}
+            object.__setattr__(instance, field.name, MappingProxyType(frozen))
 
 
 def _freeze(value: Any) -> Any:

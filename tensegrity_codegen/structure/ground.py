@@ -63,7 +63,7 @@ class Ground:
 
     def __post_init__(self) -> None:
         freeze_fields(self)
-        numbers = [item.name for item in fields(self) if getattr(self, item.name) is not None]
+        numbers = [field.name for field in fields(self) if getattr(self, field.name) is not None]
         for name in numbers:
             self._require(name, bool(np.isfinite(getattr(self, name)).all()), "finite numbers")
         positive = ["stiffness"] + (["stick_stiffness", "stick_damping"] if self.friction else [])
@@ -90,7 +90,7 @@ class Ground:
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Ground) and all(
-            np.array_equal(getattr(self, item.name), getattr(other, item.name)) for item in fields(self)
+            np.array_equal(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)
         )
 
     def __hash__(self) -> int:

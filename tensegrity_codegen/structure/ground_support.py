@@ -84,10 +84,10 @@ def check_ground(subject: Any, request: ModelRequest) -> None:
     for quantity in request.quantities:
         if quantity in WITHOUT_GROUND:
             raise refuse_ground(name, f"quantity {quantity!r}, or an analysis that needs it")
-    wanted = {"solvers": request.solvers, "energy that is kept": request.keep}
-    for what, is_wanted in wanted.items():
+    requested = {"solvers": request.solvers, "energy that is kept": request.keep}
+    for feature, is_wanted in requested.items():
         if is_wanted:
-            raise refuse_ground(name, what)
+            raise refuse_ground(name, feature)
 
 
 def _check_static_friction(subject: Any, ground: Any, request: ModelRequest) -> None:
@@ -100,8 +100,8 @@ def _check_static_friction(subject: Any, ground: Any, request: ModelRequest) -> 
         and bool(request.integrators)
         and not {"ground", "stick"} <= set(request.events),
     }
-    for what, is_wanted in without.items():
+    for feature, is_wanted in without.items():
         if is_wanted:
             raise refuse_ground(
-                subject.name, f"static_friction above friction with {what}: {why}", "omit static_friction"
+                subject.name, f"static_friction above friction with {feature}: {why}", "omit static_friction"
             )

@@ -34,12 +34,12 @@ class InertiaPlan:
         cables = np.flatnonzero(structure.member_mass * ~structure.is_bar)
         halves = np.repeat(structure.member_mass[cables] / 2.0, 2)
         np.add.at(self.diagonal_share, structure.connectivity[cables].reshape(-1), halves)
-        found, first, pair_of = np.unique(
+        pairs, first_row, pair_of = np.unique(
             np.sort(ends, axis=1), axis=0, return_index=True, return_inverse=True
         )
-        order = np.argsort(first)
-        self.pair = found[order].reshape(-1, 2)
-        mass = np.zeros(len(found))
+        order = np.argsort(first_row)
+        self.pair = pairs[order].reshape(-1, 2)
+        mass = np.zeros(len(pairs))
         np.add.at(mass, pair_of.reshape(-1), sixth)
         self.pair_mass = mass[order]
 
@@ -53,10 +53,10 @@ class InertiaPlan:
     @cached_property
     def _neighbours(self) -> dict[int, list[tuple[int, float]]]:
         """Later nodes of the pairs of each node, with the masses between."""
-        found: dict[int, list[tuple[int, float]]] = {}
+        neighbours: dict[int, list[tuple[int, float]]] = {}
         for (i, j), mass in zip(self.pair.tolist(), self.pair_mass.tolist(), strict=True):
-            found.setdefault(i, []).append((j, mass))
-        return found
+            neighbours.setdefault(i, []).append((j, mass))
+        return neighbours
 
     def coupling_of(self, nodes: Sequence[int]) -> dict[tuple[int, int], float]:
         """Return the entries of H between some nodes, by their positions among these, each once."""
@@ -86,15 +86,15 @@ class InertiaPlan:
         free = ~self.structure.node_anchored[:, axis]
         held = free[self.pair].all(axis=1)
         pair, mass = self.pair[held], self.pair_mass[held]
-        node, place = np.unique(pair, return_inverse=True)
-        row, column = place.reshape(-1, 2).T
+        node, index = np.unique(pair, return_inverse=True)
+        row, column = index.reshape(-1, 2).T
         _, label = find_pieces(len(node), row, column)
         size = np.bincount(label, minlength=1)
         alone = size[label[row]] == 2
         large = np.flatnonzero(size[label] > 2)
         large = large[np.argsort(label[large], kind="stable")]
         cut = np.flatnonzero(np.diff(label[large])) + 1
-        groups = [item.tolist() for item in np.split(node[large], cut)] if len(large) else []
+        groups = [group.tolist() for group in np.split(node[large], cut)] if len(large) else []
         return pair[alone], mass[alone], groups
 
 

@@ -66,16 +66,16 @@ class Kinematics:
 
     def margin(self, body: int) -> Scalar:
         """Return how far the angles of a body are from their pole: sine of that angle, zero at the pole."""
-        item = self.system.bodies[body]
-        if isinstance(item, Bar):
+        solid = self.system.bodies[body]
+        if isinstance(solid, Bar):
             polar = self.coordinate(body, -2)
-            return self._trig.sin(polar) if item.chart.polar == "declination" else self._trig.cos(polar)
+            return self._trig.sin(polar) if solid.chart.polar == "declination" else self._trig.cos(polar)
         return self._trig.cos(self.coordinate(body, 1))
 
     def _direction(self, body: int) -> Vector:
-        item = self.system.bodies[body]
-        assert isinstance(item, Bar)
-        return bar_direction(item, self.coordinate(body, -2), self.coordinate(body, -1), self._trig)
+        solid = self.system.bodies[body]
+        assert isinstance(solid, Bar)
+        return bar_direction(solid, self.coordinate(body, -2), self.coordinate(body, -1), self._trig)
 
     def _rotation(self, body: int) -> list[Vector]:
         psi, phi, theta = (self.coordinate(body, k) for k in range(3))
@@ -83,28 +83,28 @@ class Kinematics:
 
     def _centre(self, body: int) -> Vector:
         """Return the centre of mass of a moving body [m]."""
-        item = self.system.bodies[body]
-        if isinstance(item, RigidBody):
+        solid = self.system.bodies[body]
+        if isinstance(solid, RigidBody):
             return [self.coordinate(body, k) for k in (3, 4, 5)]
-        assert isinstance(item, Bar)
-        if not item.held:
+        assert isinstance(solid, Bar)
+        if not solid.held:
             return [self.coordinate(body, k) for k in (0, 1, 2)]
-        half = 0.5 * item.length if item.held == "A" else -0.5 * item.length
-        return _shift(self.point(item.anchor), self.direction(body), half)
+        half = 0.5 * solid.length if solid.held == "A" else -0.5 * solid.length
+        return _shift(self.point(solid.anchor), self.direction(body), half)
 
     def _point(self, node: int) -> Vector:
         """Return the position of a node [m]."""
         body = int(self.system.node_body[node])
-        item, local = self.system.bodies[body], [float(x) for x in self.system.node_local[node]]
-        if isinstance(item, FixedBody):
+        solid, local = self.system.bodies[body], [float(x) for x in self.system.node_local[node]]
+        if isinstance(solid, FixedBody):
             return list(local)
-        if isinstance(item, RigidBody):
+        if isinstance(solid, RigidBody):
             return _rotate(self.centre(body), self.rotation(body), local)
-        if not item.held:
+        if not solid.held:
             return _shift(self.centre(body), self.direction(body), local[0])
         # From the held end, so that the held end itself is exactly the anchor.
-        half = -0.5 * item.length if item.held == "A" else 0.5 * item.length
-        return _shift(self.point(item.anchor), self.direction(body), local[0] - half)
+        half = -0.5 * solid.length if solid.held == "A" else 0.5 * solid.length
+        return _shift(self.point(solid.anchor), self.direction(body), local[0] - half)
 
 
 def _shift(start: Vector, direction: Vector, distance: float) -> Vector:

@@ -63,7 +63,7 @@ class Limits:
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Limits) and all(
-            np.array_equal(getattr(self, item.name), getattr(other, item.name)) for item in fields(self)
+            np.array_equal(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)
         )
 
     def __hash__(self) -> int:

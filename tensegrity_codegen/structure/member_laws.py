@@ -74,14 +74,14 @@ class WithMemberLaws:
             for law in LAWS
             if law.parameters and law.parameters[0].name in self.law_parameter
         ]
-        others = np.ones(len(self.member_name), dtype=np.bool_)
+        is_linear = np.ones(len(self.member_name), dtype=np.bool_)
         for _, mask in masks:
-            others &= ~mask
-        return ((LINEAR, others), *((law, mask) for law, mask in masks if mask.any()))
+            is_linear &= ~mask
+        return ((LINEAR, is_linear), *((law, mask) for law, mask in masks if mask.any()))
 
     def describe_law(self, e: int) -> dict[str, float]:
         """Return the parameters of member e's law by name, none of a linear spring."""
-        return {item.name: float(self.member_value(item.name)[e]) for item in self.law_of(e).parameters}
+        return {p.name: float(self.member_value(p.name)[e]) for p in self.law_of(e).parameters}
 
     def law_of(self, e: int) -> Law:
         """Return the law of member e."""
@@ -118,10 +118,10 @@ class WithMemberLaws:
         return self.remembers & ~self.yields
 
     def _join_masks(self, is_wanted: Callable[[Law], bool]) -> BoolArray:
-        found = np.zeros(len(self.member_name), dtype=np.bool_)
+        joined = np.zeros(len(self.member_name), dtype=np.bool_)
         for law, mask in self.members_of_law[1:]:
-            found |= mask & is_wanted(law)
-        return found
+            joined |= mask & is_wanted(law)
+        return joined
 
     def largest_slope(self) -> FloatArray:
         """Return the largest slope of each member's law over that at rest length, (n_members,)."""
@@ -147,18 +147,18 @@ class WithMemberLaws:
         Not positive or not finite where there is none. Laws that are not linear are solved by bisection: the
         tension of a member decreases with its rest length.
         """
-        given = {"spring_constant": self.spring_constant, "axial_stiffness": self.axial_stiffness}
-        rest = LINEAR.find_rest_length(length, tension, given)
+        stiffness = {"spring_constant": self.spring_constant, "axial_stiffness": self.axial_stiffness}
+        rest_length = LINEAR.find_rest_length(length, tension, stiffness)
         curved = ~self.is_linear
         if curved.any():
-            rest = np.where(curved, self._bisect_rest_length(length, tension), rest)
-        return rest
+            rest_length = np.where(curved, self._bisect_rest_length(length, tension), rest_length)
+        return rest_length
 
     def require_rest_length(self, length: FloatArray, tension: FloatArray, hint: str) -> FloatArray:
         """Return the rest lengths of find_rest_length; rigid members keep those that they have."""
         rigid = (self.spring_constant == 0) & (self.axial_stiffness == 0)
-        rest = self.find_rest_length(length, tension)
-        bad = ~(np.isfinite(rest) & (rest > 0)) & ~rigid
+        rest_length = self.find_rest_length(length, tension)
+        bad = ~(np.isfinite(rest_length) & (rest_length > 0)) & ~rigid
         if bad.any():
             e = int(np.argmax(bad))
             problem, location = "no rest length gives a member its tension", f"members.{self.member_name[e]}"
@@ -166,7 +166,7 @@ class WithMemberLaws:
             raise InvalidValueError(
                 problem, where=location, given=f"{tension[e]:g} N", allowed=allowed, hint=hint
             )
-        return np.where(rigid, self.rest_length, rest)
+        return np.where(rigid, self.rest_length, rest_length)
 
     def _bisect_rest_length(self, length: FloatArray, tension: FloatArray) -> FloatArray:
         low = np.where(tension > 0, 0.0, length)

@@ -69,36 +69,36 @@ class MemberFlaws(Summarised):
     @property
     def is_beyond(self) -> bool:
         """Whether a stated limit is exceeded, or a member buckles."""
-        return bool(self.exceeded) or any(item.limit == "buckling" for item in self.doubtful)
+        return bool(self.exceeded) or any(flaw.limit == "buckling" for flaw in self.doubtful)
 
     def describe(self) -> list[str]:
         """Return a sentence for each kind of limit that is exceeded, for buckling, and for large strains."""
-        found = []
+        sentences = []
         for group, is_stated in ((self.exceeded, True), (self.doubtful, False)):
-            for limit in dict.fromkeys(item.limit for item in group):
-                items = [item for item in group if item.limit == limit]
-                name, value = items[0].member, items[0].value
+            for limit in dict.fromkeys(flaw.limit for flaw in group):
+                flaws = [flaw for flaw in group if flaw.limit == limit]
+                name, value = flaws[0].member, flaws[0].value
                 if is_stated:
-                    word, unit, bound = WORDS[limit]
-                    part = 1e-6 if unit == " MPa" else 1.0
-                    text = (
-                        f"{name} has a {word} of {part * value:.6g}{unit}, allowed is {bound} "
-                        f"{part * items[0].allowed:.6g}{unit}"
+                    description, unit, bound = WORDS[limit]
+                    scale = 1e-6 if unit == " MPa" else 1.0
+                    sentence = (
+                        f"{name} has a {description} of {scale * value:.6g}{unit}, allowed is {bound} "
+                        f"{scale * flaws[0].allowed:.6g}{unit}"
                     )
                 elif limit == "buckling":
-                    text = f"{name} buckles: its compression is {1 / value:.4g} times Euler's load"
+                    sentence = f"{name} buckles: its compression is {1 / value:.4g} times Euler's load"
                 else:
-                    text = (
+                    sentence = (
                         f"{name} has a strain of {100 * value:.3g} %: most materials yield or are no longer "
                         f"linear above {100 * LARGEST_STRAIN:g} %"
                     )
-                others = f" (and {describe_count(len(items) - 1, 'more member')})"
-                found.append(text + (others if len(items) > 1 else ""))
-        return found
+                count_text = f" (and {describe_count(len(flaws) - 1, 'more member')})"
+                sentences.append(sentence + (count_text if len(flaws) > 1 else ""))
+        return sentences
 
     def as_evidence(self) -> dict[str, Any]:
         """Return what is exceeded, and what is doubtful without a limit, JSON-ready."""
-        return {name: [vars(item) for item in getattr(self, name)] for name in ("exceeded", "doubtful")}
+        return {name: [vars(flaw) for flaw in getattr(self, name)] for name in ("exceeded", "doubtful")}
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,9 +174,9 @@ def check_members(
     rigidity = elastic * structure.gyration_square
     stress = np.where(area > 0, tension / area, np.nan)
     strain = np.where(elastic > 0, tension / elastic, np.nan)
-    known = ~structure.tension_only & (rigidity > 0)
-    load = np.where(known, math.pi**2 * rigidity / length**2, np.nan)
-    factor = np.where(known & (tension >= 0), np.inf, load / -tension)
+    is_known = ~structure.tension_only & (rigidity > 0)
+    load = np.where(is_known, math.pi**2 * rigidity / length**2, np.nan)
+    factor = np.where(is_known & (tension >= 0), np.inf, load / -tension)
     value = {"least_tension": tension, "most_tension": tension, "yield_stress": stress, "buckling": factor}
     allowed = {name: np.asarray(getattr(limits, name), dtype=float) for name in MEMBER_CHECKS}
     use = {
@@ -191,7 +191,7 @@ def check_members(
         "buckling": np.where(allowed["buckling"] == 0, -tension / load, np.nan),
         "strain": np.where(solid, np.abs(strain) / LARGEST_STRAIN, np.nan),
     }
-    least = {"buckling": np.ones_like(area), "strain": np.full_like(area, LARGEST_STRAIN)}
+    threshold = {"buckling": np.ones_like(area), "strain": np.full_like(area, LARGEST_STRAIN)}
     return MemberChecks(
         stress=stress,
         strain=strain,
@@ -203,7 +203,7 @@ def check_members(
         exceeded=_list_exceeded(names, value, allowed, use),
         worst=_find_worst(names, use),
         largest_use=np.fmax.reduce([np.zeros_like(tension), *use.values(), *doubtful.values()]).max(axis=-1),
-        doubtful=_list_exceeded(names, {**value, "strain": strain}, least, doubtful),
+        doubtful=_list_exceeded(names, {**value, "strain": strain}, threshold, doubtful),
     )
 
 
@@ -229,15 +229,15 @@ def check_motion(structure: Structure | BodySystem, tension: FloatArray, positio
     worst: dict[str, dict[tuple[str, str], Exceeded]] = {"exceeded": {}, "doubtful": {}}
     size = max(1, BLOCK // max(structure.n_members, 1))
     for k in range(0, len(tension), size):
-        place = position[k : k + size]
+        positions = position[k : k + size]
         with np.errstate(all="ignore"):  # of motions that blow up
-            length = structure.strands.lengths(place)
-        found = check_members(structure, tension[k : k + size], length)
-        for name, kept in worst.items():
-            for item in getattr(found, name):
-                key = (item.member, item.limit)
-                kept[key] = max(item, kept.get(key, item), key=lambda each: each.use)
-    return MemberFlaws(**{name: _sort(kept.values()) for name, kept in worst.items()})
+            length = structure.strands.lengths(positions)
+        flaws = check_members(structure, tension[k : k + size], length)
+        for name, worst_flaws in worst.items():
+            for flaw in getattr(flaws, name):
+                key = (flaw.member, flaw.limit)
+                worst_flaws[key] = max(flaw, worst_flaws.get(key, flaw), key=lambda each: each.use)
+    return MemberFlaws(**{name: _sort(worst_flaws.values()) for name, worst_flaws in worst.items()})
 
 
 def summarise_tensions(structure: Structure | BodySystem, tension: FloatArray) -> dict[str, Any]:
@@ -257,13 +257,13 @@ def summarise_tensions(structure: Structure | BodySystem, tension: FloatArray) -
         ``"slack_cables"``: names.
     """
     tension = tension.reshape(-1, len(structure.member_name))
-    found: dict[str, Any] = {}
+    summary: dict[str, Any] = {}
     for kind, rows in (("cable", ~structure.is_bar), ("bar", structure.is_bar)):
-        known = tension[:, rows][np.isfinite(tension[:, rows])]
-        found[f"{kind}_tension"] = [known.min(), known.max()] if known.size else None
+        finite = tension[:, rows][np.isfinite(tension[:, rows])]
+        summary[f"{kind}_tension"] = [finite.min(), finite.max()] if finite.size else None
     slack = (tension <= 0).any(axis=0) & structure.tension_only
-    found["slack_cables"] = [structure.member_name[e] for e in np.flatnonzero(slack)]
-    return found
+    summary["slack_cables"] = [structure.member_name[e] for e in np.flatnonzero(slack)]
+    return summary
 
 
 def describe_tensions(data: Mapping[str, Any]) -> str:
@@ -280,13 +280,13 @@ def describe_tensions(data: Mapping[str, Any]) -> str:
         Such as "cables 0 to 20 N (3 slack), bars -29.6 N".
     """
     slack = len(data["slack_cables"])
-    parts = [
+    sentences = [
         f"{kind}s {describe_range(data[f'{kind}_tension'], 'N')}"
         + (f" ({slack} slack)" if slack and kind == "cable" else "")
         for kind in ("cable", "bar")
         if data[f"{kind}_tension"]
     ]
-    return ", ".join(parts) or "no member"
+    return ", ".join(sentences) or "no member"
 
 
 def _compare(value: FloatArray, most: FloatArray) -> FloatArray:
@@ -296,8 +296,8 @@ def _compare(value: FloatArray, most: FloatArray) -> FloatArray:
     """
     below = np.where(value < 0, most / value, np.inf)
     none = np.where(value > 0, np.inf, 0.0)
-    part = np.where(most > 0, np.maximum(value, 0.0) / most, np.where(most < 0, below, none))
-    return np.where(np.isfinite(most) & ~np.isnan(value), part, np.nan)
+    use = np.where(most > 0, np.maximum(value, 0.0) / most, np.where(most < 0, below, none))
+    return np.where(np.isfinite(most) & ~np.isnan(value), use, np.nan)
 
 
 def _list_exceeded(
@@ -307,15 +307,15 @@ def _list_exceeded(
     use: Mapping[str, FloatArray],
 ) -> tuple[Exceeded, ...]:
     """Return the limits of which more than all is used, of each member in its worst state."""
-    found = []
-    for limit, part in use.items():
-        states = np.nan_to_num(part.reshape(-1, len(names)), nan=-np.inf, posinf=np.inf)
+    exceeded = []
+    for limit, fraction in use.items():
+        states = np.nan_to_num(fraction.reshape(-1, len(names)), nan=-np.inf, posinf=np.inf)
         worst = states.argmax(axis=0) if len(states) else np.zeros(len(names), dtype=np.int64)
         for e in np.flatnonzero((states > 1 + ROUNDING).any(axis=0)).tolist():
             at = float(value[limit].reshape(-1, len(names))[worst[e], e])
-            item = Exceeded(names[e], limit, at, float(allowed[limit][e]), float(states[worst[e], e]))
-            found.append(item)
-    return _sort(found)
+            flaw = Exceeded(names[e], limit, at, float(allowed[limit][e]), float(states[worst[e], e]))
+            exceeded.append(flaw)
+    return _sort(exceeded)
 
 
 def _sort(found: Iterable[Exceeded]) -> tuple[Exceeded, ...]:
@@ -324,8 +324,8 @@ def _sort(found: Iterable[Exceeded]) -> tuple[Exceeded, ...]:
 
 def _find_worst(names: tuple[str, ...], use: Mapping[str, FloatArray]) -> tuple[str, str, float] | None:
     """Return member, limit and use of the largest use of all."""
-    known = [(limit, row) for limit, row in use.items() if not np.isnan(row).all()]
-    if not known:
+    known_rows = [(limit, row) for limit, row in use.items() if not np.isnan(row).all()]
+    if not known_rows:
         return None
-    limit, row = max(known, key=lambda pair: float(np.nanmax(pair[1])))
+    limit, row = max(known_rows, key=lambda pair: float(np.nanmax(pair[1])))
     return names[int(np.nanargmax(row)) % len(names)], limit, float(np.nanmax(row))

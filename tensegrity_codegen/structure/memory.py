@@ -64,8 +64,8 @@ def _find_kind(law: Law) -> MemoryKind:
     """Return the internal states of the members of a law."""
 
     def name_each(structure: Any, words: Names) -> Names:
-        found = next((mask for other, mask in structure.members_of_law if other is law), ())
-        return tuple(f"{structure.member_name[e]}_{word}" for e in np.flatnonzero(found) for word in words)
+        selected = next((mask for candidate, mask in structure.members_of_law if candidate is law), ())
+        return tuple(f"{structure.member_name[e]}_{end}" for e in np.flatnonzero(selected) for end in words)
 
     return MemoryKind(partial(name_each, words=law.states), law.set_at, partial(name_each, words=law.flags))
 
@@ -105,7 +105,7 @@ def find_start(structure: Any) -> FloatArray:
     x = np.where(structure.tension_only, np.maximum(x, 0.0), x)
     for law, mask in structure.members_of_law:
         if law.states and not law.set_at:
-            values = {item.name: structure.member_value(item.name)[mask] for item in law.parameters}
+            values = {p.name: structure.member_value(p.name)[mask] for p in law.parameters}
             names = [f"{structure.member_name[e]}_{law.states[0]}" for e in np.flatnonzero(mask)]
             start |= dict(zip(names, law.settle(x[mask], values, np.where)[0].tolist(), strict=True))
     return np.array(list(start.values()))

@@ -31,7 +31,7 @@ def require_no_memory(subject: Any, what: str, hint: str = ADVICE) -> None:
 
 def require_no_lag(subject: Any, what: str) -> None:
     """Raise FormulationError for a structure whose motors have a time constant; what: does not know them."""
-    names = [item.name for item in subject.actuators if item.time_constant]
+    names = [actuator.name for actuator in subject.actuators if actuator.time_constant]
     if names:
         problem = f"time constants of motors are not supported here: {what}"
         location = f"{subject.name}: actuators.{names[0]}.time_constant"
@@ -57,10 +57,10 @@ def check_memory(subject: Any, request: ModelRequest) -> None:
 
     subject: the structure or body system; nothing is refused where it has neither.
     """
-    for what, is_wanted in _list_foreign(request).items():
+    for feature, is_wanted in _list_foreign(request).items():
         if is_wanted:
-            require_no_lag(subject, what)
-            require_no_memory(subject, what)
+            require_no_lag(subject, feature)
+            require_no_memory(subject, feature)
     if not subject.yields.any():
         return
     lacking = {
@@ -68,6 +68,6 @@ def check_memory(subject: Any, request: ModelRequest) -> None:
         and int(subject.yields.sum()) > MOST_MEMBERS,
         **lack_setting_events(subject, request),
     }
-    for what, is_wanted in lacking.items():
+    for feature, is_wanted in lacking.items():
         if is_wanted:
-            require_no_memory(subject, what)
+            require_no_memory(subject, feature)

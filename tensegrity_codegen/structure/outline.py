@@ -94,7 +94,7 @@ def split_at_rings(structure: Structure) -> Structure:
     e = strands.member
     number = np.arange(len(e)) - np.searchsorted(e, e) + 1
     passes = strands.passes_rings[e]
-    part = strands.strand_lengths(structure.node_position) / structure.member_length()[e]
+    fraction = strands.strand_lengths(structure.node_position) / structure.member_length()[e]
     columns = ("is_bar", "tension_only", "damping", "member_mass", "radius")
     stiffness = {
         "spring_constant": structure.spring_constant[e],
@@ -108,7 +108,7 @@ def split_at_rings(structure: Structure) -> Structure:
         member_class=tuple(structure.member_class[k] for k in e),
         connectivity=strands.ends,
         ring_nodes=(),
-        rest_length=structure.rest_length[e] * part,
+        rest_length=structure.rest_length[e] * fraction,
         **stiffness,
         **{name: getattr(structure, name)[e] for name in columns},
         inner_radius=None if structure.inner_radius is None else structure.inner_radius[e],
@@ -128,15 +128,15 @@ def is_edge(subject: Structure | BodySystem) -> NDArray[np.bool_]:
     if isinstance(subject, Structure):
         return np.zeros(subject.n_members, dtype=np.bool_)
     edges: list[bool] = []
-    for body, item in enumerate(subject.bodies):
-        edges += [isinstance(item, RigidBody)] * len(_find_pairs(subject, body))
+    for body, solid in enumerate(subject.bodies):
+        edges += [isinstance(solid, RigidBody)] * len(_find_pairs(subject, body))
     return np.array([False] * subject.n_members + edges, dtype=np.bool_)
 
 
 def find_joints(subject: Structure | BodySystem) -> NDArray[np.int64]:
     """Return the nodes of other bodies that hold a bar, whose force no member of the outline shows."""
     bodies = () if isinstance(subject, Structure) else subject.bodies
-    return np.array([item.anchor for item in bodies if isinstance(item, Bar) and item.held], dtype=np.int64)
+    return np.array([body.anchor for body in bodies if isinstance(body, Bar) and body.held], dtype=np.int64)
 
 
 def find_faces(subject: Structure | BodySystem) -> list[tuple[int, ...]]:
@@ -148,8 +148,8 @@ def find_faces(subject: Structure | BodySystem) -> list[tuple[int, ...]]:
     if isinstance(subject, Structure):
         return []
     faces: list[tuple[int, ...]] = []
-    for body, item in enumerate(subject.bodies):
-        corners = _find_corners(subject, body) if isinstance(item, RigidBody) else []
+    for body, solid in enumerate(subject.bodies):
+        corners = _find_corners(subject, body) if isinstance(solid, RigidBody) else []
         if len(corners) <= MOST_CORNERS:
             faces += combinations(corners, 3)
         else:
@@ -174,10 +174,10 @@ def _find_corners(system: BodySystem, body: int) -> list[int]:
 
 def _find_pairs(system: BodySystem, body: int) -> list[tuple[int, int]]:
     """Return the pairs of nodes that are drawn as lines of a body."""
-    item = system.bodies[body]
-    if isinstance(item, Bar):
+    solid = system.bodies[body]
+    if isinstance(solid, Bar):
         return [system.bar_ends(body)]
-    if not isinstance(item, RigidBody):
+    if not isinstance(solid, RigidBody):
         return []
     corners = _find_corners(system, body)
     if len(corners) <= MOST_CORNERS:
@@ -190,13 +190,13 @@ def _edges(system: BodySystem) -> tuple[list[tuple[int, int]], list[str], list[f
     edges: list[tuple[int, int]] = []
     names: list[str] = []
     radii: list[float] = []
-    for body, item in enumerate(system.bodies):
+    for body, solid in enumerate(system.bodies):
         pairs = _find_pairs(system, body)
         for number, pair in enumerate(pairs):
-            name = item.name if len(pairs) == 1 else f"{item.name}_edge{number + 1}"
+            name = solid.name if len(pairs) == 1 else f"{solid.name}_edge{number + 1}"
             while name in system.member_name:
                 name += "_"
             edges.append(pair)
             names.append(name)
-            radii.append(item.radius if isinstance(item, Bar) else 0.0)
+            radii.append(solid.radius if isinstance(solid, Bar) else 0.0)
     return edges, names, radii

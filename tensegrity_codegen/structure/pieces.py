@@ -15,13 +15,13 @@ def find_pieces(count: int, first: IntArray, second: IntArray) -> tuple[int, Int
     Every piece gets the least of its nodes: edges hook the greater of two representatives to the smaller one,
     then all nodes follow their pointers to the end.
     """
-    least = np.arange(count, dtype=np.int64)
+    label = np.arange(count, dtype=np.int64)
     while True:
-        one, other = least[first], least[second]
-        if np.array_equal(one, other):
+        label_a, label_b = label[first], label[second]
+        if np.array_equal(label_a, label_b):
             break
-        np.minimum.at(least, np.maximum(one, other), np.minimum(one, other))
-        while not np.array_equal(least, jumped := least[least]):
-            least = jumped
-    found, piece = np.unique(least, return_inverse=True)
-    return len(found), piece.astype(np.int64)
+        np.minimum.at(label, np.maximum(label_a, label_b), np.minimum(label_a, label_b))
+        while not np.array_equal(label, jumped := label[label]):
+            label = jumped
+    labels, piece = np.unique(label, return_inverse=True)
+    return len(labels), piece.astype(np.int64)

@@ -12,5 +12,5 @@ def find_rigid_bars(structure: Structure, request: ModelRequest) -> BoolArray:
     """Return (n_members,): the members that keep their length in the requested formulation."""
     if not find_formulation(request.formulation).has_rigid_bars:
         return np.zeros(structure.n_members, dtype=np.bool_)
-    which = complete_options(request.formulation, request.options)["bars"]
-    return np.asarray(structure.is_rigid | (structure.is_bar & (which == "all")))
+    choice = complete_options(request.formulation, request.options)["bars"]
+    return np.asarray(structure.is_rigid | (structure.is_bar & (choice == "all")))

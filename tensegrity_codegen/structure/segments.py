@@ -13,13 +13,13 @@ def find_chains(structure: Structure) -> dict[str, list[int]]:
 
     Their members are cables with mass, NAME_1 and so on, each from the end of the one before.
     """
-    heavy, (first, second) = ~structure.is_bar & (structure.member_mass > 0), structure.connectivity.T
+    heavy, (start, second) = ~structure.is_bar & (structure.member_mass > 0), structure.connectivity.T
     groups = {name: list(rows) for name, rows in structure.groups.items() if len(rows) > 1}
     return {
         name: rows
         for name, rows in groups.items()
         if heavy[rows].all()
-        and np.array_equal(second[rows[:-1]], first[rows[1:]])
+        and np.array_equal(second[rows[:-1]], start[rows[1:]])
         and all(structure.member_name[e].startswith(f"{name}_") for e in rows)
     }
 
@@ -33,8 +33,8 @@ def measure_chain(
     """
     # Half of the weight of the last piece stands at the end itself: with it the tension errs by O(1/n^2).
     ends, pulls = structure.connectivity[rows], []
-    for e, here, there in ((rows[0], *ends[0]), (rows[-1], *ends[-1, ::-1])):
-        vector = node_position[there] - node_position[here]
+    for e, here, opposite in ((rows[0], *ends[0]), (rows[-1], *ends[-1, ::-1])):
+        vector = node_position[opposite] - node_position[here]
         weight = structure.member_mass[e] / 2 * structure.gravity
         pulls.append(np.linalg.norm(member_tension[e] * vector / np.linalg.norm(vector) + weight))
     # The largest distance from the chord, by a parabola through the farthest node and its neighbours.

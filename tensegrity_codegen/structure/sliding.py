@@ -50,11 +50,11 @@ def slip_rest_lengths(
     sliding: Sequence[SlidingCable], rest_length: FloatArray, slid: Mapping[str, float]
 ) -> FloatArray:
     """Return rest lengths (n_members,) [m] with what has slipped; slid: by the strand before each ring."""
-    rest = rest_length.copy()
+    lengths = rest_length.copy()
     for cable in sliding:
-        for name, (before, behind) in zip(cable.strand_name[:-1], cable.pairs, strict=True):
-            rest[[before, behind]] += [-slid.get(name, 0.0), slid.get(name, 0.0)]
-    return rest
+        for name, (before, after) in zip(cable.strand_name[:-1], cable.pairs, strict=True):
+            lengths[[before, after]] += [-slid.get(name, 0.0), slid.get(name, 0.0)]
+    return lengths
 
 
 def require_no_ring_friction(subject: Any, what: str, hint: str = "leave friction out") -> None:
@@ -77,6 +77,6 @@ def check_ring_friction(subject: Any, request: ModelRequest) -> None:
         "live pages, and a pull that changes with time": bool(request.driven),
         "single precision": request.precision != "double",
     }
-    for what, is_wanted in foreign.items():
+    for feature, is_wanted in foreign.items():
         if is_wanted:
-            require_no_ring_friction(subject, what)
+            require_no_ring_friction(subject, feature)

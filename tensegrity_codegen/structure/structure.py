@@ -177,7 +177,7 @@ class Structure(WithMemberLaws, Summarised):
             ("members", f"{bars} bars and {self.n_members - bars} cables: {count_names(self.member_name)}"),
             ("size", " x ".join(f"{side:.4g}" for side in size) + f" m, mass {mass:.6g} kg"),
             ("tension", describe_range(self.static_tension(), "N")),
-            ("inputs", count_names([item.name for item in self.inputs])),
+            ("inputs", count_names([entry.name for entry in self.inputs])),
             ("gravity", f"{self.gravity.tolist()} m/s2"),
         ]
 
@@ -220,9 +220,9 @@ class Structure(WithMemberLaws, Summarised):
         """(n_coordinates, 2): node and axis of each free coordinate, node by node."""
         axes = np.array(self.axes, dtype=np.int64)
         node, column = np.nonzero(~self.node_anchored[:, axes])
-        places: NDArray[np.int64] = np.stack([node, axes[column]], axis=1).astype(np.int64)
-        places.flags.writeable = False
-        return places
+        node_axis: NDArray[np.int64] = np.stack([node, axes[column]], axis=1).astype(np.int64)
+        node_axis.flags.writeable = False
+        return node_axis
 
     @property
     def n_coordinates(self) -> int:
@@ -237,7 +237,7 @@ class Structure(WithMemberLaws, Summarised):
     @property
     def lagging_actuators(self) -> dict[str, Actuator]:
         """Actuators with a time constant, by name."""
-        return {item.name: item for item in self.actuators if item.time_constant}
+        return {actuator.name: actuator for actuator in self.actuators if actuator.time_constant}
 
     @property
     def contact_name(self) -> tuple[str, ...]:
@@ -287,12 +287,12 @@ class Structure(WithMemberLaws, Summarised):
         if self.interference is not None:
             return np.array(self.interference, dtype=np.int64).reshape(-1, 2)
         round_bar = np.flatnonzero(self.is_bar & (self.radius > 0))
-        first, second = np.triu_indices(len(round_bar), 1)
-        pairs = np.stack([round_bar[first], round_bar[second]], axis=1)
+        start, second = np.triu_indices(len(round_bar), 1)
+        pairs = np.stack([round_bar[start], round_bar[second]], axis=1)
         ends = self.connectivity[pairs]
         meets = (ends[:, 0, :, None] == ends[:, 1, None, :]).any(axis=(1, 2))
-        apart: NDArray[np.int64] = pairs[~meets].astype(np.int64)
-        return apart
+        disjoint: NDArray[np.int64] = pairs[~meets].astype(np.int64)
+        return disjoint
 
     def member_length(self) -> FloatArray:
         """Return the member lengths at the stated node positions, (n_members,) [m]."""

@@ -47,22 +47,22 @@ class SymmetricFactor:
 def factorise(diagonal: Sequence[Scalar], coupling: Mapping[tuple[int, int], Scalar]) -> SymmetricFactor:
     """Return the factors of the matrix of a diagonal and of entries (row, column) off it, each once."""
     order = _order(len(diagonal), coupling)
-    place = {row: position for position, row in enumerate(order)}
+    position_of = {row: position for position, row in enumerate(order)}
     pivot = list(diagonal)
-    rest: list[dict[int, Scalar]] = [{} for _ in order]  # of each column, what is below in the order
+    remaining: list[dict[int, Scalar]] = [{} for _ in order]  # of each column, what is below in the order
     for (i, j), value in coupling.items():
-        first, last = (i, j) if place[i] < place[j] else (j, i)
-        rest[first][last] = value
+        earlier, latter = (i, j) if position_of[i] < position_of[j] else (j, i)
+        remaining[earlier][latter] = value
     below = []
     for k in order:
-        column = sorted(rest[k].items(), key=lambda item: place[item[0]])
+        column = sorted(remaining[k].items(), key=lambda item: position_of[item[0]])
         factors = [(row, value / pivot[k]) for row, value in column]
         for position, (row, factor) in enumerate(factors):
             pivot[row] = pivot[row] - factor * column[position][1]
             for later, value in column[position + 1 :]:
-                present = rest[row].get(later)
+                present = remaining[row].get(later)
                 change = factor * value
-                rest[row][later] = -change if present is None else present - change
+                remaining[row][later] = -change if present is None else present - change
         below.append(tuple(factors))
     return SymmetricFactor(tuple(order), tuple(below), tuple(pivot[k] for k in order))
 
