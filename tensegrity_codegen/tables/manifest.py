@@ -94,8 +94,8 @@ class Pattern:
 
     def __post_init__(self) -> None:
         for name in ("row", "column_start"):
-            given = getattr(self, name)
-            values = np.array(given if isinstance(given, np.ndarray) else list(given), dtype=np.int32)
+            value = getattr(self, name)
+            values = np.array(value if isinstance(value, np.ndarray) else list(value), dtype=np.int32)
             values.flags.writeable = False
             object.__setattr__(self, name, values)
 
@@ -289,14 +289,16 @@ class Manifest:
     def column_scale(self) -> tuple[float, ...]:
         """What derivatives of a motion are times in the library: sizes of parameters; 1 for directions."""
         count = len(self.column_name)
-        rows = [item.nominal for item in self.arguments if item.name in OF_COLUMNS]
+        rows = [argument.nominal for argument in self.arguments if argument.name in OF_COLUMNS]
         largest = np.abs(np.concatenate([np.zeros(count), *rows]).reshape(-1, count)).max(axis=0)
         return tuple(np.where(largest > 0.0, largest, 1.0).tolist())
 
     @property
     def has_contacts(self) -> bool:
         """Whether nodes touch the ground or bars press each other, with forces."""
-        return bool(self.contact_name) or any(item.quantity == "collision_margin" for item in self.functions)
+        return bool(self.contact_name) or any(
+            function.quantity == "collision_margin" for function in self.functions
+        )
 
     @property
     def motor_name(self) -> tuple[str, ...]:
@@ -320,7 +322,7 @@ class Manifest:
 
     def argument(self, name: str) -> ArgumentSpec:
         """Return the argument of that name."""
-        return next(item for item in self.arguments if item.name == name)
+        return next(argument for argument in self.arguments if argument.name == name)
 
     def to_json(self) -> str:
         """Return the manifest as JSON text, the same for the same content: one line a field.
@@ -350,25 +352,25 @@ class Manifest:
     def read(cls, path: Path) -> "Manifest":
         """Read a manifest file; raises what from_json raises, LibraryError if there is none."""
         try:
-            text = path.read_text(encoding="utf-8")
+            content = path.read_text(encoding="utf-8")
         except OSError as error:
             raise LibraryError("no manifest beside the library", where=str(path)) from error
         except UnicodeDecodeError as error:
             raise LibraryError("the manifest is damaged", where=str(path), hint="build it again") from error
-        return cls.from_json(text, where=str(path))
+        return cls.from_json(content, where=str(path))
 
 
 def name_bar_pairs(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     """Return one name for each pair of bars: "bar1_bar2", numbered where two would be equal."""
-    taken: set[str] = set()
+    used: set[str] = set()
     names: list[str] = []
-    for first, second in pairs:
-        plain = name = f"{first}_{second}"
+    for bar, second in pairs:
+        plain = name = f"{bar}_{second}"
         number = 1
-        while name in taken:
+        while name in used:
             number += 1
             name = f"{plain}_{number}"
-        taken.add(name)
+        used.add(name)
         names.append(name)
     return tuple(names)
 
@@ -381,29 +383,29 @@ def _read_only(array: NDArray[Any]) -> NDArray[Any]:
 def _format(value: Any, depth: int) -> str:
     """Return JSON text in which tables, and lists of tables, have one line a field."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        items = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
-        value = {name: item for name, item in items.items() if name not in ONLY_IF_ANY or item}
+        fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        value = {name: field for name, field in fields.items() if name not in ONLY_IF_ANY or field}
     lead = "\n" + " " * depth
     if isinstance(value, dict) and value:
-        rows = (f"{json.dumps(key)}: {_format(item, depth + 1)}" for key, item in value.items())
+        rows = (f"{json.dumps(key)}: {_format(field, depth + 1)}" for key, field in value.items())
         return "{" + lead + f",{lead}".join(rows) + lead[:-1] + "}"
     if isinstance(value, tuple) and value and dataclasses.is_dataclass(value[0]):
-        return "[" + lead + f",{lead}".join(_format(item, depth + 1) for item in value) + lead[:-1] + "]"
+        return "[" + lead + f",{lead}".join(_format(field, depth + 1) for field in value) + lead[:-1] + "]"
     return json.dumps(value.tolist() if isinstance(value, np.ndarray) else value, allow_nan=False)
 
 
 def _decode(data: dict[str, Any]) -> Manifest:
     data = {key: _freeze(value) for key, value in data.items()}
     data["made_by"] = dict(data["made_by"])
-    data["arguments"] = tuple(ArgumentSpec(**item) for item in data["arguments"])
+    data["arguments"] = tuple(ArgumentSpec(**entry) for entry in data["arguments"])
     data["functions"] = tuple(
-        FunctionSpec(**{**item, "pattern": Pattern(**item["pattern"]) if item["pattern"] else None})
-        for item in data["functions"]
+        FunctionSpec(**{**entry, "pattern": Pattern(**entry["pattern"]) if entry["pattern"] else None})
+        for entry in data["functions"]
     )
-    data["integrators"] = tuple(IntegratorSpec(**item) for item in data["integrators"])
-    data["solvers"] = tuple(SolverSpec(**item) for item in data["solvers"])
-    data["left_out"] = tuple(LeftOut(**item) for item in data["left_out"])
-    data["parts"] = tuple(SourcePart(**item) for item in data.get("parts", ()))
+    data["integrators"] = tuple(IntegratorSpec(**entry) for entry in data["integrators"])
+    data["solvers"] = tuple(SolverSpec(**entry) for entry in data["solvers"])
+    data["left_out"] = tuple(LeftOut(**entry) for entry in data["left_out"])
+    data["parts"] = tuple(SourcePart(**entry) for entry in data.get("parts", ()))
     return Manifest(**data)
 
 
@@ -412,5 +414,5 @@ def _freeze(value: Any) -> Any:
         nested = not {list, dict}.isdisjoint(map(type, value))
         return tuple(map(_freeze, value)) if nested else tuple(value)
     if isinstance(value, dict):
-        return {key: _freeze(item) for key, item in value.items()}
+        return {key: _freeze(entry) for key, entry in value.items()}
     return value

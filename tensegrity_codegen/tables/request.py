@@ -31,17 +31,23 @@ def complete_options(
     formulation: str, options: Mapping[str, str], where: str = "model.options"
 ) -> dict[str, str]:
     """Return all options of a formulation, the omitted ones at their defaults."""
-    known = FORMULATIONS[formulation].options if formulation in FORMULATIONS else {}
+    options_of_formulation = FORMULATIONS[formulation].options if formulation in FORMULATIONS else {}
     for name, value in options.items():
-        if name not in known:
+        if name not in options_of_formulation:
             problem = f"formulation {formulation!r} has no such option"
-            allowed, hint = ", ".join(known) or "no options", suggest(name, known)
+            allowed, hint = (
+                ", ".join(options_of_formulation) or "no options",
+                suggest(name, options_of_formulation),
+            )
             raise UnknownKeyError(problem, where=where, given=name, allowed=allowed, hint=hint)
-        if value not in known[name]:
-            problem, allowed = "not one of the words that the option allows", ", ".join(known[name])
-            hint = suggest(value, known[name])
+        if value not in options_of_formulation[name]:
+            problem, allowed = (
+                "not one of the words that the option allows",
+                ", ".join(options_of_formulation[name]),
+            )
+            hint = suggest(value, options_of_formulation[name])
             raise UnknownNameError(problem, where=f"{where}.{name}", given=value, allowed=allowed, hint=hint)
-    return {name: options.get(name, words[0]) for name, words in known.items()}
+    return {name: options.get(name, choices[0]) for name, choices in options_of_formulation.items()}
 
 
 def check_batch_width(width: int, where: str = "model.batch_width") -> None:
@@ -139,13 +145,13 @@ class ModelRequest:
         for name in (*LISTS, *(("events",) if self.events is not None else ())):
             object.__setattr__(self, name, tuple(dict.fromkeys(check_names(getattr(self, name), name))))
         for name in ("parameters", "options"):
-            given = check_mapping(getattr(self, name), name, "see ModelRequest")
-            check_names(given, name)
-            for key, value in given.items():
+            mapping = check_mapping(getattr(self, name), name, "see ModelRequest")
+            check_names(mapping, name)
+            for key, value in mapping.items():
                 check_instance(
                     value, str if name == "options" else Iterable, f"{name}.{key}", "see ModelRequest"
                 )
-            object.__setattr__(self, name, MappingProxyType(dict(given)))
+            object.__setattr__(self, name, MappingProxyType(dict(mapping)))
         check_batch_width(self.batch_width)
         check_interfaces(self.interfaces)
 

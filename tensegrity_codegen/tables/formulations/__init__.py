@@ -8,9 +8,9 @@ from tensegrity_codegen.tables.formulations.formulation import Formulation
 
 
 def _collect() -> dict[str, Formulation]:
-    names = [item.name for item in iter_modules(__path__) if item.name != "formulation"]
-    found = [import_module(f"{__name__}.{name}").FORMULATION for name in names]
-    return {item.name: item for item in sorted(found, key=lambda item: item.order)}
+    names = [module.name for module in iter_modules(__path__) if module.name != "formulation"]
+    formulations = [import_module(f"{__name__}.{name}").FORMULATION for name in names]
+    return {module.name: module for module in sorted(formulations, key=lambda module: module.order)}
 
 
 FORMULATIONS = _collect()
@@ -28,7 +28,7 @@ def find_formulation(name: str) -> Formulation:
 def choose_formulation(*, rigid_bars: bool) -> Formulation:
     """Return the formulation in node coordinates that finds equilibria, with or without rigid bars."""
     return next(
-        item
-        for item in FORMULATIONS.values()
-        if item.in_nodes and item.has_statics and item.has_rigid_bars == rigid_bars
+        formulation
+        for formulation in FORMULATIONS.values()
+        if formulation.in_nodes and formulation.has_statics and formulation.has_rigid_bars == rigid_bars
     )

@@ -31,10 +31,10 @@ def _from_tableau(name: str, table: Tableau) -> Integrator:
 
 
 def _find_integrators() -> Mapping[str, Integrator]:
-    names = sorted(item.name for item in pkgutil.iter_modules(__path__) if item.name != "integrator")
-    own = [import_module(f"{__name__}.{name}").INTEGRATOR for name in names]
-    found = [*(_from_tableau(*item) for item in EXPLICIT.items()), *own]
-    return MappingProxyType({item.name: item for item in found})
+    names = sorted(entry.name for entry in pkgutil.iter_modules(__path__) if entry.name != "integrator")
+    with_file = [import_module(f"{__name__}.{name}").INTEGRATOR for name in names]
+    integrators = [*(_from_tableau(*entry) for entry in EXPLICIT.items()), *with_file]
+    return MappingProxyType({entry.name: entry for entry in integrators})
 
 
 INTEGRATORS = _find_integrators()
@@ -58,4 +58,4 @@ def find_row(name: str, needs_state_jacobian: bool) -> Integrator:
 def called_quantities(names: Iterable[str], needs_state_jacobian: bool) -> list[str]:
     """Return the quantities that these integrators call besides those that all do, each once."""
     rows = [find_row(name, needs_state_jacobian) for name in names if name in INTEGRATORS]
-    return list(dict.fromkeys(item for row in rows for item in row.quantities))
+    return list(dict.fromkeys(quantity for row in rows for quantity in row.quantities))

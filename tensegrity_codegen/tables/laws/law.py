@@ -83,12 +83,12 @@ class Law:
 
     def slope_by_rest_length(self, member: Mapping[str, Any], length: Scalar, where: Where) -> Scalar:
         """Return dt/drho = -mu y' - (EA / rho^2) y [N/m] at a constant length; member: all its values."""
-        rest, axial = member["rest_length"], member["axial_stiffness"]
+        rest_length, axial = member["rest_length"], member["axial_stiffness"]
         if self.is_linear:
-            return -(member["spring_constant"] + axial / (rest * rest) * length)
-        x, mu = length - rest, member["spring_constant"] + axial / rest
+            return -(member["spring_constant"] + axial / (rest_length * rest_length) * length)
+        x, mu = length - rest_length, member["spring_constant"] + axial / rest_length
         y = self.effective_elongation(x, member, where)
-        return -(self.slope(mu, x, member, where) + axial / (rest * rest) * y)
+        return -(self.slope(mu, x, member, where) + axial / (rest_length * rest_length) * y)
 
     def largest_slope(self, values: Mapping[str, Any], where: Where) -> Any:
         """Return the largest y' of all elongations."""

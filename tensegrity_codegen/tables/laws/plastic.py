@@ -86,8 +86,8 @@ class Plastic(Law):
         """
         r, b, q = self._ratio(values), values["isotropic"], values["plastic"]
         yields_first = (1.0 - b) * r * q > self._radius(values)
-        least = where(yields_first, self._side(values, -1.0) / where(r > 0.0, r, 1.0), q)
-        return where(x > least, x, least)
+        min_slack = where(yields_first, self._side(values, -1.0) / where(r > 0.0, r, 1.0), q)
+        return where(x > min_slack, x, min_slack)
 
     def settle(self, x: Scalar, values: Values, where: Where) -> tuple[Scalar, Scalar]:
         """Return q and a [m] at the elongation x [m], behind the flow from those of `values` on."""
@@ -96,8 +96,8 @@ class Plastic(Law):
         still = q
         if "pulled" in values:  # before the first event of a motion it may be beyond its limit
             still = self._pick(x, self.at_rest(values), where, pulled, pushed, q)
-        found = self._pick(x, values, where, pulled, pushed, still)
-        return found, a + where(found > q, found - q, q - found)
+        state = self._pick(x, values, where, pulled, pushed, still)
+        return state, a + where(state > q, state - q, q - state)
 
     def rates(
         self, motion: tuple[Scalar, Scalar], values: Values, where: Where, slack: bool
@@ -130,12 +130,12 @@ class Plastic(Law):
 
     def find_rest_length(self, length: FloatArray, tension: FloatArray, given: Columns) -> FloatArray:
         """Return the rest lengths [m] without plastic flow; NaN for a tension beyond the yield force."""
-        rest = super().find_rest_length(length, tension, given)
+        rest_length = super().find_rest_length(length, tension, given)
         stiffness = {key: given[key] for key in ("spring_constant", "axial_stiffness")}
         with np.errstate(all="ignore"):
-            mu = compute_spring_constant(**stiffness, rest_length=rest)
+            mu = compute_spring_constant(**stiffness, rest_length=rest_length)
             limit = self.find_parameters(given, mu)["yield_elongation"] * mu
-        return np.where(np.abs(tension) > limit, np.nan, rest)
+        return np.where(np.abs(tension) > limit, np.nan, rest_length)
 
     def find_parameters(self, given: Columns, mu: FloatArray) -> dict[str, FloatArray]:
         """Return yield_elongation, Fy / mu of a force Fy, and hardening and isotropic."""
@@ -146,7 +146,7 @@ class Plastic(Law):
 
     def check(self, member: Columns, tension_only: BoolArray) -> list[LawCheck]:
         """Return the members whose parameters are out of range."""
-        e, h, b = (member[item.name] for item in self.parameters)
+        e, h, b = (member[parameter.name] for parameter in self.parameters)
         return [
             LawCheck(~(e > 0), "yield_elongation", "a yield elongation that is not positive", "above 0"),
             LawCheck(~((h >= 0) & (h < 1)), "hardening", "hardening out of range", "0 up to below 1"),

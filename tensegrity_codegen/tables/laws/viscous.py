@@ -49,8 +49,8 @@ class Viscous(Law):
 
     def limit_slack(self, x: Scalar, values: Values, where: Where) -> Scalar:
         """Return x, or where a cable is slack the elongation below which it is: p, or 0 at rest [m]."""
-        least = values.get("viscous", 0.0)
-        return where(x > least, x, least)
+        min_slack = values.get("viscous", 0.0)
+        return where(x > min_slack, x, min_slack)
 
     def settle(self, x: Scalar, values: Values, where: Where) -> tuple[Scalar]:
         """Return p [m] after infinite time at the elongation x [m]."""
@@ -69,11 +69,11 @@ class Viscous(Law):
 
     def find_parameters(self, given: Columns, mu: FloatArray) -> dict[str, FloatArray]:
         """Return both parameters, which are keys of the scene."""
-        return {item.name: given[item.name] for item in self.parameters}
+        return {parameter.name: given[parameter.name] for parameter in self.parameters}
 
     def check(self, member: Columns, tension_only: BoolArray) -> list[LawCheck]:
         """Return the members whose parameters are out of range."""
-        time, h = (member[item.name] for item in self.parameters)
+        time, h = (member[parameter.name] for parameter in self.parameters)
         problem = "a fraction of the stiffness out of range"
         return [
             LawCheck(~(time > 0), "relaxation_time", "a time that is not positive", "above 0"),

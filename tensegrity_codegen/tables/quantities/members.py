@@ -62,15 +62,15 @@ def check_values(quantity: MemberQuantity, subject: Any) -> None:
             "axial_stiffness [N] or spring_constant [N/m]",
         ),
     )
-    for find, has, word, key in needs:
+    for find, has, noun, key in needs:
         lacking = np.flatnonzero(find(subject) & ~has) if find is not None else ()
         if len(lacking):
             names = [subject.member_name[e] for e in lacking[:3]]
-            others = f" and {len(lacking) - 3} others" if len(lacking) > 3 else ""
+            count_text = f" and {len(lacking) - 3} others" if len(lacking) > 3 else ""
             raise FormulationError(
-                f"the quantity {quantity.name!r} needs the {word} of members that have none",
+                f"the quantity {quantity.name!r} needs the {noun} of members that have none",
                 where=f"{subject.name}: model.quantities",
-                given=f"{', '.join(names)}{others} without {key.split()[0]}",
+                given=f"{', '.join(names)}{count_text} without {key.split()[0]}",
                 allowed=f"{key} of each member that the quantity needs",
                 hint=f"give {key} to these members or to their class",
             )

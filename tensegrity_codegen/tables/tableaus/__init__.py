@@ -16,7 +16,7 @@ def _find_tableaus() -> Mapping[str, Tableau]:
     """Return the tableau of every module of this package that holds one, by the name of the module."""
     modules = {name: import_module(f"{__name__}.{name}") for _, name, _ in pkgutil.iter_modules(__path__)}
     return MappingProxyType(
-        {name: item.TABLEAU for name, item in sorted(modules.items()) if hasattr(item, "TABLEAU")}
+        {name: module.TABLEAU for name, module in sorted(modules.items()) if hasattr(module, "TABLEAU")}
     )
 
 
