@@ -51,10 +51,10 @@ def _fallback() -> Path:
 
 def _may_be_written(folder: Path) -> bool:
     """Return whether a folder can be written, or made; nothing is made to find out."""
-    place = folder
-    while not os.path.lexists(place) and place != place.parent:
-        place = place.parent
-    return os.access(place, os.W_OK | os.X_OK)
+    path = folder
+    while not os.path.lexists(path) and path != path.parent:
+        path = path.parent
+    return os.access(path, os.W_OK | os.X_OK)
 
 
 # Folders and files that only this user can have written: made so, and checked before they are used.
@@ -82,11 +82,11 @@ def check_private(path: Path, root: Path) -> None:
 def check_entry(folder: Path, root: Path) -> None:
     """Raise UnsafeCacheError unless a folder and everything in it are of this user alone."""
     check_private(folder, root)
-    with suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as items:
-        for item in items:
-            problem = _find_problem(item.stat(follow_symlinks=False))
+    with suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
+        for entry in entries:
+            problem = _find_problem(entry.stat(follow_symlinks=False))
             if problem:
-                raise _refuse(Path(item.path), root, problem)
+                raise _refuse(Path(entry.path), root, problem)
 
 
 def check_parents(root: Path) -> None:
@@ -106,13 +106,13 @@ def make_private(folder: Path, root: Path) -> None:
     A folder that is there already is checked as by check_private.
     """
     missing = []
-    place = folder
-    while not os.path.lexists(place) and place != place.parent:
-        missing.append(place)
-        place = place.parent
-    for place in reversed(missing):
+    path = folder
+    while not os.path.lexists(path) and path != path.parent:
+        missing.append(path)
+        path = path.parent
+    for path in reversed(missing):
         with suppress(FileExistsError):  # another process was faster
-            place.mkdir(mode=0o700)
+            path.mkdir(mode=0o700)
     check_private(folder, root)
     if not folder.is_dir():
         raise NotADirectoryError(20, "a file is in the way of a folder", str(folder))

@@ -92,6 +92,6 @@ def check_names(value: Any, where: str) -> tuple[str, ...]:
 
 def check_path(value: Any, where: str) -> None:
     """Raise InvalidValueError for what is no path of a file or folder."""
-    text = os.fspath(value) if isinstance(value, str | os.PathLike) else None
-    if not isinstance(text, str) or "\0" in text or any("\ud800" <= letter <= "\udbff" for letter in text):
+    path = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(path, str) or "\0" in path or any("\ud800" <= letter <= "\udbff" for letter in path):
         raise InvalidValueError("not a path", where=where, given=value, allowed="a text or a pathlib.Path")

@@ -200,9 +200,8 @@ def check_choice(given: Any, known: Iterable[str], what: str, where: str) -> Non
     """Raise UnknownNameError for a word that is not one of those known; `what`: "method", for the message."""
     known = list(known)
     if not isinstance(given, str) or given not in known:
-        raise UnknownNameError(
-            f"unknown {what}", where=where, given=given, allowed=", ".join(known), hint=suggest(given, known)
-        )
+        problem, allowed = f"unknown {what}", ", ".join(known)
+        raise UnknownNameError(problem, where=where, given=given, allowed=allowed, hint=suggest(given, known))
 
 
 # Words of other programs for keys of a scene and for quantities, which are not spelled alike.

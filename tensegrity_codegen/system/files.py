@@ -113,9 +113,9 @@ def write_text(text: str, path: str | Path, *, overwrite: bool) -> None:
 def plain(value: Any) -> Any:
     """Return `value` in JSON's types; a number that is not finite becomes null."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [plain(entry) for entry in value]
     if isinstance(value, float):  # NumPy's too
         return float(value) if math.isfinite(value) else None
     if isinstance(value, str | int) or value is None:

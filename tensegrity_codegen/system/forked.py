@@ -67,8 +67,8 @@ def run_pieces(
                 index, item = waiting.pop()
                 receiver, child = _start(work, item)
                 running[receiver] = (index, child)
-            left = max(0.0, deadline - time.monotonic())
-            ready = wait(list(running), min(LOOK, left))
+            remaining = max(0.0, deadline - time.monotonic())
+            ready = wait(list(running), min(LOOK, remaining))
             for receiver in [item for item in running if item in ready]:
                 index, child = running.pop(receiver)
                 yield _receive(receiver, index, child)
@@ -82,10 +82,10 @@ def run_pieces(
 def _run_here(
     work: Callable[[Item], Result], items: Sequence[Item], deadline: float
 ) -> Iterator[Piece[Result]]:
-    for index, item in enumerate(items):
+    for index, piece in enumerate(items):
         if time.monotonic() >= deadline:
             return
-        yield Piece(index, work(item))
+        yield Piece(index, work(piece))
 
 
 def _start(work: Callable[[Item], Result], item: Item) -> tuple[Connection, Any]:
@@ -113,8 +113,8 @@ def deferred_signals() -> Iterator[None]:
         yield
         return
     came: list[int] = []
-    found = {number: signal.getsignal(number) for number in DEFERRED}
-    handlers = {number: handler for number, handler in found.items() if callable(handler)}
+    previous = {number: signal.getsignal(number) for number in DEFERRED}
+    handlers = {number: handler for number, handler in previous.items() if callable(handler)}
     for number in handlers:
         signal.signal(number, lambda number, frame: came.append(number))
     try:

@@ -59,8 +59,8 @@ class Resumption:
             )
         run = "unfinished run" if self.taken < self.total else "run"
         count = f"{self.taken} of {self.total}" if self.taken < self.total else f"all {self.total}"
-        text = f"{self.subject}: {count} {self.what} taken from the {run}{self._name_time(now)}"
-        return text if self.taken < self.total else f"{text}; `fresh=True` computes them again"
+        sentence = f"{self.subject}: {count} {self.what} taken from the {run}{self._name_time(now)}"
+        return sentence if self.taken < self.total else f"{sentence}; `fresh=True` computes them again"
 
     def _name_time(self, now: float) -> str:
         if self.written is None:
@@ -138,10 +138,10 @@ class Journal:
 
     def _read(self, text: str) -> None:
         for line in text.split("\n"):
-            found = _read_line(line)
-            if found is None:
+            entry = _read_line(line)
+            if entry is None:
                 continue
-            key, name, value, written = found
+            key, name, value, written = entry
             self._times[key == self.key] = written
             if key == self.key:
                 self._values[name] = value
@@ -151,8 +151,8 @@ class Journal:
         self._values.clear()
         self._times.clear()
         lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
-        others = [line for line in lines if (found := _read_line(line)) is not None and found[0] != self.key]
-        write_text("".join(f"{line}\n" for line in others), path, overwrite=True)
+        intact = [line for line in lines if (entry := _read_line(line)) is not None and entry[0] != self.key]
+        write_text("".join(f"{line}\n" for line in intact), path, overwrite=True)
 
 
 def _read_line(line: str) -> tuple[str, str, Any, float | None] | None:
@@ -188,7 +188,7 @@ def read_record(kind: type[Record], data: Any) -> Record | None:
 
 def _is_of(hint: Any, value: Any) -> bool:
     if get_origin(hint) is types.UnionType:
-        return any(_is_of(item, value) for item in get_args(hint))
+        return any(_is_of(option, value) for option in get_args(hint))
     if hint is float:
         return isinstance(value, int | float) and not isinstance(value, bool) and _is_finite(value)
     if hint is int:

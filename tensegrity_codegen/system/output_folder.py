@@ -33,14 +33,14 @@ def check_folder(
     check_path(folder, "folder")
     check_switch(overwrite, "overwrite")
     target = Path(folder)
-    place = target
-    while not os.path.lexists(place) and place != place.parent:
-        place = place.parent
-    if not place.is_dir():
-        raise explain_unwritable(folder, f"{place} is not a folder", "folder")
-    if not os.access(place, os.W_OK | os.X_OK):
-        raise explain_unwritable(folder, f"the folder {place} may not be written to", "folder")
-    known, existing = (_read_list(target) if listed else {}), []
+    output = target
+    while not os.path.lexists(output) and output != output.parent:
+        output = output.parent
+    if not output.is_dir():
+        raise explain_unwritable(folder, f"{output} is not a folder", "folder")
+    if not os.access(output, os.W_OK | os.X_OK):
+        raise explain_unwritable(folder, f"the folder {output} may not be written to", "folder")
+    listing, existing = (_read_list(target) if listed else {}), []
     for name in sorted(names):
         path = target / name
         if not os.path.lexists(path):
@@ -48,16 +48,20 @@ def check_folder(
         check_not_input(path, inputs)
         if path.is_dir():
             raise explain_unwritable(path, "this is a folder, not a file")
-        if not overwrite and not _is_listed(path, known):
+        if not overwrite and not _is_listed(path, listing):
             existing.append(name)
     if existing:
-        more = f" and {len(existing) - MOST_NAMED} more" if len(existing) > MOST_NAMED else ""
+        ending = f" and {len(existing) - MOST_NAMED} more" if len(existing) > MOST_NAMED else ""
         unchanged = f", or with these as {LIST_FILE} lists them" if listed else ""
         problem, location = "the folder holds files of these names already", str(folder)
         allowed = f"a folder without files of these names{unchanged}"
         hint = "choose another folder, or pass `overwrite=True` to replace these files"
         raise OutputError(
-            problem, where=location, given=", ".join(existing[:MOST_NAMED]) + more, allowed=allowed, hint=hint
+            problem,
+            where=location,
+            given=", ".join(existing[:MOST_NAMED]) + ending,
+            allowed=allowed,
+            hint=hint,
         )
     return target
 
@@ -80,7 +84,7 @@ def write_folder(
     names = [*files, LIST_FILE] if listed else list(files)
     target = check_folder(folder, names, inputs=inputs, overwrite=overwrite, listed=listed)
     hashes = {name: {hashlib.sha256(content).hexdigest()} for name, content in files.items()}
-    hashes = {name: known for name, known in _read_list(target).items() if (target / name).exists()} | hashes
+    hashes = {name: old for name, old in _read_list(target).items() if (target / name).exists()} | hashes
     contents = dict(files) | ({LIST_FILE: _format_list(hashes)} if listed else {})
     try:
         if target.is_dir():
@@ -104,10 +108,10 @@ def _exchange(target: Path, contents: Mapping[str, bytes], hashes: Mapping[str, 
     with work_folder(target, sweep=True) as work:
         _write_all(work / NEW, contents)
         if hashes:
-            known = _read_list(target)
-            both = {name: hashes[name] | known.get(name, set()) for name in hashes}
+            old_hashes = _read_list(target)
+            merged = {name: hashes[name] | old_hashes.get(name, set()) for name in hashes}
             (work / NEW / LIST_FILE).rename(work / LIST_FILE)
-            (work / NEW / LIST_FILE).write_bytes(_format_list(both))
+            (work / NEW / LIST_FILE).write_bytes(_format_list(merged))
         _keep(work / OLD, target, contents)
         moved: list[str] = []
         try:
@@ -150,10 +154,10 @@ def _write_all(folder: Path, contents: Mapping[str, bytes]) -> None:
 @contextmanager
 def _parents(target: Path) -> Iterator[None]:
     """Make the parent folders; on an error those made here are removed."""
-    made, place = [], target.absolute().parent
-    while not place.exists():
-        made.append(place)
-        place = place.parent
+    made, path = [], target.absolute().parent
+    while not path.exists():
+        made.append(path)
+        path = path.parent
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         yield
@@ -182,13 +186,13 @@ def _read_list(folder: Path) -> dict[str, set[str]]:
         lines = (folder / LIST_FILE).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
         return {}
-    known: dict[str, set[str]] = {}
+    hashes: dict[str, set[str]] = {}
     for line in lines:
         digest, _, name = line.partition("  ")
         if not name or len(digest) != 64:  # a list of another kind
             return {}
-        known.setdefault(name, set()).add(digest)
-    return known
+        hashes.setdefault(name, set()).add(digest)
+    return hashes
 
 
 def _format_list(known: Mapping[str, set[str]]) -> bytes:

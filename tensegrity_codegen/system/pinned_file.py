@@ -71,14 +71,14 @@ class PinnedFile:
         if file is not None:
             return self._read_file(Path(file))
         root = find_cache_root()
-        kept = root / "sources" / self.file
-        content = self._read_kept(kept, root)
+        stored = root / "sources" / self.file
+        content = self._read_kept(stored, root)
         if content is None:
-            with _alone(kept, root):
-                content = self._read_kept(kept, root)  # another process may have been faster
+            with _alone(stored, root):
+                content = self._read_kept(stored, root)  # another process may have been faster
                 if content is None:
                     content = self.download()
-                    _keep(kept, root, content)
+                    _keep(stored, root, content)
         return content
 
     def is_kept(self) -> bool:
@@ -92,15 +92,15 @@ class PinnedFile:
     def download(self) -> bytes:
         """Return what pip downloads from its index; raises MissingSourceError."""
         with tempfile.TemporaryDirectory(prefix="tensegrity_codegen_") as folder:
-            wanted = Path(folder) / "wanted.txt"
-            wanted.write_text(
+            requirements = Path(folder) / "wanted.txt"
+            requirements.write_text(
                 f"{self.package}=={self.version} --hash=sha256:{self.sha256}\n", encoding="ascii"
             )
             # pip runs code of a source archive to read its name; with hashes not before it is verified.
             kind = "--no-binary" if self.is_source else "--only-binary"
             command = [sys.executable, "-P", "-m", "pip", "download", "--require-hashes", kind, self.package]
             command += ["--no-deps", "--quiet", "--disable-pip-version-check", "--no-input", "--dest", folder]
-            command += ["--requirement", str(wanted)]
+            command += ["--requirement", str(requirements)]
             try:
                 done = subprocess.run(
                     command, stdin=subprocess.DEVNULL, capture_output=True, timeout=TIMEOUT, check=False
@@ -122,20 +122,20 @@ class PinnedFile:
             raise MissingSourceError(
                 f"{self.title} cannot be read", where=str(path), given=describe_reason(error), hint=self.hint
             ) from error
-        found = hashlib.sha256(content).hexdigest()
-        if found != self.sha256:
+        actual = hashlib.sha256(content).hexdigest()
+        if actual != self.sha256:
             problem = f"this is not {self.title} {self.version}"
             allowed = f"{self.file} with SHA-256 {self.sha256}"
             raise MissingSourceError(
-                problem, where=str(path), given=f"SHA-256 {found}", allowed=allowed, hint=self.hint
+                problem, where=str(path), given=f"SHA-256 {actual}", allowed=allowed, hint=self.hint
             )
         return content
 
     def _read_kept(self, path: Path, root: Path) -> bytes | None:
         """Return the file in the cache; None where there is none, or a damaged one."""
         check_parents(root)
-        for place in (root, path.parent, path):
-            check_private(place, root)
+        for directory in (root, path.parent, path):
+            check_private(directory, root)
         try:
             content = path.read_bytes()
         except OSError:

@@ -13,10 +13,10 @@ from tensegrity_codegen.system.version import VERSION
 def name_processor() -> str:
     """Return the processor's model as the system states it, or its architecture."""
     try:
-        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+        content = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:
         return platform.processor() or platform.machine()
-    for line in text.splitlines():
+    for line in content.splitlines():
         if line.startswith("model name"):
             return line.partition(":")[2].strip()
     return platform.machine()
@@ -27,8 +27,8 @@ def describe_provenance() -> tuple[str, str]:
 
     The day is that of SOURCE_DATE_EPOCH [s] where this variable of the environment is a number of seconds.
     """
-    text = os.environ.get("SOURCE_DATE_EPOCH", "")
-    day = datetime.fromtimestamp(int(text), UTC) if text.isdecimal() else datetime.now(UTC)
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    day = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)
     return (
         f"tensegrity_codegen {VERSION}, Python {platform.python_version()}, NumPy {np.__version__}.",
         f"Written on {day:%Y-%m-%d}; {name_processor()}, {platform.system()} {platform.machine()}.",

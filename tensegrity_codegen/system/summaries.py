@@ -30,28 +30,28 @@ class Summarised:
     def facts(self) -> list[Fact]:
         """Return what the result holds, the most important first; by default the fields of a dataclass."""
         fields: tuple[Any, ...] = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()
-        names = [item.name for item in fields]
+        names = [field.name for field in fields]
         return [(name, _describe(getattr(self, name))) for name in names if name != "status"]
 
     def __repr__(self) -> str:
-        first = ": ".join(part for part in (type(self).__name__, self.headline()) if part)
+        title = ": ".join(piece for piece in (type(self).__name__, self.headline()) if piece)
         facts = self.facts()
-        lines = [f"{name}: {text}" for name, text in facts[:SHOWN]]
+        lines = [f"{name}: {value}" for name, value in facts[:SHOWN]]
         if len(facts) > SHOWN:
-            lines[-1] = "; ".join(f"{name}: {text}" for name, text in facts[SHOWN - 1 :])
-        return "\n  ".join(_cut(" ".join(line.split())) for line in (first, *lines))
+            lines[-1] = "; ".join(f"{name}: {value}" for name, value in facts[SHOWN - 1 :])
+        return "\n  ".join(_cut(" ".join(line.split())) for line in (title, *lines))
 
     def _repr_html_(self) -> str:
-        text: str = importlib.import_module(NOTEBOOK).build_html(self)
-        return text
+        html: str = importlib.import_module(NOTEBOOK).build_html(self)
+        return html
 
 
 def count_names(names: Sequence[str]) -> str:
     """Return a number of names and the first of them: "6 (b1, b2, b3, b4, ...)"."""
     if not names:
         return "0"
-    more = ", ..." if len(names) > MOST_NAMES else ""
-    return f"{len(names)} ({', '.join(names[:MOST_NAMES])}{more})"
+    ending = ", ..." if len(names) > MOST_NAMES else ""
+    return f"{len(names)} ({', '.join(names[:MOST_NAMES])}{ending})"
 
 
 def describe_count(count: int, word: str, plural: str = "") -> str:
@@ -82,7 +82,7 @@ def _describe(value: Any) -> str:
         return f"{value:.6g}"
     if isinstance(value, str | bool | int) or value is None:
         return str(value)
-    if isinstance(value, tuple | list) and all(isinstance(item, str) for item in value):
+    if isinstance(value, tuple | list) and all(isinstance(entry, str) for entry in value):
         return count_names(list(value))
     if hasattr(value, "shape") and hasattr(value, "nnz"):
         return f"sparse {value.shape}, {value.nnz} non-zeros"

@@ -42,8 +42,8 @@ def write_parquet(
     """Write columns of one length as Parquet, `facts` as its metadata."""
     check_ending(path, PARQUET)
     pyarrow, parquet = import_extra("pyarrow", TABLES), import_extra("pyarrow.parquet", TABLES)
-    known = {key: value.encode("utf-8") for key, value in facts.items()}
-    table = pyarrow.table(dict(columns)).replace_schema_metadata(known)
+    metadata = {key: value.encode("utf-8") for key, value in facts.items()}
+    table = pyarrow.table(dict(columns)).replace_schema_metadata(metadata)
     with replaced(path, overwrite=overwrite) as temporary:
         parquet.write_table(table, temporary)
 
@@ -63,8 +63,8 @@ def write_mat(path: str | Path, variables: Mapping[str, Any], *, overwrite: bool
             hint = "write an .npz file"
             raise InvalidValueError(problem, where=name, given=f"{size >> 20} MB", allowed=allowed, hint=hint)
     with replaced(path, overwrite=overwrite) as temporary:
-        known = {name: _to_matlab(value) for name, value in variables.items()}
-        savemat(str(temporary), known, appendmat=False, oned_as="column")
+        converted = {name: _to_matlab(value) for name, value in variables.items()}
+        savemat(str(temporary), converted, appendmat=False, oned_as="column")
         with temporary.open("r+b") as file:
             file.write("MATLAB 5.0 MAT-file, written by tensegrity_codegen".ljust(MAT_HEADER).encode("ascii"))
 
@@ -73,6 +73,6 @@ def _to_matlab(value: Any) -> Any:
     """Return texts of an array as a cell array, numbers in types of MATLAB."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "U":
         return value.item() if value.ndim == 0 else value.astype(object)
-    if isinstance(value, tuple | list) and all(isinstance(item, str) for item in value):
+    if isinstance(value, tuple | list) and all(isinstance(entry, str) for entry in value):
         return np.array(value, dtype=object)
     return value

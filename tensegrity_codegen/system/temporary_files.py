@@ -54,17 +54,17 @@ def read_announcements(data: bytes, known: set[str], advice: list[str | None] | 
     known: the paths that are open; advice: nothing, or the text for the user if the process is killed, or
     None where the user knows already.
     """
-    *whole, rest = data.split(b"\0")
-    for item in whole:
-        path = os.fsdecode(item[1:])
-        if item[:1] in (b"?", b"!"):
+    *complete, tail = data.split(b"\0")
+    for announcement in complete:
+        path = os.fsdecode(announcement[1:])
+        if announcement[:1] in (b"?", b"!"):
             if advice is not None:
-                advice[:] = [None] if item[:1] == b"!" else [path] if path else []
-        elif item[:1] == b"+":
+                advice[:] = [None] if announcement[:1] == b"!" else [path] if path else []
+        elif announcement[:1] == b"+":
             known.add(path)
         else:
             known.discard(path)
-    return rest
+    return tail
 
 
 def remove_leftovers(known: set[str]) -> None:
@@ -91,10 +91,10 @@ STALE_AFTER = 24 * 3600.0  # s; where the system does not say whether a process 
 @contextmanager
 def work_folder(parent: Path | None = None, *, sweep: bool = False) -> Iterator[Path]:
     """Give a new folder for this user alone, removed at the end."""
-    place = Path(tempfile.gettempdir()).resolve() if parent is None else parent
+    path = Path(tempfile.gettempdir()).resolve() if parent is None else parent
     if sweep:
-        remove_abandoned(place)
-    folder = place / f"{PREFIX}{name_owner()}"
+        remove_abandoned(path)
+    folder = path / f"{PREFIX}{name_owner()}"
     announce(folder)
     try:
         folder.mkdir(mode=0o700)
@@ -115,11 +115,11 @@ def remove_abandoned(parent: Path, before: str = PREFIX, after: str = "") -> Non
     before, after: what stands in the names before and after that of the owner.
     """
     pattern = rf"{re.escape(before)}{_name_machine()}-(\d+)-[0-9a-f]{{12}}{re.escape(after)}"
-    with suppress(OSError), os.scandir(parent) as items:
-        for item in items:
-            match = re.fullmatch(pattern, item.name)
-            if match and not _is_in_use(item, int(match[1])):
-                remove_leftovers({item.path})
+    with suppress(OSError), os.scandir(parent) as entries:
+        for entry in entries:
+            match = re.fullmatch(pattern, entry.name)
+            if match and not _is_in_use(entry, int(match[1])):
+                remove_leftovers({entry.path})
 
 
 def _is_in_use(item: os.DirEntry[str], process: int) -> bool:
