@@ -31,7 +31,7 @@ def compile_actuated(
     from tensegrity_codegen.control.planning.targets import find_target_quantities
     from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
     from tensegrity_codegen.pipeline.settle import with_statics
-    from tensegrity_codegen.structure.actuate import actuate_members
+    from tensegrity_codegen.structure.applied_inputs import actuate_members
 
     quantities: Sequence[str] = ()
     if to:

@@ -18,7 +18,7 @@ from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.ground_support import needs_state_jacobian
-from tensegrity_codegen.structure.ring_support import has_rings
+from tensegrity_codegen.structure.sliding import has_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, TensegrityError
 from tensegrity_codegen.system.summaries import describe_count

@@ -39,8 +39,7 @@ from tensegrity_codegen.structure.collision import check_collision
 from tensegrity_codegen.structure.ground_support import check_ground, has_contacts, needs_state_jacobian
 from tensegrity_codegen.structure.memory import find_setting_events
 from tensegrity_codegen.structure.memory_support import check_memory
-from tensegrity_codegen.structure.ring_support import check_rings
-from tensegrity_codegen.structure.sliding import check_ring_friction
+from tensegrity_codegen.structure.sliding import check_ring_friction, check_rings
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError, suggest

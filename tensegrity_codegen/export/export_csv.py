@@ -15,7 +15,7 @@ from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajector
 from tensegrity_codegen.scene.formats.import_tables import MEMBER_COLUMNS, NODE_COLUMNS
 from tensegrity_codegen.scene.read import read_scene
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS
-from tensegrity_codegen.structure.ring_support import require_no_rings
+from tensegrity_codegen.structure.sliding import require_no_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
 

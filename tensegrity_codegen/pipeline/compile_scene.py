@@ -15,7 +15,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.read import name_source, read_scene
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject, assemble_scene
-from tensegrity_codegen.structure.actuate import actuate_members
+from tensegrity_codegen.structure.applied_inputs import actuate_members
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_instance, check_names, check_positive, check_whole
 from tensegrity_codegen.system.errors import FormulationError

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.codegen.prune import prune
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.schema.schema import Scene
-from tensegrity_codegen.structure.actuate import actuate_members
+from tensegrity_codegen.structure.applied_inputs import actuate_members
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.checks import check_mapping, check_names
 

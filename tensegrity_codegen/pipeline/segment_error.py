@@ -10,7 +10,7 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium, S
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.read import parse_scene
-from tensegrity_codegen.structure.segments import find_chains, measure_chain
+from tensegrity_codegen.structure.pieces import find_chains, measure_chain
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.tables.request import ModelRequest

@@ -6,8 +6,7 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.collision import check_collision
 from tensegrity_codegen.structure.ground_support import check_ground
 from tensegrity_codegen.structure.memory_support import check_memory
-from tensegrity_codegen.structure.ring_support import check_rings
-from tensegrity_codegen.structure.sliding import check_ring_friction
+from tensegrity_codegen.structure.sliding import check_ring_friction, check_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.columns import add_derivatives
 from tensegrity_codegen.symbolic.model import SymbolicModel

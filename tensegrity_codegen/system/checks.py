@@ -1,12 +1,13 @@
-"""Checks of what callers hand in: numbers, switches, objects of this package, paths."""
+"""Checks of values from callers: numbers, switches, objects of this package, paths, moved arguments."""
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import wraps
 from numbers import Integral, Real
-from typing import Any, TypeGuard
+from typing import Any, ParamSpec, TypeGuard, TypeVar
 
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 
 
 def is_whole(value: Any) -> TypeGuard[int]:
@@ -95,3 +96,32 @@ def check_path(value: Any, where: str) -> None:
     path = os.fspath(value) if isinstance(value, str | os.PathLike) else None
     if not isinstance(path, str) or "\0" in path or any("\ud800" <= letter <= "\udbff" for letter in path):
         raise InvalidValueError("not a path", where=where, given=value, allowed="a text or a pathlib.Path")
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class MovedArgumentError(TensegrityError, TypeError):
+    """A keyword that a function had, and that an object given to it has now."""
+
+
+def with_moved(**places: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator for a function that had these arguments.
+
+    places: name of an argument -> how it is stated now, such as ``"until=Until(condition=...)"``.
+    The function raises MovedArgumentError for a call with one of the names.
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        @wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> R:
+            for name in kwargs:
+                if name in places:
+                    problem = f"{function.__name__} takes this argument in an object"
+                    raise MovedArgumentError(problem, where=name, given=f"{name}=...", allowed=places[name])
+            return function(*args, **kwargs)
+
+        return call
+
+    return decorate

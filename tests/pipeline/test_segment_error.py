@@ -7,7 +7,7 @@ import pytest
 
 import tensegrity_codegen as tc
 from tensegrity_codegen.pipeline.segment_error import _halve
-from tensegrity_codegen.structure.segments import find_chains, measure_chain
+from tensegrity_codegen.structure.pieces import find_chains, measure_chain
 
 G = 9.81
 

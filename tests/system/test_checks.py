@@ -1,8 +1,25 @@
+import inspect
+
 import numpy as np
 import pytest
 
-from tensegrity_codegen.system.checks import check_positive, check_whole, is_number, is_whole
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen import (
+    build_controller,
+    simulate,
+    simulate_batch,
+    simulate_control,
+    simulate_control_batch,
+    study_control,
+)
+from tensegrity_codegen.system.checks import (
+    MovedArgumentError,
+    check_positive,
+    check_whole,
+    is_number,
+    is_whole,
+    with_moved,
+)
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 
 
 @pytest.mark.parametrize("value", [3, np.int32(3), np.uint8(3)])
@@ -34,3 +51,46 @@ def test_what_is_no_positive_number_is_refused_with_its_unit(value):
     with pytest.raises(InvalidValueError, match="step: out of range") as caught:
         check_positive(value, "step", "[s]")
     assert "a finite number > 0 [s]" in str(caught.value)
+
+
+@with_moved(speed="motion=Motion(speed=...)")
+def drive(distance: float, *, motion: float = 1.0) -> float:
+    """Return a product."""
+    return distance * motion
+
+
+def test_a_moved_argument_says_where_it_is_now() -> None:
+    with pytest.raises(MovedArgumentError) as caught:
+        drive(1.0, speed=2.0)  # type: ignore[call-arg]
+    assert caught.value.where == "speed"
+    assert "motion=Motion(speed=...)" in str(caught.value)
+    assert isinstance(caught.value, TypeError)
+    assert isinstance(caught.value, TensegrityError)
+
+
+def test_other_calls_are_those_of_the_function() -> None:
+    assert drive(3.0, motion=2.0) == 6.0
+    assert list(inspect.signature(drive).parameters) == ["distance", "motion"]
+    with pytest.raises(TypeError, match="unexpected keyword argument"):
+        drive(1.0, sped=2.0)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize(
+    ("function", "name", "place"),
+    [
+        (simulate, "step", "Stepping(step=...)"),
+        (simulate, "until_contact", "Until(contact=True)"),
+        (simulate, "condition", "Until(condition=..., stops=False)"),
+        (simulate_batch, "atol", "Stepping(atol=...)"),
+        (simulate_control, "gust", "Disturbance(gust=...)"),
+        (simulate_control, "delay", "ActuatorLimits(delay=...)"),
+        (simulate_control_batch, "knots", "ControllerCode(knots=...)"),
+        (build_controller, "precision", "ControllerCode(precision=...)"),
+        (study_control, "seed", "Draws(seed=...)"),
+    ],
+)
+def test_functions_name_the_object(function: object, name: str, place: str) -> None:
+    with pytest.raises(MovedArgumentError) as caught:
+        function(None, None, **{name: None})  # type: ignore[operator]
+    assert place in caught.value.allowed
+    assert name not in inspect.signature(function).parameters  # type: ignore[arg-type]

@@ -31,8 +31,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.names import check_scene_name
-from tensegrity_codegen.system.checks import check_instance, check_path, check_switch
-from tensegrity_codegen.system.moved_arguments import with_moved
+from tensegrity_codegen.system.checks import check_instance, check_path, check_switch, with_moved
 from tensegrity_codegen.system.output_folder import check_folder, write_folder
 from tensegrity_codegen.tables.precision import find_precision
 

@@ -34,8 +34,13 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.system.checks import check_instance, check_positive, check_switch, check_whole
-from tensegrity_codegen.system.moved_arguments import with_moved
+from tensegrity_codegen.system.checks import (
+    check_instance,
+    check_positive,
+    check_switch,
+    check_whole,
+    with_moved,
+)
 from tensegrity_codegen.tables.precision import find_precision
 
 

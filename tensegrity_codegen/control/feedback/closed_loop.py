@@ -31,9 +31,8 @@ from tensegrity_codegen.runtime.model.require import require_double, require_mod
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_instance, check_positive, check_switch
+from tensegrity_codegen.system.checks import check_instance, check_positive, check_switch, with_moved
 from tensegrity_codegen.system.errors import NonFiniteError
-from tensegrity_codegen.system.moved_arguments import with_moved
 
 MOVED_TO_DISTURBANCE = {
     field.name: f"disturbance=Disturbance({field.name}=...)" for field in fields(Disturbance)

@@ -20,7 +20,7 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.limits import Limits
-from tensegrity_codegen.structure.ring_support import require_no_rings
+from tensegrity_codegen.structure.sliding import require_no_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_mapping, check_switch

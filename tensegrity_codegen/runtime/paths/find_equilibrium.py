@@ -14,7 +14,7 @@ from tensegrity_codegen.runtime.paths.snap import find_load_snap, find_snap, joi
 from tensegrity_codegen.runtime.statics import equilibrium as search
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium, Snap
 from tensegrity_codegen.runtime.statics.newton import Progress
-from tensegrity_codegen.structure.segments import find_chains
+from tensegrity_codegen.structure.pieces import find_chains
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_switch

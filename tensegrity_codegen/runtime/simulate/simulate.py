@@ -20,8 +20,7 @@ from tensegrity_codegen.runtime.simulate.given import read_motion
 from tensegrity_codegen.runtime.simulate.until import Until, read_until
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
-from tensegrity_codegen.system.checks import check_callback
-from tensegrity_codegen.system.moved_arguments import with_moved
+from tensegrity_codegen.system.checks import check_callback, with_moved
 
 
 @with_moved(

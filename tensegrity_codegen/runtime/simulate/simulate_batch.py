@@ -42,9 +42,8 @@ from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, STATE
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import require_simulation
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_callback
+from tensegrity_codegen.system.checks import check_callback, with_moved
 from tensegrity_codegen.system.errors import NonFiniteError
-from tensegrity_codegen.system.moved_arguments import with_moved
 from tensegrity_codegen.tables.manifest import SET_STATES
 
 

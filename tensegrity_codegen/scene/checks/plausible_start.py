@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.names import name_list
-from tensegrity_codegen.structure.bar_distance import compute_bar_distance
 from tensegrity_codegen.structure.bodies import Bar, BodySystem
 from tensegrity_codegen.structure.contact_estimates import (
     Subject,
@@ -15,8 +14,8 @@ from tensegrity_codegen.structure.contact_estimates import (
     find_position,
 )
 from tensegrity_codegen.structure.member_limits import check_members
-from tensegrity_codegen.structure.outline import outline_tendons
-from tensegrity_codegen.structure.segments import find_chains
+from tensegrity_codegen.structure.outline import compute_bar_distance, outline_tendons
+from tensegrity_codegen.structure.pieces import find_chains
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 

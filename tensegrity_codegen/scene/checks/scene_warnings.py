@@ -24,9 +24,8 @@ from tensegrity_codegen.scene.checks.plausible_start import (
     warn_of_slack,
 )
 from tensegrity_codegen.scene.names import describe_pieces, name_list
-from tensegrity_codegen.structure.bar_distance import compute_bar_distance
 from tensegrity_codegen.structure.bodies import BodySystem, FixedBody
-from tensegrity_codegen.structure.outline import outline_tendons
+from tensegrity_codegen.structure.outline import compute_bar_distance, outline_tendons
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray

@@ -14,7 +14,7 @@ import numpy as np
 
 from tensegrity_codegen.report.pages.page import render_page
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.structure.ring_support import require_no_rings
+from tensegrity_codegen.structure.sliding import require_no_rings
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case, generate_cases, is_essential
 from tensegrity_codegen.studies.stability.extended import certify_extended

@@ -17,9 +17,8 @@ from types import MappingProxyType
 from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.quantities.arguments import ARGUMENT_ROWS
 from tensegrity_codegen.tables.quantities.bodies import BODIES
+from tensegrity_codegen.tables.quantities.contacts import GROUND, INTERFERENCE
 from tensegrity_codegen.tables.quantities.distances import DISTANCES
-from tensegrity_codegen.tables.quantities.ground import GROUND
-from tensegrity_codegen.tables.quantities.interference import INTERFERENCE
 from tensegrity_codegen.tables.quantities.members import MEMBERS
 from tensegrity_codegen.tables.quantities.memory import MEMORY
 from tensegrity_codegen.tables.quantities.nodes import NODES

@@ -92,11 +92,6 @@ MEMORY = (
         SOURCE,
     ),
     Quantity(
-        "plastic_power",
-        "P_p",
-        "W",
-        (),
-        "What plastic flow adds to the total energy, zero or less.",
-        SOURCE,
+        "plastic_power", "P_p", "W", (), "What plastic flow adds to the total energy, zero or less.", SOURCE
     ),
 )

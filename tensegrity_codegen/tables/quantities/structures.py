@@ -28,13 +28,7 @@ STRUCTURES = (
         ("n_coordinates",),
         "Accelerations q'' = H^-1 f of the free coordinates.",
     ),
-    Quantity(
-        "state_derivative",
-        "x'",
-        "m/s, m/s2",
-        ("n_states",),
-        "Derivative of the state x = (q, q').",
-    ),
+    Quantity("state_derivative", "x'", "m/s, m/s2", ("n_states",), "Derivative of the state x = (q, q')."),
     Quantity(
         "mass_matrix",
         "H",

@@ -31,8 +31,8 @@ from tensegrity_codegen import (
 )
 from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.structure.actuators import Sensor
+from tensegrity_codegen.system.checks import MovedArgumentError
 from tensegrity_codegen.system.errors import TensegrityError
-from tensegrity_codegen.system.moved_arguments import MovedArgumentError
 from tests.codegen.quickly import without_optimisation
 
 WRONG: list[Any] = [

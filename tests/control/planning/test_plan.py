@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.scene.formats.import_ntrt import import_ntrt
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import assemble_scene
-from tensegrity_codegen.structure.actuate import actuate_members
+from tensegrity_codegen.structure.applied_inputs import actuate_members
 from tests.cases import thorough
 from tests.control.planning.structures import (
     CLASSES,

@@ -53,9 +53,8 @@ from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.system.checks import check_callback, check_instance, check_positive
+from tensegrity_codegen.system.checks import check_callback, check_instance, check_positive, with_moved
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
-from tensegrity_codegen.system.moved_arguments import with_moved
 
 SENSORS = "sensors"
 CHUNK = 32  # draws that are simulated at once

@@ -2,8 +2,8 @@
 
 import pytest
 
-from tensegrity_codegen.structure.actuate import actuate_members
 from tensegrity_codegen.structure.actuators import Actuator
+from tensegrity_codegen.structure.applied_inputs import actuate_members
 from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError, UnknownNameError
 from tests.control.planning.structures import build_prism
