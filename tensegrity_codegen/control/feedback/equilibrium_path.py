@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from tensegrity_codegen.control.planning.actuation import find_actuation
-from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
+from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint, find_actuation
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles, to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.plan_result import PlanResult

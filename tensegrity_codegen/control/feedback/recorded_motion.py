@@ -3,8 +3,7 @@
 import numpy as np
 
 from tensegrity_codegen.control.feedback.design.linear_samples import check_motion
-from tensegrity_codegen.control.planning.actuation import find_actuation
-from tensegrity_codegen.control.planning.plan_point import PlanModel
+from tensegrity_codegen.control.planning.plan_point import PlanModel, find_actuation
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.model.require import require_model

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import BPoly, PPoly, make_interp_spline
 from scipy.optimize import brentq
 
-from tensegrity_codegen.control.planning.actuation import Actuation
+from tensegrity_codegen.control.planning.plan_point import Actuation
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
 from tensegrity_codegen.runtime.profiles.pieces import build_cubic
 from tensegrity_codegen.system.arrays import FloatArray

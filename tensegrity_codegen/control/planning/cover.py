@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.control.planning.infeasible import MEMBER_TARGET, NODE_TARGET
-from tensegrity_codegen.control.planning.limits import LEAST_SIZE, PlanLimits
+from tensegrity_codegen.control.planning.limits import MIN_SIZE, PlanLimits
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.control.planning.shape_targets import find_nodes, find_rings
 from tensegrity_codegen.control.planning.target_text import parse_shape
@@ -31,7 +31,7 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 FIRST_HALF = 0.02  # of the longest member: half of the width of a cell, which is halved until the proof holds
-LEAST_HALF = 1e-5  # the same: smaller ones are not tried
+MIN_HALF = 1e-5  # the same: smaller ones are not tried
 DEPTH = 3  # how often cells are halved to compare targets
 START_RESIDUAL = 1e-8  # of the largest force: what F may leave at the start
 N_ITERATIONS = 3  # of Newton, from the centre of another cell
@@ -86,20 +86,20 @@ class Equations:
 
     def place(self, x: FloatArray, held: FloatArray | float) -> FloatArray:
         """Return coordinates of unknowns as rows of nodes, (n_nodes, 3), with these values of held ones."""
-        found = np.zeros(self.start.position.shape) + held
-        found.ravel()[self.free] = x[: len(self.free)]
-        return found
+        position = np.zeros(self.start.position.shape) + held
+        position.ravel()[self.free] = x[: len(self.free)]
+        return position
 
     def compute(self, x: FloatArray, change: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return F (n,), and its derivatives by unknowns (n, n) and inputs (n, n_actuators)."""
         (_, q, length), k, count = self.split(x), self.stiffness, len(self.rest)
-        rest = self.rest + self.pull @ (change - self.start.change)
+        rest_length = self.rest + self.pull @ (change - self.start.change)
         vector = self.ends @ self.place(x, self.start.position)
-        factor = np.where(self.is_spring, 1.0, rest) / k
+        factor = np.where(self.is_spring, 1.0, rest_length) / k
         value = [
             self.moved.T @ (q[:, None] * vector).ravel() - self.load,
             length**2 - (vector**2).sum(axis=1),
-            factor * q * length - (length - rest),
+            factor * q * length - (length - rest_length),
         ]
         along = (vector.ravel()[:, None] * self.moved).reshape(count, 3, -1).sum(axis=1)
         none = np.zeros((count, count))
@@ -124,16 +124,16 @@ class Equations:
             return None
         free, count = len(self.free), len(self.rest)
         slope = -inverse @ by_u
-        rest = self.rest + self.pull @ (change - self.start.change)
+        rest_length = self.rest + self.pull @ (change - self.start.change)
         width, ends = np.abs(self.pull).sum(axis=1) * half, [3 * count, 4 * count]
-        if np.any(rest <= width):
+        if np.any(rest_length <= width):
             return None
         # What is left to first order; |A|, as forces and lengths of members act; their changes by the inputs.
-        left = np.abs(inverse @ value) + np.abs(inverse @ (by_x @ slope + by_u)).sum(axis=1) * half
+        error = np.abs(inverse @ value) + np.abs(inverse @ (by_x @ slope + by_u)).sum(axis=1) * half
         drift = np.abs(np.eye(len(x)) - inverse @ by_x)
         act = np.abs(np.hstack([inverse[:, :free] @ self.moved.T, inverse[:, free:]]))
-        first = np.abs(np.concatenate([self.moved @ slope[:free], slope[free:]])).sum(axis=1) * half
-        factor = np.where(self.is_spring, 1.0, rest) / self.stiffness
+        travel = np.abs(np.concatenate([self.moved @ slope[:free], slope[free:]])).sum(axis=1) * half
+        factor = np.where(self.is_spring, 1.0, rest_length) / self.stiffness
         varied = np.where(self.is_spring, 0.0, width) / self.stiffness
 
         def bound(a: FloatArray, b: FloatArray, linear: FloatArray, z: FloatArray) -> FloatArray:
@@ -151,10 +151,10 @@ class Equations:
         for factor_of_box in (1.0, 1.0, 1.0, 1.0, ENLARGED):
             box = factor_of_box * z + ROUNDING
             small = np.concatenate([np.abs(self.moved) @ box[:free], box[free:]])
-            z = bound(first + small, (first + small) / 2.0, first + small, box) + left
+            z = bound(travel + small, (travel + small) / 2.0, travel + small, box) + error
             if not np.all(z < 10.0 * np.abs(x).max()):
                 return None
-        holds = np.all(z < box) and np.all(bound(first + small, small, small, box) < 0.99 * box)
+        holds = np.all(z < box) and np.all(bound(travel + small, small, small, box) < 0.99 * box)
         return Cell(change, half, x, slope, z, box) if holds else None
 
     def find_broken(self, cell: Cell) -> str:
@@ -164,34 +164,37 @@ class Equations:
         _, error_q, error = self.split(cell.error)
         motion = np.abs(cell.slope).sum(axis=1) * half + cell.error
         width = np.abs(length[:, None] * by_q + q[:, None] * by_length).sum(axis=1) * half
-        node, most_q, most = self.split(motion)
-        width, tension = width + length * error_q + np.abs(q) * error + most_q * most, q * length
-        rest, reach = ranges.rest_length + ranges.pull @ cell.change, np.abs(ranges.pull).sum(axis=1) * half
-        force, small = LEAST_SIZE * np.max(np.abs(tension) + width), LEAST_SIZE * np.max(length + most)
-        load = limits.buckling / (length - most) ** 2
+        node, most_q, most_length = self.split(motion)
+        width, tension = width + length * error_q + np.abs(q) * error + most_q * most_length, q * length
+        rest_length = ranges.rest_length + ranges.pull @ cell.change
+        reach = np.abs(ranges.pull).sum(axis=1) * half
+        force, small = MIN_SIZE * np.max(np.abs(tension) + width), MIN_SIZE * np.max(length + most_length)
+        load = limits.buckling / (length - most_length) ** 2
         rows = [
             ("least tension", limits.least_tension - tension - width, limits.least_tension, force),
             ("largest tension", tension - width - limits.most_tension, limits.most_tension, force),
             ("yield stress", np.abs(tension) - width - limits.yield_force, limits.yield_force, force),
             ("buckling", -load - tension - width, load, force),
-            ("range", ranges.least - rest - reach, ranges.least, small),
-            ("range", rest - reach - ranges.most, ranges.most, small),
+            ("range", ranges.least - rest_length - reach, ranges.least, small),
+            ("range", rest_length - reach - ranges.most, ranges.most, small),
         ]
         if self.plan_model.has_pairs:
             coordinate = self.place(cell.x, at.position).ravel()[self.coordinate]
-            near = np.asarray(self.plan_model.problem(cell.change).compute("bar_distance", coordinate))
+            distance = np.asarray(self.plan_model.problem(cell.change).compute("bar_distance", coordinate))
             moved = np.linalg.norm(self.place(node, 0.0), axis=1)[self.structure.connectivity].max(axis=1)
-            near = near + moved[self.structure.bar_pairs].sum(axis=1)
-            rows.append(("clearance", limits.clearance - near, np.full(1, limits.clearance), small))
+            distance = distance + moved[self.structure.bar_pairs].sum(axis=1)
+            rows.append(("clearance", limits.clearance - distance, np.full(1, limits.clearance), small))
         broken = (
-            name for name, excess, limit, least in rows if np.any(excess > TOLERANCE * (abs(limit) + least))
+            name
+            for name, excess, limit, smallest in rows
+            if np.any(excess > TOLERANCE * (abs(limit) + smallest))
         )
         return next(broken, "")
 
     def misses(self, target: BoundTarget, cell: Cell) -> bool:
         """Return whether no shape of the cell has the value of a target; False where it cannot say so."""
         structure, position = self.structure, self.place(cell.x, self.start.position)
-        node, text, goal = np.eye(structure.n_nodes), target.text.strip(), target.goal
+        node, expression, goal = np.eye(structure.n_nodes), target.text.strip(), target.goal
 
         def find(weight: FloatArray) -> tuple[FloatArray, float]:
             """Return the sum of weighted node positions, (3,), and how far it moves in the cell."""
@@ -207,18 +210,19 @@ class Equations:
             return normal / size, turn if len(nodes) == 3 else math.inf
 
         # A length or a coordinate; else the shape parameters of rings, their normals with either sign.
-        match = MEMBER_TARGET.fullmatch(text) or NODE_TARGET.fullmatch(text)
-        call = None if target.shape is None else parse_shape(text)
+        match = MEMBER_TARGET.fullmatch(expression) or NODE_TARGET.fullmatch(expression)
+        call = None if target.shape is None else parse_shape(expression)
         if match is not None and match[1] == "member_length" and match[2] in structure.member_name:
             row = np.eye(len(cell.x))[[structure.member_name.index(match[2]) - structure.n_members]]
             return bool(np.abs(row @ cell.x - goal)[0] > cell.bound(row)[0])
         if match is not None and match[1] in structure.node_name:
-            place, reach = find(node[structure.node_name.index(match[1])])
-            return bool(abs(place["xyz".index(match[2])] - goal[0]) > reach)
+            coordinate, reach = find(node[structure.node_name.index(match[1])])
+            return bool(abs(coordinate["xyz".index(match[2])] - goal[0]) > reach)
         if call is None or call.name not in ("height", "twist", "tilt"):
             return False
         rings: Any = find_rings(structure.node_name)
-        top, base = [find_nodes(part, structure.node_name, text) for part in call.arguments] or rings
+        sets = [find_nodes(names, structure.node_name, expression) for names in call.arguments]
+        top, base = sets or rings
         upper, lower = node[top].mean(axis=0), node[base].mean(axis=0)
         normal, turn = find_normal(base)
         if call.name == "height":
@@ -226,24 +230,24 @@ class Equations:
             off = reach + turn * (float(np.linalg.norm(line)) + reach)
             return bool(abs(abs(normal @ line) - goal[0]) > off)
         if call.name == "twist":
-            part, off = np.zeros(2), 0.0
-            for first, second in zip(base, top, strict=True):
-                (a, r), (b, s) = find(node[first] - lower), find(node[second] - upper)
-                part += [a @ b - (a @ normal) * (b @ normal), np.cross(a, b) @ normal]
+            component, off = np.zeros(2), 0.0
+            for base_node, top_node in zip(base, top, strict=True):
+                (a, r), (b, s) = find(node[base_node] - lower), find(node[top_node] - upper)
+                component += [a @ b - (a @ normal) * (b @ normal), np.cross(a, b) @ normal]
                 a_size, b_size = float(np.linalg.norm(a)), float(np.linalg.norm(b))
                 off += 1.5 * (a_size * s + b_size * r + r * s + 2.0 * turn * (a_size + r) * (b_size + s))
-            angle = math.degrees(math.atan2(part[1], part[0]))
+            angle = math.degrees(math.atan2(component[1], component[0]))
             gap = min(abs(math.remainder(sign * angle - goal[0], 360.0)) for sign in (1, -1))
-            return off < math.sin(math.radians(min(gap, 90.0))) * float(np.linalg.norm(part))
+            return off < math.sin(math.radians(min(gap, 90.0))) * float(np.linalg.norm(component))
         leaning, lean = find_normal(top)
-        first, reach = find(node[base[0]] - lower)
-        size, angle = float(np.linalg.norm(first)), float(np.linalg.norm(np.radians(goal)))
-        first, reach = first / size, 2.0 * reach / size
-        part = np.array([leaning @ first, leaning @ np.cross(normal, first), leaning @ normal])
-        wanted = np.append(np.sinc(angle / np.pi) * np.radians(goal), np.cos(angle))
+        base_node, reach = find(node[base[0]] - lower)
+        size, angle = float(np.linalg.norm(base_node)), float(np.linalg.norm(np.radians(goal)))
+        base_node, reach = base_node / size, 2.0 * reach / size
+        component = np.array([leaning @ base_node, leaning @ np.cross(normal, base_node), leaning @ normal])
+        goal_component = np.append(np.sinc(angle / np.pi) * np.radians(goal), np.cos(angle))
         signs = (s * np.array([1, t, t]) for s, t in product((1, -1), repeat=2))
         off = math.sqrt(3.0) * (lean + turn + reach)
-        return all(float(np.linalg.norm(sign * part - wanted)) > off for sign in signs)
+        return all(float(np.linalg.norm(sign * component - goal_component)) > off for sign in signs)
 
     def misses_all(self, targets: Targets, cell: Cell, depth: int) -> bool:
         """Return whether all parts of a cell, halved `depth` times, miss a target or break a limit."""
@@ -251,37 +255,37 @@ class Equations:
             return True
         half = cell.half / 2.0
         corners = (half * np.array(signs) for signs in product((-1, 1), repeat=len(cell.change)))
-        parts = (replace(cell, change=cell.change + v, half=half, x=cell.x + cell.slope @ v) for v in corners)
-        return depth > 0 and all(self.misses_all(targets, part, depth - 1) for part in parts)
+        cells = (replace(cell, change=cell.change + v, half=half, x=cell.x + cell.slope @ v) for v in corners)
+        return depth > 0 and all(self.misses_all(targets, smaller_cell, depth - 1) for smaller_cell in cells)
 
     def grow(self, targets: Targets, half: float, most: int) -> list[tuple[Cell, str]]:
         """Return the cells of a width, and the limits that end outer ones; none without a proof."""
-        first = self.find_cell(self.stated, self.start.change, half)
-        if first is None or not np.all(np.abs(first.x - self.stated) <= first.box):
+        start_cell = self.find_cell(self.stated, self.start.change, half)
+        if start_cell is None or not np.all(np.abs(start_cell.x - self.stated) <= start_cell.box):
             return []
-        cells, ended = {(0,) * len(first.change): first}, []
+        cells, ended = {(0,) * len(start_cell.change): start_cell}, []
         waiting = list(cells)
-        for place in waiting:
-            cell = cells[place]
+        for index in waiting:
+            cell = cells[index]
             ended.append((cell, self.find_broken(cell)))
             if ended[-1][1]:
                 continue
             if not self.misses_all(targets, cell, DEPTH):
                 return []
-            for axis, sign in product(range(len(place)), (1, -1)):
-                step = sign * np.eye(len(place), dtype=int)[axis]
-                beside = tuple((np.array(place) + step).tolist())
-                if beside not in cells:
-                    change = self.start.change + 2.0 * half * np.array(beside)
-                    found = self.find_cell(cell.x + 2.0 * half * cell.slope @ step, change, half)
-                    if found is None or len(cells) == most:
+            for axis, sign in product(range(len(index)), (1, -1)):
+                step = sign * np.eye(len(index), dtype=int)[axis]
+                neighbour_index = tuple((np.array(index) + step).tolist())
+                if neighbour_index not in cells:
+                    change = self.start.change + 2.0 * half * np.array(neighbour_index)
+                    new_cell = self.find_cell(cell.x + 2.0 * half * cell.slope @ step, change, half)
+                    if new_cell is None or len(cells) == most:
                         return []
-                    cells[beside] = found
-                    waiting.append(beside)
+                    cells[neighbour_index] = new_cell
+                    waiting.append(neighbour_index)
                 # At the middle of the side between the two, both have the same equilibrium.
-                other = cells[beside]
-                gap = np.abs(cell.x - other.x + half * (cell.slope + other.slope) @ step)
-                if not np.all(gap + cell.error <= other.box):
+                neighbour = cells[neighbour_index]
+                gap = np.abs(cell.x - neighbour.x + half * (cell.slope + neighbour.slope) @ step)
+                if not np.all(gap + cell.error <= neighbour.box):
                     return []
         return ended
 
@@ -305,19 +309,19 @@ def find_cover(
     ):
         return None
     equations = Equations(plan_model, structure, limits, at)
-    left = float(np.abs(equations.compute(equations.stated, at.change)[0]).max())
+    residual = float(np.abs(equations.compute(equations.stated, at.change)[0]).max())
     extent, half = np.ptp([point.change for point in path], axis=0), FIRST_HALF * at.point.longest
     cells: list[tuple[Cell, str]] = []
-    while left <= START_RESIDUAL * at.point.largest_force and not cells:
-        if np.prod(1.0 + extent / (2.0 * half)) > most or half < LEAST_HALF * at.point.longest:
+    while residual <= START_RESIDUAL * at.point.largest_force and not cells:
+        if np.prod(1.0 + extent / (2.0 * half)) > most or half < MIN_HALF * at.point.longest:
             break
         cells, half = equations.grow(targets, half, most), half / 2.0
     if not cells:
         return None
-    found, ends = zip(*cells, strict=True)
-    text = (
-        f"{len(found)} cells of the inputs, {2.0 * found[0].half:.3g} m wide, cover all equilibria that a "
+    proved, ends = zip(*cells, strict=True)
+    message = (
+        f"{len(proved)} cells of the inputs, {2.0 * proved[0].half:.3g} m wide, cover all equilibria that a "
         f"plan can reach within the limits ({', '.join(sorted(set(ends) - {''}))}), and none has the target"
     )
-    position = np.array([equations.place(cell.x, at.position) for cell in found])
-    return Cover(found[0].half, np.array([cell.change for cell in found]), position, ends, text)
+    position = np.array([equations.place(cell.x, at.position) for cell in proved])
+    return Cover(proved[0].half, np.array([cell.change for cell in proved]), position, ends, message)

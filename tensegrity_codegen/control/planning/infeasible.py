@@ -29,15 +29,15 @@ MEMBER_TARGET = re.compile(
 NODE_TARGET = re.compile(r"(\w+)\s*\.\s*([xyz])")
 CONTRADICTION_TOLERANCE = 1e-9  # of the size of a limit: a contradiction by less is left to the path
 # Times the length of a member, and part of its rest length, that plans are expected to reach.
-MOST_CHANGE = 5.0
+MAX_CHANGE = 5.0
 LIMIT_DESCRIPTIONS = {
     "least_value": "the least value that it can have",
-    "balance": f"the most that members beside it balance, {MOST_CHANGE:g} times as long as at the start,",
+    "balance": f"the most that members beside it balance, {MAX_CHANGE:g} times as long as at the start,",
 }
 # Part of the largest shortening, or of the work that loads could do: a proof by less is none.
-LEAST_PROOF = 1e-6
+MIN_PROOF = 1e-6
 LINEAR_TOLERANCE = 1e-5  # change of the targets' slopes, over the largest, that counts as none
-MOST_ITERATIONS = 30
+MAX_ITERATIONS = 30
 CONVERGED = 1e-10  # of the structure's size
 RANK = 1e-8  # of the largest singular value
 STEP = 1e-6  # of the structure's size
@@ -46,75 +46,66 @@ STEP = 1e-6  # of the structure's size
 def find_contradiction(
     plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
 ) -> Contradiction | None:
-    """Return a target that limits of one member contradict, whatever the path.
-
-    targets: the targets: heights, and those of a member's length, tension or rest length, or of a distance
-        of two bars.
-    Returns: None where no single target contradicts the limits.
-    """
+    """Return a target that limits of one member contradict, whatever the path; None without one."""
     manifest = plan_model.model.manifest
     for target in targets.parts:
-        text, value = target.text.strip(), float(target.goal[0])
-        match, name = MEMBER_TARGET.fullmatch(text), "the top"
-        call = None if target.shape is None else parse_shape(text)
+        expression, value = target.text.strip(), float(target.goal[0])
+        match, name = MEMBER_TARGET.fullmatch(expression), "the top"
+        call = None if target.shape is None else parse_shape(expression)
         if call is not None and call.name == "height":
-            found = _below("least_value", value, 0.0, "m")
+            excess = _below("least_value", value, 0.0, "m")
         elif match is None or target.expression is None:
             continue
         else:
-            quantity, word = match[1], match[2].strip()
+            quantity, member = match[1], match[2].strip()
             names = manifest.member_name if quantity != "bar_distance" else manifest.bar_pair_name
-            index = int(word) % len(names) if re.fullmatch(r"-?\d+", word) else names.index(word)
-            found, name = _compare(plan_model, limits, start, quantity, index, value), names[index]
-        if found is not None:
-            return _describe(text, f"{text} = {value:.6g}", name, found)
+            index = int(member) % len(names) if re.fullmatch(r"-?\d+", member) else names.index(member)
+            excess, name = _compare(plan_model, limits, start, quantity, index, value), names[index]
+        if excess is not None:
+            return _describe(expression, f"{expression} = {value:.6g}", name, excess)
     return None
 
 
 def find_unreachable_place(
     plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
 ) -> Contradiction | None:
-    """Return a member whose length targets of node positions make impossible, such as a bar of a fixed end.
-
-    targets: the targets: those of a coordinate of a node, ``node.x``.
-    Returns: None where the lengths, as far as targets and anchors fix them, are possible.
-    """
+    """Return a member whose length targets of node positions make impossible; None without one."""
     structure = plan_model.model.structure
     if not isinstance(structure, Structure):
         return None
-    known = np.where(structure.node_anchored, start.position, np.nan)
-    rest = [axis for axis in range(3) if axis not in structure.axes]
-    known[:, rest] = start.position[:, rest]
+    position = np.where(structure.node_anchored, start.position, np.nan)
+    other_axes = [axis for axis in range(3) if axis not in structure.axes]
+    position[:, other_axes] = start.position[:, other_axes]
     goals: dict[int, list[str]] = {}
     for target in targets.parts:
         match = NODE_TARGET.fullmatch(target.text.strip())
         if match is not None and match[1] in structure.node_name:
             node, value = structure.node_name.index(match[1]), float(target.goal[0])
-            known[node, "xyz".index(match[2])] = value
+            position[node, "xyz".index(match[2])] = value
             goals.setdefault(node, []).append(f"{target.text.strip()} = {value:.6g}")
     for index, ends in enumerate(structure.connectivity.tolist()):
-        wanted = ", ".join(text for node in ends for text in goals.get(node, []))
-        between = known[ends[1]] - known[ends[0]]
+        requested = ", ".join(goal for node in ends for goal in goals.get(node, []))
+        between = position[ends[1]] - position[ends[0]]
         length, is_exact = float(np.linalg.norm(np.nan_to_num(between))), bool(np.isfinite(between).all())
-        if not wanted or structure.passes_rings[index]:
+        if not requested or structure.passes_rings[index]:
             continue
-        found = _compare_length(plan_model, limits, start, index, length, is_exact)
-        if found is not None:
-            return _describe(wanted, wanted, structure.member_name[index], found, length, is_exact)
+        excess = _compare_length(plan_model, limits, start, index, length, is_exact)
+        if excess is not None:
+            return _describe(requested, requested, structure.member_name[index], excess, length, is_exact)
     return None
 
 
 def _describe(
-    target: str, wanted: str, name: str, found: Excess, length: float = math.nan, is_exact: bool = True
+    target: str, requested: str, name: str, excess: Excess, length: float = math.nan, is_exact: bool = True
 ) -> Contradiction:
-    limit, given, allowed, unit = found
+    limit, necessary, allowed, unit = excess
     how = "" if math.isnan(length) else f" at a length of {length:.6g} m{'' if is_exact else ' or more'}"
-    words = LIMIT_DESCRIPTIONS.get(limit, f"the limit {limit}")
-    text = (
-        f"the target {wanted} needs {given:.6g} {unit} of {name}{how}, and {words} is {allowed:.6g} {unit}: "
-        f"off by {abs(given - allowed):.3g} {unit}"
+    limit_name = LIMIT_DESCRIPTIONS.get(limit, f"the limit {limit}")
+    message = (
+        f"the target {requested} needs {necessary:.6g} {unit} of {name}{how}, and {limit_name} is "
+        f"{allowed:.6g} {unit}: off by {abs(necessary - allowed):.3g} {unit}"
     )
-    return Contradiction(target, name, limit, float(given), float(allowed), unit, text)
+    return Contradiction(target, name, limit, float(necessary), float(allowed), unit, message)
 
 
 def _compare(
@@ -126,8 +117,8 @@ def _compare(
     if quantity == "bar_distance":
         return _below("clearance", value, limits.clearance, "m")
     if quantity == "member_tension":
-        least = 0.0 if structure.tension_only[index] else -math.inf
-        return _below("least_value", value, least, "N") or _compare_tension(limits, index, value, value)
+        lower = 0.0 if structure.tension_only[index] else -math.inf
+        return _below("least_value", value, lower, "N") or _compare_tension(limits, index, value, value)
     low, high = _rest_lengths(plan_model, limits, index)
     if quantity == "rest_length":
         return _below("range", value, low, "m") or _above("range", value, high, "m")
@@ -145,26 +136,26 @@ def _compare_length(
     low, high = _rest_lengths(plan_model, limits, index)
     if structure.mu[index] == 0.0:  # a rigid bar
         return _above("range", length, high, "m") or (_below("range", length, low, "m") if is_exact else None)
-    least, most = (_tension(plan_model, index, length, rest) for rest in (high, low))
-    most = most if is_exact else math.inf
+    lowest, highest = (_tension(plan_model, index, length, rest_length) for rest_length in (high, low))
+    highest = highest if is_exact else math.inf
     load = limits.buckling[index] / length / length if length > 0 else math.inf
-    found = _compare_tension(limits, index, least, most, load)
-    if found is not None and found[0] == "least_tension" and length < low:
+    excess = _compare_tension(limits, index, lowest, highest, load)
+    if excess is not None and excess[0] == "least_tension" and length < low:
         return "range", length, low, "m"  # too short for every rest length of the range
     balance = _find_balance(plan_model, limits, start, index)
-    return found or _above("balance", least, balance, "N") or _below("balance", most, -balance, "N")
+    return excess or _above("balance", lowest, balance, "N") or _below("balance", highest, -balance, "N")
 
 
 def _compare_tension(
-    limits: PlanLimits, index: int, least: float, most: float, load: float = math.inf
+    limits: PlanLimits, index: int, lowest: float, highest: float, load: float = math.inf
 ) -> Excess | None:
-    """Return the limit that all tensions from `least` to `most` exceed; load: that of buckling [N]."""
+    """Return the limit that all tensions from `lowest` to `highest` exceed; load: that of buckling [N]."""
     return (
-        _below("least_tension", most, limits.least_tension[index], "N")
-        or _above("most_tension", least, limits.most_tension[index], "N")
-        or _above("yield_stress", least, limits.yield_force[index], "N")
-        or _below("yield_stress", most, -limits.yield_force[index], "N")
-        or _below("buckling", most, -load, "N")
+        _below("least_tension", highest, limits.least_tension[index], "N")
+        or _above("most_tension", lowest, limits.most_tension[index], "N")
+        or _above("yield_stress", lowest, limits.yield_force[index], "N")
+        or _below("yield_stress", highest, -limits.yield_force[index], "N")
+        or _below("buckling", highest, -load, "N")
     )
 
 
@@ -195,14 +186,15 @@ def _sum_largest_forces(
     structure = plan_model.model.structure
     assert isinstance(structure, Structure)
     strands = structure.strands
-    beside = strands.member[(strands.ends == node).any(axis=1)].tolist()  # twice where a cable passes a ring
-    total = float(np.abs(start.tension)[beside].sum())
-    for member in beside:
+    # The members at the node; twice where a cable passes a ring.
+    adjacent = strands.member[(strands.ends == node).any(axis=1)].tolist()
+    total = float(np.abs(start.tension)[adjacent].sum())
+    for member in adjacent:
         if structure.is_rigid[member]:
             return math.inf
-        rest = float(structure.rest_length[member])
-        longest = MOST_CHANGE * max(rest, float(length[member]))
-        least_rest = max(rest / MOST_CHANGE, _rest_lengths(plan_model, limits, member)[0])
+        rest_length = float(structure.rest_length[member])
+        longest = MAX_CHANGE * max(rest_length, float(length[member]))
+        least_rest = max(rest_length / MAX_CHANGE, _rest_lengths(plan_model, limits, member)[0])
         force = _tension(plan_model, member, longest, least_rest) if member != index else 0.0
         total += force if structure.is_bar[member] else min(force, float(limits.most_tension[member]))
     return total
@@ -213,15 +205,15 @@ def _rest_lengths(plan_model: PlanModel, limits: PlanLimits, index: int) -> tupl
     structure = plan_model.model.structure
     assert structure is not None
     moving = np.flatnonzero(plan_model.incidence[index])
-    rest = float(structure.rest_length[index])
-    for item in structure.inputs:  # those that the plan holds
-        if item.name not in plan_model.columns:
-            value = plan_model.base[plan_model.model.manifest.input_name.index(item.name)]
-            rest += item.rest_length_gain.get(index, 0.0) * float(value)
+    rest_length = float(structure.rest_length[index])
+    for scene_input in structure.inputs:  # those that the plan holds
+        if scene_input.name not in plan_model.columns:
+            value = plan_model.base[plan_model.model.manifest.input_name.index(scene_input.name)]
+            rest_length += scene_input.rest_length_gain.get(index, 0.0) * float(value)
     low, high = limits.ranges.of_member(index)
     return (
-        max(rest + float(limits.least_change[moving].sum()), low),
-        min(rest + float(limits.most_change[moving].sum()), high),
+        max(rest_length + float(limits.least_change[moving].sum()), low),
+        min(rest_length + float(limits.most_change[moving].sum()), high),
     )
 
 
@@ -233,20 +225,20 @@ def _tension(plan_model: PlanModel, index: int, length: float, rest_length: floa
         return 0.0 if structure.tension_only[index] else -math.inf
     if rest_length <= 0.0:
         return math.inf
-    rest = np.array(structure.rest_length)
-    rest[index] = rest_length
-    changed = structure.with_changes(rest_length=rest)
-    return float(changed.compute_static_tension(np.full(len(rest), length))[index])
+    lengths = np.array(structure.rest_length)
+    lengths[index] = rest_length
+    changed = structure.with_changes(rest_length=lengths)
+    return float(changed.compute_static_tension(np.full(len(lengths), length))[index])
 
 
-def _below(limit: str, given: float, allowed: float, unit: str) -> Excess | None:
-    short = given < allowed - CONTRADICTION_TOLERANCE * abs(allowed) if math.isfinite(allowed) else False
-    return (limit, given, allowed, unit) if short else None
+def _below(limit: str, necessary: float, allowed: float, unit: str) -> Excess | None:
+    short = necessary < allowed - CONTRADICTION_TOLERANCE * abs(allowed) if math.isfinite(allowed) else False
+    return (limit, necessary, allowed, unit) if short else None
 
 
-def _above(limit: str, given: float, allowed: float, unit: str) -> Excess | None:
-    over = given > allowed + CONTRADICTION_TOLERANCE * abs(allowed) if math.isfinite(allowed) else False
-    return (limit, given, allowed, unit) if over else None
+def _above(limit: str, necessary: float, allowed: float, unit: str) -> Excess | None:
+    over = necessary > allowed + CONTRADICTION_TOLERANCE * abs(allowed) if math.isfinite(allowed) else False
+    return (limit, necessary, allowed, unit) if over else None
 
 
 # Proofs that no plan exists by the shape: no tensions are in balance there as the limits want them.
@@ -275,18 +267,18 @@ def find_shape_certificate(
     noise = 1e-9 * (float(np.abs(matrix).max(initial=0.0)) * float(np.abs(tension).max(initial=0.0)))
     loaded = bool(np.abs(load).max(initial=0.0) > noise)
     length = np.asarray(problem.compute("member_length", coordinate))
-    far = float(np.abs(problem.node_position(coordinate)).max(initial=0.0))
-    rank = find_rank(matrix, rounding=EPSILON * max(far / float(length.min()), 1.0))
+    distance = float(np.abs(problem.node_position(coordinate)).max(initial=0.0))
+    rank = find_rank(matrix, rounding=EPSILON * max(distance / float(length.min()), 1.0))
     pulled = np.asarray(structure.tension_only) | required
-    found = find_certificate(matrix, pulled, load=load if loaded else None, rank=rank, required=required)
-    return (found if found is not None and _is_sure(found, required, load) else None), loaded
+    proof = find_certificate(matrix, pulled, load=load if loaded else None, rank=rank, required=required)
+    return (proof if proof is not None and _is_sure(proof, required, load) else None), loaded
 
 
-def _is_sure(found: Certificate, required: NDArray[np.bool_], load: FloatArray) -> bool:
+def _is_sure(proof: Certificate, required: NDArray[np.bool_], load: FloatArray) -> bool:
     """Return whether a proof holds beyond the error of the shape."""
-    shortening = float(-found.elongation[required].min(initial=0.0))
-    most_work = float(np.linalg.norm(load) * np.linalg.norm(found.displacement))
-    return found.is_verified and (shortening > LEAST_PROOF or found.load_work > LEAST_PROOF * most_work)
+    shortening = float(-proof.elongation[required].min(initial=0.0))
+    most_work = float(np.linalg.norm(load) * np.linalg.norm(proof.displacement))
+    return proof.is_verified and (shortening > MIN_PROOF or proof.load_work > MIN_PROOF * most_work)
 
 
 def find_fixed_shape(
@@ -304,20 +296,20 @@ def find_fixed_shape(
     free = len(start) - neutral.shape[1]
     if len(goal) < free or len(neutral) != len(start):
         return None
-    place, size = start.copy(), problem.extent(start, np.asarray(problem.compute("member_length", start)))
+    shape, size = start.copy(), problem.extent(start, np.asarray(problem.compute("member_length", start)))
     try:
         if not _is_linear(problem, targets, start, size):
             return None
-        for _ in range(MOST_ITERATIONS):
-            slope = _find_slope(problem, targets, place, size)
+        for _ in range(MAX_ITERATIONS):
+            slope = _find_slope(problem, targets, shape, size)
             if np.linalg.matrix_rank(slope, tol=RANK * float(np.linalg.norm(slope, 2))) < free:
                 return None
-            gap = goal - targets.evaluate(problem, place)
+            gap = goal - targets.evaluate(problem, shape)
             step = np.linalg.lstsq(slope, gap, rcond=RANK)[0]
-            place = place + step
+            shape = shape + step
             if np.abs(step).max(initial=0.0) <= CONVERGED * size:
-                left = np.abs(goal - targets.evaluate(problem, place)).max()
-                return place if left <= 1e-6 * max(float(np.abs(goal).max()), size) else None
+                error = np.abs(goal - targets.evaluate(problem, shape)).max()
+                return shape if error <= 1e-6 * max(float(np.abs(goal).max()), size) else None
     except (NonFiniteError, np.linalg.LinAlgError):
         return None
     return None
@@ -325,21 +317,21 @@ def find_fixed_shape(
 
 def _is_linear(problem: StaticProblem, targets: Targets, start: FloatArray, size: float) -> bool:
     """Return whether the slopes of the targets are the same at the start and at two shapes far from it."""
-    first = _find_slope(problem, targets, start, size)
-    largest = float(np.abs(first).max(initial=0.0))
+    start_slope = _find_slope(problem, targets, start, size)
+    largest = float(np.abs(start_slope).max(initial=0.0))
     draw = np.random.default_rng(0)
     for _ in range(2):
-        other = start + 0.3 * size * draw.uniform(-1.0, 1.0, len(start))
-        bend = np.abs(_find_slope(problem, targets, other, size) - first).max(initial=0.0)
+        shape = start + 0.3 * size * draw.uniform(-1.0, 1.0, len(start))
+        bend = np.abs(_find_slope(problem, targets, shape, size) - start_slope).max(initial=0.0)
         if not bend <= LINEAR_TOLERANCE * largest:
             return False
     return True
 
 
-def _find_slope(problem: StaticProblem, targets: Targets, place: FloatArray, size: float) -> FloatArray:
+def _find_slope(problem: StaticProblem, targets: Targets, shape: FloatArray, size: float) -> FloatArray:
     """Return the derivatives of the targets, (n_targets, n_coordinates)."""
     step, columns = STEP * size, []
-    for unit in np.eye(len(place)):
-        ends = [targets.evaluate(problem, place + sign * step * unit) for sign in (1, -1)]
+    for unit in np.eye(len(shape)):
+        ends = [targets.evaluate(problem, shape + sign * step * unit) for sign in (1, -1)]
         columns.append((ends[0] - ends[1]) / (2 * step))
     return np.array(columns).T

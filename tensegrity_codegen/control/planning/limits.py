@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.control.planning.actuation import MemberRanges
-from tensegrity_codegen.control.planning.plan_point import PlanPoint, Slopes
+from tensegrity_codegen.control.planning.plan_point import MemberRanges, PlanPoint, Slopes
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS, Limits
@@ -16,54 +15,42 @@ from tensegrity_codegen.system.checks import is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 
 LIMIT_TOLERANCE = 5e-7  # of the size of a limit: excess that counts as none
-LEAST_SIZE = 1e-4  # of the largest force or the longest member: size of limits near zero
-LEAST_STIFFNESS = 1e-3  # [N/m]: size of the limit of the smallest eigenvalue where it is near zero
+MIN_SIZE = 1e-4  # of the largest force or the longest member: size of limits near zero
+MIN_STIFFNESS = 1e-3  # [N/m]: size of the limit of the smallest eigenvalue where it is near zero
 
 
 @dataclass(frozen=True)
 class PlanLimits:
-    """What every equilibrium of a plan satisfies; infinities stand for no limit.
+    """What every equilibrium of a plan satisfies; infinities stand for no limit."""
 
-    least_tension, most_tension (n_members,) [N]: bounds of the member tensions.
-    yield_force (n_members,) [N]: largest force in tension and compression, from the yield stress.
-    buckling (n_members,) [N m2]: pi^2 E I over the safety factor: the compression is at most this over the
-        squared length.
-    clearance [m]: least distance between bars.
-    least_stiffness [N/m]: least smallest eigenvalue of the stiffness; 0 where the limits are below: plans
-        are stable.
-    least_change, most_change (n_actuators,) [m]: range of the actuators' inputs, by members that one
-        actuator alone moves.
-    ranges: ranges of the rest lengths of all members that move.
-    """
-
-    least_tension: FloatArray
-    most_tension: FloatArray
+    least_tension: FloatArray  # (n_members,) [N]: bounds of the member tensions
+    most_tension: FloatArray  # (n_members,) [N]
+    # (n_members,) [N]: largest force in tension and compression, from the yield stress
     yield_force: FloatArray
+    # (n_members,) [N m2]: pi^2 E I over the safety factor: the compression is at most this over the squared
+    # length
     buckling: FloatArray
-    clearance: float
+    clearance: float  # [m]: least distance between bars
+    # [N/m]: least smallest eigenvalue of the stiffness; 0 where the limits are below: plans are stable
     least_stiffness: float
+    # least_change, most_change (n_actuators,) [m]: range of the actuators' inputs, by members that one
+    # actuator alone moves
     least_change: FloatArray
     most_change: FloatArray
-    ranges: MemberRanges
+    ranges: MemberRanges  # ranges of the rest lengths of all members that move
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins to all limits, positive inside; one row each.
+    """Margins to all limits, positive inside; one row each."""
 
-    kind: "least_tension", "most_tension", "yield", "buckling", "clearance", "least_stiffness", "range".
-    index (n,): member, pair of bars, eigenvalue or row of the ranges.
-    value (n,) [N, m, N/m]: margins.
-    size (n,): size of each limit, for tolerances.
-    bound (n,) [N, m, N/m]: the limits themselves; of ranges, the value of the input.
-    slope (n, n_actuators) or None: derivatives of the margins with respect to the inputs.
-    """
-
+    # "least_tension", "most_tension", "yield", "buckling", "clearance", "least_stiffness", "range"
     kind: tuple[str, ...]
-    index: NDArray[np.int64]
-    value: FloatArray
-    size: FloatArray
-    bound: FloatArray
+    index: NDArray[np.int64]  # (n,): member, pair of bars, eigenvalue or row of the ranges
+    value: FloatArray  # (n,) [N, m, N/m]: margins
+    size: FloatArray  # (n,): size of each limit, for tolerances
+    bound: FloatArray  # (n,) [N, m, N/m]: the limits themselves; of ranges, the value of the input
+    # (n, n_actuators) or None: derivatives of the margins with respect to the inputs
     slope: FloatArray | None = None
 
     @property
@@ -73,13 +60,7 @@ class Margins:
 
 
 def build_limits(model: CompiledModel, ranges: MemberRanges, limits: Limits | None = None) -> PlanLimits:
-    """Return the limits of a structure and of its actuators, as bounds of forces and inputs.
-
-    model: with its structure.
-    ranges: ranges of the actuators.
-    limits: by default those of the structure.
-    Raises InvalidValueError: limits that are no numbers, or not one for each member.
-    """
+    """Return the limits of a structure and of its actuators, as bounds of forces and inputs."""
     structure = model.structure
     assert structure is not None
     limits = _read_limits(structure.limits if limits is None else limits, len(structure.member_name))
@@ -125,21 +106,13 @@ def _read_limits(limits: Limits, count: int) -> Limits:
 
 
 def keep_taut(limits: PlanLimits, at: PlanPoint, tension_only: NDArray[np.bool_]) -> PlanLimits:
-    """Return the limits with least tension 0 for cables without one that are in tension at the start.
-
-    tension_only (n_members,): cables that can go slack.
-    Returns: limits by which no cable goes slack: there the equilibria have a kink.
-    """
+    """Return the limits with least tension 0 for cables without one that are in tension at the start."""
     free = tension_only & (at.tension > 0) & ~np.isfinite(limits.least_tension)
     return replace(limits, least_tension=np.where(free, 0.0, limits.least_tension))
 
 
 def compute_margins(limits: PlanLimits, at: PlanPoint, slopes: Slopes | None = None) -> Margins:
-    """Return the margins of an equilibrium to all limits that exist.
-
-    slopes: its derivatives, for those of the margins.
-    Returns: one row for each limit.
-    """
+    """Return the margins of an equilibrium to all limits that exist."""
     tension, load, count = at.tension, limits.buckling / at.length**2, len(at.change)
     ranges = limits.ranges
     change = ranges.pull @ at.change
@@ -163,30 +136,30 @@ def compute_margins(limits: PlanLimits, at: PlanPoint, slopes: Slopes | None = N
     if slopes is not None:
         curve = np.where(np.isfinite(limits.buckling), -2 * limits.buckling / at.length**3, 0.0)
         bent = slopes.tension + curve[:, None] * slopes.length
-        own, pulled = ranges.pull, slopes.tension
+        pull, pulled = ranges.pull, slopes.tension
         soft = slopes.eigenvalue if len(slopes.eigenvalue) else np.zeros((len(stiff), count))
-        sloping = [pulled, -pulled, -pulled, pulled, bent, slopes.distance, own, -own, soft]
+        sloping = [pulled, -pulled, -pulled, pulled, bent, slopes.distance, pull, -pull, soft]
     # Sizes of limits near zero.
     force = max(at.point.largest_force, 1e-300)
-    least = {"clearance": at.point.longest, "range": at.point.longest, "least_stiffness": LEAST_STIFFNESS}
-    return _stack(rows, sloping, {kind: LEAST_SIZE * least.get(kind, force) for kind, *_ in rows})
+    reference = {"clearance": at.point.longest, "range": at.point.longest, "least_stiffness": MIN_STIFFNESS}
+    return _stack(rows, sloping, {kind: MIN_SIZE * reference.get(kind, force) for kind, *_ in rows})
 
 
 def _stack(
-    rows: list[tuple[str, FloatArray, FloatArray]], sloping: list[FloatArray | None], least: dict[str, float]
+    rows: list[tuple[str, FloatArray, FloatArray]], sloping: list[FloatArray | None], floor: dict[str, float]
 ) -> Margins:
     """Return the finite rows, one after the other."""
     kinds: list[str] = []
     index, value, size, bound, slope = [], [], [], [], []
     for (kind, margin, limit), derivative in zip(rows, sloping, strict=True):
-        kept = np.flatnonzero(np.isfinite(margin))
-        kinds += [kind] * len(kept)
-        index.append(kept)
-        value.append(margin[kept])
-        size.append(np.maximum(np.abs(limit[kept]), least[kind]))
-        bound.append(limit[kept])
+        finite = np.flatnonzero(np.isfinite(margin))
+        kinds += [kind] * len(finite)
+        index.append(finite)
+        value.append(margin[finite])
+        size.append(np.maximum(np.abs(limit[finite]), floor[kind]))
+        bound.append(limit[finite])
         if derivative is not None:
-            slope.append(derivative[kept])
+            slope.append(derivative[finite])
     return Margins(
         tuple(kinds),
         np.concatenate(index).astype(np.int64),

@@ -3,6 +3,12 @@
 Each step goes from one equilibrium within all limits to the next. Where the equilibrium that a step leads to
 violates a limit, or misses the target, further programs at the same progress correct it; where they do not,
 the step is shortened. Only equilibria within all limits are kept.
+
+A straight path to the targets keeps to one branch of equilibria, and often to a symmetry of the structure.
+Where limits block it, the next ones begin with other changes of the inputs. Then the search leaves the
+straight line: from a shape that it has reached, it walks in a random direction along equilibria within all
+limits, as far as they let it slide, and goes straight to the targets from there. The shapes that are reached
+form a tree; half of the walks begin at the one that is nearest to the targets.
 """
 
 from collections.abc import Callable
@@ -21,6 +27,7 @@ from tensegrity_codegen.control.planning.plan_point import (
 )
 from tensegrity_codegen.control.planning.step_problem import AIMED_MARGIN, FINAL_MARGIN, Program, Step
 from tensegrity_codegen.control.planning.targets import Targets
+from tensegrity_codegen.runtime.records.plan_result import Branch, Cover
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError, SingularStiffnessError
 
@@ -28,33 +35,36 @@ Progress = Callable[[int, float], None]
 
 TARGET_TOLERANCE = 1e-8  # of the change of the targets: error that counts as none
 PROGRESS_TOLERANCE = 1e-9  # progress this near to 1 is 1
-MOST_CORRECTIONS = 8
-LEAST_CORRECTED_PART = 0.1  # of the progress of a step that its corrections leave
+MAX_CORRECTIONS = 8
+MIN_CORRECTED_PART = 0.1  # of the progress of a step that its corrections leave
 STEP_DECREASE, STEP_INCREASE = 0.4, 2.0
 LARGEST_CHANGE = 1.0  # of the longest member: of an input in all steps together
 SMALLEST_CHANGE = 1e-6  # of the largest change: shorter steps are not tried
 CHANGE_SCALE = 1e-3  # of the longest member
-LEAST_PROGRESS = 1e-6  # of a step that counts at all
+MIN_PROGRESS = 1e-6  # of a step that counts at all
 # The path has stalled where so many last steps together make less progress than this, or less than this part,
 # of `least_progress`, of what such steps would make at the start.
-N_RECENT_STEPS, LEAST_RECENT_PROGRESS, LEAST_RECENT_PART = 8, 1e-4, 0.05
+N_RECENT_STEPS, MIN_RECENT_PROGRESS, MIN_RECENT_PART = 8, 1e-4, 0.05
 SEARCH_PART = 0.5  # of the predicted motion: how far the equilibrium is from the prediction
 STEPS_TO_LIMIT = 3.0  # steps after which the smallest eigenvalue could reach its limit
+
+N_FIRST_CHANGES = 2  # attempts that begin with other changes, before those over drawn shapes
+FIRST_CHANGE = 0.01  # of the longest member: largest of these changes
+MIN_GAIN = 1e-3  # progress by which another path comes further
+MIN_WALK, MAX_WALK = 2, 10  # steps of a walk
+MIN_CHANGE = 0.02  # of the largest change of a step: a walk that limits let move less has ended
 
 
 @dataclass(frozen=True)
 class PathPoint:
-    """A stored point: the equilibrium, progress, values of the targets, margins, and what bound the step.
-
-    binding: rows of `margins` that limited the step to this point; multiplier: their multipliers.
-    """
+    """A stored point: the equilibrium, progress, values of the targets, margins, and what bound the step."""
 
     at: PlanPoint
     progress: float
     target: FloatArray
     margins: Margins
-    binding: NDArray[np.int64]
-    multiplier: FloatArray
+    binding: NDArray[np.int64]  # rows of `margins` that limited the step to this point
+    multiplier: FloatArray  # their multipliers
 
 
 class PlanPath:
@@ -109,23 +119,23 @@ class PlanPath:
     def advance(self) -> bool:
         """Make one step, or shorten the next one; return whether the path can go on."""
         here = self.points[-1]
-        wanted = min(self.step_progress, 1.0 - here.progress)
+        requested = min(self.step_progress, 1.0 - here.progress)
         self.aimed_margin = AIMED_MARGIN
         program = self._build_program(here.at, here.target, here.progress)
         # The first step makes half of the progress that limits leave: the rest is left to preferred changes.
         if self.preferred is not None and len(self.points) == 1:
-            furthest = program.find_furthest(0.0, wanted)
-            wanted = wanted if furthest is None else furthest.progress / 2
+            furthest = program.find_furthest(0.0, requested)
+            requested = requested if furthest is None else furthest.progress / 2
             program = replace(program, preferred=self.preferred)
         # The smallest changes that make the wanted progress; else the most progress that there is.
         step = (
-            program.find_step(wanted)
-            or self._find_final_step(here, wanted)
-            or program.find_furthest(0.0, wanted)
+            program.find_step(requested)
+            or self._find_final_step(here, requested)
+            or program.find_furthest(0.0, requested)
         )
         if step is None:
             return self._shorten("the limits leave no progress")
-        if step.progress < LEAST_PROGRESS and here.progress + step.progress < 1.0 - PROGRESS_TOLERANCE:
+        if step.progress < MIN_PROGRESS and here.progress + step.progress < 1.0 - PROGRESS_TOLERANCE:
             return self._explain_end(program)
         # The equilibrium there, corrected until it is within all limits.
         reached = self._find_reached_point(here, step)
@@ -134,32 +144,29 @@ class PlanPath:
         self.points.append(reached)
         self.failure = ""
         self.targets = self.targets.follow(reached.at.position)
-        return self._adapt_step(program, wanted, reached.progress - here.progress)
+        return self._adapt_step(program, requested, reached.progress - here.progress)
 
-    def _adapt_step(self, program: Program, wanted: float, made: float) -> bool:
-        """Return whether the path can go on after a step of a program; set the size of the next one.
-
-        wanted, made: progress asked for, and made.
-        """
+    def _adapt_step(self, program: Program, requested: float, made: float) -> bool:
+        """Return whether the path can go on after a step of a program; set the size of the next one."""
         # What such a step would make at the start, by which later ones are measured.
         if self.first_unlimited_progress is None:
             self.first_unlimited_progress = program.find_unlimited_progress(1.0)
         at_start = program.radius / self.most_radius * self.first_unlimited_progress
-        self.expected_progress.append(min(wanted, at_start))
+        self.expected_progress.append(min(requested, at_start))
         # The least that is enough: without limits, the bound of the step may permit less than asked for.
-        least, possible = self.least_progress * wanted, made
-        if made < least:
-            least = min(least, self.least_progress * program.find_unlimited_progress(wanted))
-            bound = program.find_bound(wanted)
+        required, possible = self.least_progress * requested, made
+        if made < required:
+            required = min(required, self.least_progress * program.find_unlimited_progress(requested))
+            bound = program.find_bound(requested)
             possible = 0.0 if bound is None else bound.progress
         # Limits leave more to first order: shorter steps follow them better.
-        if made < least <= possible:
+        if made < required <= possible:
             self.failure = "the corrections of the steps leave too little progress"
             return self.is_done or (self._shorten(self.failure) and not self._has_stalled())
         # Longer steps, unless several in a row were slow.
         self.radius = min(STEP_INCREASE * self.radius, self.most_radius)
         self.step_progress = min(STEP_INCREASE * self.step_progress, self.most_step_progress)
-        self.n_slow = self.n_slow + 1 if made < least else 0
+        self.n_slow = self.n_slow + 1 if made < required else 0
         if self.n_slow == N_RECENT_STEPS and not self.is_done:
             self.failure = (
                 f"the limits leave little progress, less than {self.least_progress:g} of what a step could "
@@ -169,12 +176,12 @@ class PlanPath:
             return False
         return not self._has_stalled()
 
-    def _find_final_step(self, here: PathPoint, wanted: float) -> Step | None:
+    def _find_final_step(self, here: PathPoint, requested: float) -> Step | None:
         """Return the step to a target on a limit, which is met within the tolerance of limits."""
-        if here.progress + wanted < 1.0 - PROGRESS_TOLERANCE:
+        if here.progress + requested < 1.0 - PROGRESS_TOLERANCE:
             return None
         self.aimed_margin = FINAL_MARGIN
-        step = self._build_program(here.at, here.target, here.progress).find_step(wanted)
+        step = self._build_program(here.at, here.target, here.progress).find_step(requested)
         if step is None:
             self.aimed_margin = AIMED_MARGIN
         return step
@@ -186,12 +193,12 @@ class PlanPath:
         """
         program = replace(program, radius=self.most_radius)
         bound = program.find_bound(self.most_step_progress)
-        if program.find_unlimited_progress(self.most_step_progress) < LEAST_PROGRESS:
+        if program.find_unlimited_progress(self.most_step_progress) < MIN_PROGRESS:
             self.is_limited = False
             self.failure = describe_immobility(
                 self.targets.names, self.slopes.target, self.direction, self.points[-1].at.point.longest
             )
-        elif bound is None or bound.progress < LEAST_PROGRESS or not self.failure:
+        elif bound is None or bound.progress < MIN_PROGRESS or not self.failure:
             self.failure = "the limits leave no progress"
         return False
 
@@ -208,14 +215,12 @@ class PlanPath:
         made = self.points[-1].progress - self.points[-1 - N_RECENT_STEPS].progress
         # Zero where the first step, to first order, does not move the targets.
         expected = sum(self.expected_progress[-N_RECENT_STEPS:])
-        share = f", {made / expected:.2g} of what they would make at the start" if expected > 0.0 else ""
-        has_stalled = (
-            made < LEAST_RECENT_PROGRESS or made < LEAST_RECENT_PART * self.least_progress * expected
-        )
+        fraction = f", {made / expected:.2g} of what they would make at the start" if expected > 0.0 else ""
+        has_stalled = made < MIN_RECENT_PROGRESS or made < MIN_RECENT_PART * self.least_progress * expected
         if has_stalled:
             self.failure = (
-                f"progress has died out: {made:.3g} of the way in the last {N_RECENT_STEPS} steps{share}; a "
-                f"step changes rest lengths by {self.most_radius:.3g} m at most, fewer steps (`steps`) "
+                f"progress has died out: {made:.3g} of the way in the last {N_RECENT_STEPS} steps{fraction}; "
+                f"a step changes rest lengths by {self.most_radius:.3g} m at most, fewer steps (`steps`) "
                 "permit more"
             )
         return has_stalled
@@ -252,18 +257,18 @@ class PlanPath:
 
     def _correct(self, at: PlanPoint, progress: float, here: PathPoint, step: Step) -> PathPoint | None:
         """Return the point within all limits near an equilibrium, by programs with the same slopes."""
-        least = here.progress + LEAST_CORRECTED_PART * step.progress
-        for _ in range(MOST_CORRECTIONS):
+        least_progress = here.progress + MIN_CORRECTED_PART * step.progress
+        for _ in range(MAX_CORRECTIONS):
             # Is the equilibrium stable, within all limits and on target?
             target = self.targets.evaluate(self.model.problem(at.change), at.coordinate)
-            wanted = self.first + progress * self.direction
+            goal = self.first + progress * self.direction
             margins = compute_margins(self.limits, at)
             is_stable = len(at.eigenvalue) == 0 or float(at.eigenvalue[0]) > 0.0
-            if self._is_inside(margins) and self._is_exact(target - wanted) and is_stable:
+            if self._is_inside(margins) and self._is_exact(target - goal) and is_stable:
                 return PathPoint(at, progress, target, margins, step.binding, step.multiplier)
             # The smallest change that corrects it, with less progress where there is none.
             program = self._build_program(at, target, progress)
-            better = program.find_step(0.0) or program.find_furthest(min(least - progress, 0.0), 0.0)
+            better = program.find_step(0.0) or program.find_furthest(min(least_progress - progress, 0.0), 0.0)
             if better is None:
                 self.failure = f"the limits are exceeded beyond the step: {self._name_worst(margins)}"
                 return None
@@ -273,14 +278,14 @@ class PlanPath:
                 return None
             at = moved
         # What is left after all corrections.
-        miss = target - wanted
+        miss = target - goal
         if self._is_exact(miss):
-            what = "the equilibrium is unstable" if self._is_inside(margins) else self._name_worst(margins)
+            reason = "the equilibrium is unstable" if self._is_inside(margins) else self._name_worst(margins)
         else:
             worst = int(np.abs(miss).argmax())
             name, unit = self.targets.names[worst], self.targets.units[worst]
-            what = f"{name} is missed by {miss[worst]:.3g} {unit}".rstrip()
-        self.failure = f"the corrections of the step do not converge: {what}"
+            reason = f"{name} is missed by {miss[worst]:.3g} {unit}".rstrip()
+        self.failure = f"the corrections of the step do not converge: {reason}"
         return None
 
     def _name_worst(self, margins: Margins) -> str:
@@ -291,10 +296,12 @@ class PlanPath:
         moved = self.slopes.coordinate @ change
         carried = self.model.problem(at.change + change).move_coordinate(at.coordinate, moved)
         reach = SEARCH_PART * float(np.abs(moved).max(initial=0.0)) + SMALLEST_CHANGE * at.point.longest
-        found = None if carried is None else self.model.find_point(at.change + change, carried[0], reach)
-        if found is None:
+        equilibrium = (
+            None if carried is None else self.model.find_point(at.change + change, carried[0], reach)
+        )
+        if equilibrium is None:
             self.failure = "no equilibrium is found near the step"
-        return found
+        return equilibrium
 
     def _find_slopes(self, at: PlanPoint, before: PlanPoint) -> Slopes:
         return compute_slopes(self.model, at, self.targets, with_stiffness=self._is_soft(at, before))
@@ -315,3 +322,154 @@ class PlanPath:
         return bool(
             np.all(np.abs(defect) <= TARGET_TOLERANCE * float(np.abs(self.direction).max(initial=0.0)))
         )
+
+
+# Branches: paths that begin otherwise, and ways over drawn shapes.
+
+BuildPath = Callable[..., PlanPath]
+Prove = Callable[[PlanPath], Cover | None]
+
+
+@dataclass(frozen=True)
+class Reached:
+    """A shape of the tree: the points from the start to it, and the targets followed to it."""
+
+    points: list[PathPoint]
+    targets: Targets
+    gap: float  # distance from the targets, as a part of their change
+
+
+class Walk(PlanPath):
+    """Steps along equilibria within all limits that no target leads; built with `Targets(())`."""
+
+    def go(self, way: FloatArray, count: int) -> None:
+        """Take up to `count` steps that differ least from a way, (n_actuators,), as limits let them slide.
+
+        Changes of tensions weigh as in all steps, so that most of a way is a change of shape.
+        """
+        for _ in range(2 * count):
+            here = self.points[-1]
+            self.aimed_margin = AIMED_MARGIN
+            program = self._build_program(here.at, here.target, 0.0)
+            preferred = np.asarray(np.linalg.solve(program.hessian, way), dtype=np.float64)
+            preferred = preferred * (self.radius / float(np.abs(preferred).max()))
+            step = replace(program, preferred=preferred).find_step(0.0)
+            if step is not None and np.abs(step.change).max() < MIN_CHANGE * self.radius:
+                return
+            reached = None if step is None else self._find_reached_point(here, step)
+            if reached is None:
+                if not self._shorten("a step of the walk fails"):
+                    return
+                continue
+            self.points.append(reached)
+            self.radius = min(2 * self.radius, self.most_radius)
+            if len(self.points) > count:
+                return
+
+
+def find_path(
+    build: BuildPath, max_steps: int, progress: Progress | None, attempts: int, seed: int, prove: Prove
+) -> tuple[PlanPath, tuple[Branch, ...], Cover | None]:
+    """Return a path to the targets; where limits block all, the one from the start that comes furthest.
+
+    build: (targets=, start=, preferred=, of=) -> path, of the class `of`.
+    attempts: largest number of other paths where limits block that of the smallest changes.
+    seed: of the random changes and walks.
+    prove: finds the proof that there is no plan, from a blocked path; then nothing is drawn.
+    Returns: the path, how each branch that was tried ended, and the proof.
+    """
+    furthest = build()
+    start, targets, draw = furthest.points[0], furthest.targets, np.random.default_rng(seed)
+    is_blocked = take_steps(furthest, max_steps, progress)
+    branches = [_record("smallest changes", furthest)]
+    # Straight paths that begin with other changes, as far as targets and limits leave them free.
+    count, tree = 0, [Reached([start], targets, 1.0), _reach(furthest, [], furthest)]
+    while is_blocked and count < min(attempts, N_FIRST_CHANGES):
+        preferred = FIRST_CHANGE * start.at.point.longest * draw.uniform(-1.0, 1.0, len(start.at.change))
+        attempt, count = build(preferred=preferred), count + 1
+        is_blocked = take_steps(attempt, max_steps, progress, furthest)
+        branches.append(_record("other first changes", attempt))
+        tree.append(_reach(attempt, [], furthest))
+        if attempt.points[-1].progress > furthest.points[-1].progress + MIN_GAIN:
+            furthest = attempt
+    if is_blocked and count:
+        furthest.failure += f"; {count} paths that begin with other changes end no further"
+    # Ways over shapes that random walks lead to, where nothing proves that there are none.
+    cover = prove(furthest) if is_blocked else None
+    for _ in range(attempts - count if is_blocked and cover is None else 0):
+        from_nearest = draw.random() < 0.5
+        node = min(tree, key=lambda item: item.gap) if from_nearest else tree[draw.integers(len(tree))]
+        try:
+            trail, targets = _walk(build, node, draw)
+            path = build(targets=targets, start=trail[-1].at)
+        except (NonFiniteError, SingularStiffnessError):
+            continue  # the targets have no values there, or a motion meets no resistance
+        take_steps(path, max_steps, progress)
+        branches.append(_record("random walk", path))
+        if path.is_done:
+            path.points = _join(trail, path.points)
+            return path, tuple(branches), None
+        tree += [Reached(trail, targets, 1.0), _reach(path, trail, furthest)]
+    if is_blocked and len(branches) > 1 + N_FIRST_CHANGES:
+        count = len(branches) - 1 - N_FIRST_CHANGES
+        furthest.failure += (
+            f", and of {count} over shapes drawn at random (seed {seed}) none reaches the target"
+        )
+    return furthest, tuple(branches), cover
+
+
+def take_steps(
+    path: PlanPath, max_steps: int, progress: Progress | None, rival: PlanPath | None = None
+) -> bool:
+    """Take steps until the path ends, or as many as allowed; return whether limits block it.
+
+    A path that is behind its rival after twice as many steps and attempts is given up.
+    """
+    for count in range(max_steps):
+        if path.is_done:
+            return False
+        if rival and count > 2 * len(rival.points) and path.points[-1].progress < rival.points[-1].progress:
+            return True
+        can_go_on = path.advance()
+        if progress is not None:
+            progress(len(path.points) - 1, path.points[-1].progress)
+        if not can_go_on:
+            return path.is_limited and not path.is_done
+    if not path.is_done:
+        path.failure = f"the target is not reached after {max_steps} steps and attempts (`max_steps`)"
+    return False
+
+
+def _walk(build: BuildPath, node: Reached, draw: np.random.Generator) -> tuple[list[PathPoint], Targets]:
+    """Return the points from the start over a shape of the tree to the end of a walk; the targets there."""
+    walk = build(of=Walk, targets=Targets(()), start=node.points[-1].at)
+    assert isinstance(walk, Walk)
+    way = draw.standard_normal(len(walk.points[0].at.change))
+    walk.go(way, int(draw.integers(MIN_WALK, MAX_WALK + 1)))
+    trail, targets = list(node.points), node.targets
+    for point in walk.points[1:]:
+        targets = targets.follow(point.at.position)
+        value = targets.evaluate(walk.model.problem(point.at.change), point.at.coordinate)
+        trail.append(replace(point, target=value))
+    return trail, targets
+
+
+def _reach(path: PlanPath, trail: list[PathPoint], straight: PlanPath) -> Reached:
+    """Return the end of a path as a shape of the tree; its gap is over the change of the straight path."""
+    units = np.array(path.targets.units)
+    scale = np.array([np.abs(straight.direction[units == unit]).max() for unit in units])
+    gap = np.abs(path.goal - path.points[-1].target) / np.maximum(scale, 1e-300)
+    return Reached(trail + path.points[bool(trail) :], path.targets, float(gap.max(initial=0.0)))
+
+
+def _join(trail: list[PathPoint], straight: list[PathPoint]) -> list[PathPoint]:
+    """Return the points of a way, their progress by their number up to the last straight path."""
+    before, total = len(trail) - 1, len(trail) + len(straight) - 2
+    way = [replace(point, progress=k / total) for k, point in enumerate(trail)]
+    remaining = 1.0 - before / total
+    return way + [replace(point, progress=1.0 - remaining * (1.0 - point.progress)) for point in straight[1:]]
+
+
+def _record(kind: str, path: PlanPath) -> Branch:
+    reason = "reaches the target" if path.is_done else path.failure
+    return Branch(kind, len(path.points) - 1, path.points[-1].progress, path.points[-1].target, reason)

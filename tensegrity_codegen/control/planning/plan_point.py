@@ -1,18 +1,16 @@
-"""Equilibria on a path, with all that limits look at, and their derivatives by the actuators' inputs."""
+"""The model of a plan: its actuators, equilibria with all that limits look at, and their derivatives."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
-from tensegrity_codegen.control.planning.actuation import (
-    Actuation,
-    find_member_ranges,
-)
 from tensegrity_codegen.control.planning.targets import MovedBy, Targets
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
+from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.sensitivity.bordered import factorise
@@ -22,11 +20,15 @@ from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.system.checks import check_instance
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, StructureError, check_choice
 
-MOST_ITERATIONS = 12
+MAX_ITERATIONS = 12
 RESIDUAL_TOLERANCE = 1e-9  # node residual over the largest member force
 RESIDUAL_GOAL = 1e-12
 ROUNDING = 8 * float(np.finfo(float).eps)
@@ -37,32 +39,125 @@ RANK = 1e-6  # of the largest singular value
 
 
 @dataclass(frozen=True)
+class Actuation:
+    """The actuators that a plan moves."""
+
+    actuators: tuple[Actuator, ...]  # with names, members, rates and ranges
+    place: NDArray[np.int64]  # (n_actuators,): indices of their inputs
+    rest_length: FloatArray  # (n_actuators,) [m]: rest length of the first member of each in the scene
+    least_change: FloatArray  # (n_actuators,) [m]: bounds of their inputs, from the ranges of rest lengths
+    most_change: FloatArray  # (n_actuators,) [m]
+    rate: FloatArray  # (n_actuators,) [m/s]: largest rates
+
+    @property
+    def members(self) -> dict[str, tuple[int, ...]]:
+        """Indices of the members of each actuator."""
+        return {actuator.name: actuator.members for actuator in self.actuators}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the actuators."""
+        return tuple(actuator.name for actuator in self.actuators)
+
+
+def find_actuation(model: Described, names: Sequence[str] | None = None) -> Actuation:
+    """Return the actuators of a model that a plan moves."""
+    structure, scene = model.structure, model.manifest.name
+    actuators = () if structure is None else structure.actuators
+    if structure is None or not actuators:
+        raise StructureError(
+            "no actuators",
+            where=f"{scene}: actuators",
+            given="none",
+            allowed="at least one table [[actuators]] with a name and members",
+            hint="add [[actuators]] to the scene, or let each cable have one: `actuate=cables`",
+        )
+    by_name = {actuator.name: actuator for actuator in actuators}
+    check_instance([] if names is None else names, (list, tuple), "actuators", "a list of names")
+    selected = list(by_name) if names is None else list(names)
+    for name in selected:
+        check_choice(name, by_name, "actuator", "actuators")
+        if selected.count(name) > 1:
+            raise InvalidValueError(
+                "an actuator is named twice", where="actuators", given=name, allowed="each actuator once"
+            )
+    chosen = tuple(by_name[name] for name in selected)
+    initial = [np.array([structure.rest_length[e] for e in item.members]) for item in chosen]
+    return Actuation(
+        chosen,
+        np.array([model.manifest.input_name.index(item.name) for item in chosen], dtype=np.int64),
+        np.array([lengths[0] for lengths in initial]),
+        np.array([item.range[0] - lengths.min() for item, lengths in zip(chosen, initial, strict=True)]),
+        np.array([item.range[1] - lengths.max() for item, lengths in zip(chosen, initial, strict=True)]),
+        np.array([item.rate for item in chosen]),
+    )
+
+
+@dataclass(frozen=True)
+class MemberRanges:
+    """A row for each actuator with a range and each of its members that the plan moves."""
+
+    name: tuple[str, ...]  # names of the actuators
+    member: NDArray[np.int64]  # (n,): members
+    rest_length: FloatArray  # (n,) [m]: rest lengths of the members where the actuators of the plan are at 0
+    least: FloatArray  # (n,) [m]: bounds of the rest lengths
+    most: FloatArray  # (n,) [m]
+    pull: FloatArray  # (n, n_actuators): 1 where an actuator of the plan moves the member
+
+    def of_member(self, index: int) -> tuple[float, float]:
+        """Return the least and the largest rest length that the ranges permit a member [m]."""
+        rows = self.member == index
+        return float(self.least[rows].max(initial=-np.inf)), float(self.most[rows].min(initial=np.inf))
+
+    def of_actuators(self) -> tuple[FloatArray, FloatArray]:
+        """Return the bounds of the inputs (n_actuators,) by members that one actuator alone moves [m]."""
+        alone = self.pull[self.pull.sum(axis=1) == 1] > 0
+        is_moved_alone = self.pull.sum(axis=1) == 1
+        low, high = ((bound - self.rest_length)[is_moved_alone, None] for bound in (self.least, self.most))
+        return (
+            np.where(alone, low, -np.inf).max(axis=0, initial=-np.inf),
+            np.where(alone, high, np.inf).min(axis=0, initial=np.inf),
+        )
+
+
+def find_member_ranges(
+    structure: Structure | BodySystem, incidence: FloatArray, held: Mapping[str, float]
+) -> MemberRanges:
+    """Return the ranges of the members that the actuators of a plan move."""
+    rest_length = add_inputs_to_rest_length(structure, held)
+    rows = [
+        (item, e)
+        for item in structure.actuators
+        for e in item.members
+        if incidence[e].any() and (np.isfinite(item.range[0]) or np.isfinite(item.range[1]))
+    ]
+    member = np.array([e for _, e in rows], dtype=np.int64)
+    return MemberRanges(
+        tuple(item.name for item, _ in rows),
+        member,
+        rest_length[member],
+        np.array([item.range[0] for item, _ in rows], dtype=float),
+        np.array([item.range[1] for item, _ in rows], dtype=float),
+        incidence[member],
+    )
+
+
+@dataclass(frozen=True)
 class PlanPoint:
-    """An equilibrium: inputs, coordinates, what limits look at.
+    """An equilibrium: inputs, coordinates, what limits look at."""
 
-    change (n_actuators,) [m]: values of the actuators' inputs.
-    coordinate, model_coordinate (n_coordinates,): coordinates of the static problem, and of the model.
-    position (n_nodes, 3) [m]: node positions.
-    point: energy, residual and tensions.
-    length (n_members,) [m]: member lengths.
-    distance (n_bar_pairs,) [m]: distances between bars.
-    eigenvalue (k,) [N/m]: the smallest eigenvalues of the stiffness without neutral rigid motions.
-    eigenvector (n_directions, k): their unit vectors.
-    neutral (n_directions, m): orthonormal neutral rigid motions.
-    stiffness (n_directions, n_directions) [N/m]: tangent stiffness.
-    """
-
-    change: FloatArray
-    coordinate: FloatArray
-    model_coordinate: FloatArray
-    position: FloatArray
-    point: Point
-    length: FloatArray
-    distance: FloatArray
+    change: FloatArray  # (n_actuators,) [m]: values of the actuators' inputs
+    coordinate: FloatArray  # (n_coordinates,): coordinates of the static problem, and of the model
+    model_coordinate: FloatArray  # (n_coordinates,)
+    position: FloatArray  # (n_nodes, 3) [m]: node positions
+    point: Point  # energy, residual and tensions
+    length: FloatArray  # (n_members,) [m]: member lengths
+    distance: FloatArray  # (n_bar_pairs,) [m]: distances between bars
+    # (k,) [N/m]: the smallest eigenvalues of the stiffness without neutral rigid motions
     eigenvalue: FloatArray
-    eigenvector: FloatArray
-    neutral: FloatArray
-    stiffness: Any
+    eigenvector: FloatArray  # (n_directions, k): their unit vectors
+    neutral: FloatArray  # (n_directions, m): orthonormal neutral rigid motions
+    stiffness: Any  # (n_directions, n_directions) [N/m]: tangent stiffness
 
     @property
     def tension(self) -> FloatArray:
@@ -91,10 +186,12 @@ class PlanModel:
         check_finite(self.base, f"arguments.{INPUT}")
         self.has_pairs = bool(model.manifest.bar_pair) and model.has("bar_distance")
         names = model.manifest.member_name
-        self.columns = {item.name: tuple(names[e] for e in item.members) for item in actuation.actuators}
+        self.columns = {
+            actuator.name: tuple(names[e] for e in actuator.members) for actuator in actuation.actuators
+        }
         self.incidence = np.zeros((len(names), len(self.columns)))
-        for column, item in enumerate(actuation.actuators):
-            self.incidence[list(item.members), column] = 1.0
+        for column, actuator in enumerate(actuation.actuators):
+            self.incidence[list(actuator.members), column] = 1.0
         held = {
             name: float(value)
             for name, value in zip(model.manifest.input_name, self.base, strict=True)
@@ -103,9 +200,9 @@ class PlanModel:
         structure = model.structure
         assert structure is not None  # find_actuation refuses models without
         self.ranges = find_member_ranges(structure, self.incidence, held)
-        first = [item.members[0] for item in actuation.actuators]
-        self._held_rest = add_inputs_to_rest_length(structure, held)[first]
-        self._pull = self.incidence[first]
+        pulled = [actuator.members[0] for actuator in actuation.actuators]
+        self._held_rest = add_inputs_to_rest_length(structure, held)[pulled]
+        self._pull = self.incidence[pulled]
 
     def rest_length(self, change: FloatArray) -> FloatArray:
         """Return the total rest lengths (..., n_actuators) of the first member of each actuator [m]."""
@@ -149,17 +246,11 @@ class PlanModel:
         return problem
 
     def find_point(self, change: FloatArray, coordinate: FloatArray, reach: float) -> PlanPoint | None:
-        """Return the equilibrium near predicted coordinates.
-
-        change (n_actuators,) [m]: values of the actuators' inputs.
-        coordinate (n_coordinates,): prediction.
-        reach: largest distance from the prediction to the equilibrium [m].
-        Returns: None where Newton's method does not converge, or leads further away than `reach`.
-        """
+        """Return the equilibrium within `reach` [m] of predicted coordinates; None without one."""
         # Newton's method, until the residual is small enough or falls no further.
         problem = self.problem(change)
         point, best, floor = problem.find_point(coordinate), None, 0.0
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             if point is None or np.abs(point.coordinate - coordinate).max(initial=0.0) > reach:
                 return None
             if best is not None and _is_balanced(best, floor) and point.node_force > best.node_force / 4:
@@ -181,8 +272,8 @@ class PlanModel:
             return None, 0.0
         neutral = self.neutral(problem, point, stiffness)
         # What the rounding of the coordinates alone explains [N].
-        far = max(float(np.abs(point.coordinate).max(initial=0.0)), point.longest)
-        floor = ROUNDING * far * float(np.abs(stiffness.diagonal()).max(initial=0.0))
+        distance = max(float(np.abs(point.coordinate).max(initial=0.0)), point.longest)
+        floor = ROUNDING * distance * float(np.abs(stiffness.diagonal()).max(initial=0.0))
         rounding = float(np.finfo(float).eps) * float(abs(stiffness).sum(axis=0).max(initial=0.0))
         factors, _ = factorise(stiffness, sparse.csc_array(neutral.T), neutral, rounding)
         force = problem.directional_residual(point)[:, None]
@@ -241,23 +332,18 @@ def find_lowest(stiffness: Any, neutral: FloatArray) -> tuple[FloatArray, FloatA
 
 @dataclass(frozen=True)
 class Slopes:
-    """Derivatives of an equilibrium with respect to the actuators' inputs, one column each.
+    """Derivatives of an equilibrium with respect to the actuators' inputs, one column each."""
 
-    coordinate (n_coordinates, n_actuators): of the coordinates.
-    tension, length, extension (n_members, n_actuators) [N/m, 1, 1]: of tensions, lengths, and lengths minus
-        rest lengths of the members.
-    distance (n_bar_pairs, n_actuators): of the distances between bars.
-    target (n_targets, n_actuators): of the target values.
-    eigenvalue (k, n_actuators) [N/m2]: of the smallest eigenvalues; (0, n_actuators) unless asked for, and
-        with rigid bars.
-    """
-
-    coordinate: FloatArray
+    coordinate: FloatArray  # (n_coordinates, n_actuators): of the coordinates
+    # tension, length, extension (n_members, n_actuators) [N/m, 1, 1]: of tensions, lengths, and lengths minus
+    # rest lengths of the members
     tension: FloatArray
     length: FloatArray
     extension: FloatArray
-    distance: FloatArray
-    target: FloatArray
+    distance: FloatArray  # (n_bar_pairs, n_actuators): of the distances between bars
+    target: FloatArray  # (n_targets, n_actuators): of the target values
+    # (k, n_actuators) [N/m2]: of the smallest eigenvalues; (0, n_actuators) unless asked for, and with rigid
+    # bars
     eigenvalue: FloatArray
 
 
@@ -266,23 +352,19 @@ def compute_slopes(
 ) -> Slopes:
     """Return the derivatives of an equilibrium with respect to the actuators' inputs.
 
-    targets: targets bound to the model.
-    with_stiffness: whether to include those of the smallest eigenvalues.
-    Raises SingularStiffnessError: a motion that is not rigid meets no resistance.
-
     dq/du and dt/du by equilibrium_sensitivity; distances between bars, expressions and eigenvalues, as
     v^T K v at constant v, by central differences along (dq/du, du).
     """
     manifest = plan_model.model.manifest
     arguments = {**plan_model.arguments, INPUT: plan_model.inputs(at.change)}
     # Coordinates, tensions and lengths, by the stiffness of the equilibrium.
-    found = equilibrium_sensitivity(
+    sensitivity = equilibrium_sensitivity(
         plan_model.model, at.model_coordinate, arguments, columns=plan_model.columns
     )
     strands = manifest.strands
     unit, _ = strands.directions(at.position)
-    apart = found.node[strands.ends[:, 0]] - found.node[strands.ends[:, 1]]
-    length = strands.add_up(np.einsum("ea,eak->ke", unit, apart)).T
+    separation = sensitivity.node[strands.ends[:, 0]] - sensitivity.node[strands.ends[:, 1]]
+    length = strands.add_up(np.einsum("ea,eak->ke", unit, separation)).T
     count = len(at.change)
 
     def move(column: int, step: float) -> tuple[StaticProblem, FloatArray]:
@@ -290,7 +372,7 @@ def compute_slopes(
         change[column] += step
         return plan_model.problem(change), at.coordinate + step * moving[:, column]
 
-    moving = plan_model.scale(found.coordinate)
+    moving = plan_model.scale(sensitivity.coordinate)
     # Distances between bars and eigenvalues, by differences.
     step = STEP * at.point.longest
     distance, eigenvalue = np.zeros((0, count)), np.zeros((0, count))
@@ -303,11 +385,11 @@ def compute_slopes(
         )
     return Slopes(
         moving,
-        found.tension,
+        sensitivity.tension,
         length,
         length - plan_model.incidence,
         distance,
-        targets.slopes(at.position, found.node, move, step),
+        targets.slopes(at.position, sensitivity.node, move, step),
         eigenvalue,
     )
 
@@ -326,14 +408,7 @@ def _difference_along(
 def describe_immobility(
     names: Sequence[str], slope: FloatArray, direction: FloatArray, longest: float
 ) -> str:
-    """Return why no change of the inputs moves targets along a direction, to first order.
-
-    names: names of the components of the targets.
-    slope (n_targets, n_actuators): derivatives of the targets with respect to the inputs.
-    direction (n_targets,): changes of the targets that are wanted.
-    longest [m]: the longest member.
-    Returns: the targets that no actuator changes; or how many components the actuators change independently.
-    """
+    """Return why no change of the inputs moves targets along a direction, to first order."""
     effect = np.abs(slope).sum(axis=1) * longest
     still = effect <= STILL_PART * np.abs(direction)
     if np.any(still & (direction != 0)):

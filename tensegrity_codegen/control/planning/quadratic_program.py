@@ -49,9 +49,9 @@ class _Scaled:
         """Return the minimiser x with the multipliers of scaled rows; None unless it is one."""
         if not np.all(np.isfinite(x)) or not self.is_satisfied(x, tolerance):
             return None
-        whole = np.zeros(len(self.kept))
-        whole[self.kept] = multiplier / self.norm
-        return Solution(x, whole)
+        multipliers = np.zeros(len(self.kept))
+        multipliers[self.kept] = multiplier / self.norm
+        return Solution(x, multipliers)
 
 
 def require_solver() -> None:
@@ -62,15 +62,7 @@ def require_solver() -> None:
 def find_minimum(
     hessian: FloatArray, gradient: FloatArray, rows: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> Solution | None:
-    """Return the minimiser of x.H x / 2 + g.x with lower <= rows x <= upper.
-
-    hessian (n, n): positive definite.
-    gradient (n,): linear part of the objective.
-    rows (n_rows, n): constraints.
-    lower, upper (n_rows,): their bounds; equal ones are equations, infinite ones none.
-    Returns: None where no answer satisfies the constraints.
-    Raises MissingExtraError: DAQP is not installed.
-    """
+    """Return the minimiser of x.H x / 2 + g.x with lower <= rows x <= upper, None without one."""
     scaled = _scale(rows, lower, upper)
     if scaled is None:
         return None
@@ -146,7 +138,7 @@ def find_largest(gain: FloatArray, rows: FloatArray, lower: FloatArray, upper: F
     # Equations and inequalities, as HiGHS takes them.
     same = scaled.lower == scaled.upper
     low, high = ~same & np.isfinite(scaled.lower), ~same & np.isfinite(scaled.upper)
-    found = linprog(
+    optimum = linprog(
         -gain,
         A_ub=np.vstack([-scaled.rows[low], scaled.rows[high]]),
         b_ub=np.concatenate([-scaled.lower[low], scaled.upper[high]]),
@@ -159,25 +151,27 @@ def find_largest(gain: FloatArray, rows: FloatArray, lower: FloatArray, upper: F
             "dual_feasibility_tolerance": PRIMAL_TOLERANCE,
         },
     )
-    if found.status != 0 or found.x is None or not scaled.is_satisfied(found.x, FEASIBLE):
+    if optimum.status != 0 or optimum.x is None or not scaled.is_satisfied(optimum.x, FEASIBLE):
         return None
     # Multipliers of the rows as they were given.
-    own = np.zeros(len(scaled.rows))
-    own[low] -= found.ineqlin.marginals[: int(low.sum())]
-    own[high] += found.ineqlin.marginals[int(low.sum()) :]
+    marginal = np.zeros(len(scaled.rows))
+    marginal[low] -= optimum.ineqlin.marginals[: int(low.sum())]
+    marginal[high] += optimum.ineqlin.marginals[int(low.sum()) :]
     multiplier = np.zeros(len(rows))
-    multiplier[scaled.kept] = own / scaled.norm
-    return Solution(np.asarray(found.x, dtype=float), multiplier)
+    multiplier[scaled.kept] = marginal / scaled.norm
+    return Solution(np.asarray(optimum.x, dtype=float), multiplier)
 
 
 def _scale(rows: FloatArray, lower: FloatArray, upper: FloatArray) -> _Scaled | None:
     """Return the constraints with rows of unit norm, None where a row contradicts itself."""
     norm = np.linalg.norm(rows, axis=1)
-    kept = norm > ZERO_NORM * float(norm.max(initial=0.0))
-    if np.any(lower[~kept] > FEASIBLE) or np.any(upper[~kept] < -FEASIBLE):
+    is_nonzero = norm > ZERO_NORM * float(norm.max(initial=0.0))
+    if np.any(lower[~is_nonzero] > FEASIBLE) or np.any(upper[~is_nonzero] < -FEASIBLE):
         return None
-    norm = norm[kept]
-    low, high = lower[kept] / norm, upper[kept] / norm
+    norm = norm[is_nonzero]
+    low, high = lower[is_nonzero] / norm, upper[is_nonzero] / norm
     if np.any(low > high + FEASIBLE):
         return None
-    return _Scaled(kept, norm, np.ascontiguousarray(rows[kept] / norm[:, None]), low, np.maximum(low, high))
+    return _Scaled(
+        is_nonzero, norm, np.ascontiguousarray(rows[is_nonzero] / norm[:, None]), low, np.maximum(low, high)
+    )

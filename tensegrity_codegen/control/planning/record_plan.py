@@ -49,12 +49,7 @@ def record_infeasible(
     message: str,
     shape: FloatArray | None = None,
 ) -> PlanResult:
-    """Return the record of a plan that provably does not exist.
-
-    at: the start; not in balance where it is the stated shape that is proved to have no tensions.
-    shape (n_coordinates,): coordinates at which displacements prove it.
-    Returns: of status ``"infeasible"``, with arrays of one row, the start.
-    """
+    """Return the record of a plan that provably does not exist."""
     position = moved = None
     if shape is not None and isinstance(proof, Certificate):
         problem = plan_model.problem(plan_model.start)
@@ -82,13 +77,7 @@ def record_path(
     warnings: tuple[str, ...],
     branches: tuple[Branch, ...],
 ) -> PlanResult:
-    """Return the record of a path, found or blocked.
-
-    time (n_steps,) [s]: times of its points.
-    warnings: what to check.
-    branches: the paths that were tried.
-    Returns: of status ``"found"`` or ``"blocked"``.
-    """
+    """Return the record of a path, found or blocked."""
     points = path.points
     block = None if path.is_done else _find_block(plan_model, path)
     message = f"a path of {len(points) - 1} steps reaches the target; every point is within all limits"
@@ -140,33 +129,33 @@ def _find_block(plan_model: PlanModel, path: PlanPath) -> Block:
 
     Without limits where these leave a whole step, which is rejected for another reason.
     """
-    last = path.points[-1]
+    end = path.points[-1]
     program = path.build_last_program()
     bound = program.find_bound()
-    whole = min(path.most_step_progress, 1.0 - last.progress)
-    if bound is None or not path.is_limited or bound.progress >= whole:
-        return Block(last.progress, last.target, float("nan"), (), path.failure)
-    weight = bound.multiplier * last.margins.size[bound.binding]
+    full_step = min(path.most_step_progress, 1.0 - end.progress)
+    if bound is None or not path.is_limited or bound.progress >= full_step:
+        return Block(end.progress, end.target, float("nan"), (), path.failure)
+    weight = bound.multiplier * end.margins.size[bound.binding]
     order = np.argsort(-np.round(weight / float(weight.max(initial=1e-300)), SORTED_DIGITS), kind="stable")
-    binding = _bindings(plan_model, last.margins, bound.binding[order], bound.multiplier[order])
+    binding = _bindings(plan_model, end.margins, bound.binding[order], bound.multiplier[order])
     rows, is_fewest = find_fewest_limits(program, bound)
-    kinds = [(last.margins.kind[row], int(last.margins.index[row])) for row in rows]
+    kinds = [(end.margins.kind[row], int(end.margins.index[row])) for row in rows]
     fewest = tuple((kind, _name(plan_model, kind, index)) for kind, index in kinds)
-    return Block(last.progress, last.target, bound.progress, binding, path.failure, fewest, is_fewest)
+    return Block(end.progress, end.target, bound.progress, binding, path.failure, fewest, is_fewest)
 
 
 def _bindings(
     plan_model: PlanModel, margins: Margins, rows: IntArray, multiplier: FloatArray
 ) -> tuple[Binding, ...]:
-    found = []
+    bindings = []
     for row, value in zip(rows, multiplier, strict=True):
         kind = margins.kind[row]
         name = _name(plan_model, kind, int(margins.index[row]))
         unit, bound = UNITS.get(kind, "N"), float(margins.bound[row])
         if kind == "range":
             bound += float(plan_model.ranges.rest_length[margins.index[row]])
-        found.append(Binding(kind, name, bound, float(margins.value[row]), unit, float(value)))
-    return tuple(found)
+        bindings.append(Binding(kind, name, bound, float(margins.value[row]), unit, float(value)))
+    return tuple(bindings)
 
 
 def _name(plan_model: PlanModel, kind: str, index: int) -> str:
@@ -181,45 +170,39 @@ def _name(plan_model: PlanModel, kind: str, index: int) -> str:
 
 def _describe_block(path: PlanPath, block: Block) -> str:
     """Return where a path ends and what binds."""
-    parts = [
+    values = [
         f"{name} = {value:.6g}{' ' + unit if unit else ''} of {goal:.6g}"
         for name, unit, value, goal in zip(
             path.targets.names, path.targets.units, block.target, path.goal, strict=True
         )
     ]
     names: dict[str, list[str]] = {}
-    for item in block.binding[:N_NAMED]:
-        limit = f"{LIMIT_WORDS[item.limit]} of {item.bound:.6g} {item.unit}"
-        names.setdefault(limit, []).append(item.name)
+    for binding in block.binding[:N_NAMED]:
+        limit = f"{LIMIT_WORDS[binding.limit]} of {binding.bound:.6g} {binding.unit}"
+        names.setdefault(limit, []).append(binding.name)
     bound = "; ".join(f"{limit} ({', '.join(who)})".removesuffix(" ()") for limit, who in names.items())
-    more = len(block.binding) - N_NAMED
-    what = f"; binding: {bound}{f' and {more} more' if more > 0 else ''}" if bound else ""
+    n_unnamed = len(block.binding) - N_NAMED
+    description = f"; binding: {bound}{f' and {n_unnamed} more' if n_unnamed > 0 else ''}" if bound else ""
     if len(block.fewest) < len(block.binding):
         alone = ", ".join(
             f"{LIMIT_WORDS[limit]} of {who}".removesuffix(" of ") for limit, who in block.fewest
         )
-        what += f"; these alone block as much: {alone}"
-    return f"at {block.progress:.1%} of the way, {', '.join(parts)}: {block.reason}{what}"
+        description += f"; these alone block as much: {alone}"
+    return f"at {block.progress:.1%} of the way, {', '.join(values)}: {block.reason}{description}"
 
 
 # Plans in files: all arrays (.npz), and the inputs over time (.csv) as profiles of `simulate`.
 
 
 def write_plan(found: PlanResult, path: str | Path, *, overwrite: bool = False) -> None:
-    """Write a plan to a file, whole or not at all.
-
-    path: ``.npz``: all arrays. ``.csv``: a row for each point, the first column ``time`` [s] (``progress``
-        where there are no times), then the value of the input of each actuator [m].
-    overwrite: whether a file that exists is replaced.
-    Raises OutputError: the file cannot be written, exists already, or has another ending.
-    """
+    """Write a plan to a file, whole or not at all."""
     check_ending(path, *ENDINGS)
     if Path(path).suffix.lower() == ".npz":
         write_arrays(path, _arrays(found), overwrite=overwrite)
         return
-    first, column = ("progress", found.progress) if found.time is None else ("time", found.time)
+    title, column = ("progress", found.progress) if found.time is None else ("time", found.time)
     rows = np.column_stack([column, found.change]).tolist()
-    write_csv(path, (first, *found.actuator_name), rows, overwrite=overwrite)
+    write_csv(path, (title, *found.actuator_name), rows, overwrite=overwrite)
 
 
 def _arrays(found: PlanResult) -> dict[str, NDArray[Any]]:
@@ -227,15 +210,15 @@ def _arrays(found: PlanResult) -> dict[str, NDArray[Any]]:
         *("progress", "target", "goal", "change", "rest_length", "node_position", "member_tension"),
         *("bar_distance", "smallest_eigenvalue", "residual", "coordinate"),
     )
-    words = ("target_name", "target_unit", "actuator_name", "node_name", "member_name", "bar_pair_name")
+    text_names = ("target_name", "target_unit", "actuator_name", "node_name", "member_name", "bar_pair_name")
     arrays: dict[str, NDArray[Any]] = {name: np.asarray(getattr(found, name)) for name in names}
-    arrays |= {name: np.array(getattr(found, name), dtype=np.str_) for name in words}
+    arrays |= {name: np.array(getattr(found, name), dtype=np.str_) for name in text_names}
     arrays |= {"status": np.array(found.status), "message": np.array(found.message)}
-    rows = [(k, item) for k, items in enumerate(found.binding) for item in items]
+    rows = [(k, binding) for k, bindings in enumerate(found.binding) for binding in bindings]
     arrays["binding_step"] = np.array([k for k, _ in rows], dtype=np.int64)
-    arrays["binding_limit"] = np.array([item.limit for _, item in rows], dtype=np.str_)
-    arrays["binding_name"] = np.array([item.name for _, item in rows], dtype=np.str_)
-    arrays["binding_multiplier"] = np.array([item.multiplier for _, item in rows], dtype=np.float64)
+    arrays["binding_limit"] = np.array([binding.limit for _, binding in rows], dtype=np.str_)
+    arrays["binding_name"] = np.array([binding.name for _, binding in rows], dtype=np.str_)
+    arrays["binding_multiplier"] = np.array([binding.multiplier for _, binding in rows], dtype=np.float64)
     if found.time is not None:
         arrays["time"] = found.time
     if isinstance(found.certificate, Certificate):

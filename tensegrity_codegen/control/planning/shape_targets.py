@@ -31,20 +31,12 @@ FLAT = 1e-6  # second extent of a set of nodes, next to the first, below which i
 
 
 def find_nodes(names: Sequence[str], node_name: Sequence[str], where: str) -> IntArray:
-    """Return the indices of nodes.
-
-    names: names, or patterns with ``*``.
-    node_name: all nodes of the structure.
-    where: the target, for errors.
-    Returns: indices in the order of the names; those of a pattern in the order of the structure.
-    Raises UnknownNameError: a name or pattern matches no node.
-    Raises InvalidValueError: a node is named twice.
-    """
-    found: list[int] = []
+    """Return the indices of nodes."""
+    indices: list[int] = []
     for name in names:
-        rows = [k for k, known in enumerate(node_name) if known == name]
+        rows = [k for k, candidate in enumerate(node_name) if candidate == name]
         if "*" in name:
-            rows = [k for k, known in enumerate(node_name) if fnmatchcase(known, name)]
+            rows = [k for k, candidate in enumerate(node_name) if fnmatchcase(candidate, name)]
         if not rows:
             raise UnknownNameError(
                 "unknown node",
@@ -53,31 +45,27 @@ def find_nodes(names: Sequence[str], node_name: Sequence[str], where: str) -> In
                 allowed="nodes of the structure",
                 hint=suggest(name, node_name),
             )
-        found += rows
-    twice = [node_name[k] for k in found if found.count(k) > 1]
+        indices += rows
+    twice = [node_name[k] for k in indices if indices.count(k) > 1]
     if twice:
         raise InvalidValueError(
             "a node is named twice", where=where, given=twice[0], allowed="each node once"
         )
-    return np.array(found, dtype=np.int64)
+    return np.array(indices, dtype=np.int64)
 
 
 def find_rings(node_name: Sequence[str]) -> tuple[IntArray, IntArray] | None:
-    """Return the top and bottom ring of a structure whose nodes have the names of a prism or tower.
-
-    node_name: all nodes: b1.., t1.. of a prism; b1_1.., t1_1.. of a tower.
-    Returns top, base: their indices, in the order of their numbers; None for other names.
-    """
-    place: dict[tuple[str, int, int], int] = {}
+    """Return the top and bottom ring of a structure whose nodes have the names of a prism or tower."""
+    index_of: dict[tuple[str, int, int], int] = {}
     for index, name in enumerate(node_name):
         match = RING.fullmatch(name)
         if match:
-            place[match[1], int(match[2] or 0), int(match[3])] = index
-    stages = [stage for _, stage, _ in place]
+            index_of[match[1], int(match[2] or 0), int(match[3])] = index
+    stages = [stage for _, stage, _ in index_of]
     if not stages:
         return None
     rings = [
-        [place[key] for key in sorted(place) if key[:2] == ring]
+        [index_of[key] for key in sorted(index_of) if key[:2] == ring]
         for ring in (("t", max(stages)), ("b", min(stages)))
     ]
     if len(rings[0]) != len(rings[1]) or len(rings[0]) < 3:
@@ -96,8 +84,8 @@ def _build_normal(nodes: IntArray, start: FloatArray, towards: FloatArray) -> Sh
         normal: FloatArray = np.linalg.svd(local)[2][-1]
         return normal if normal @ side >= 0 else -normal
 
-    first = compute(start, towards)
-    return lambda position: compute(position, _find_rotation(start[nodes], position[nodes]).apply(first))
+    initial = compute(start, towards)
+    return lambda position: compute(position, _find_rotation(start[nodes], position[nodes]).apply(initial))
 
 
 def build_height(top: IntArray, base: IntArray, start: FloatArray) -> Shape:
@@ -139,13 +127,13 @@ def build_tilt(top: IntArray, base: IntArray, start: FloatArray) -> Shape:
 
     def tilt(position: FloatArray) -> FloatArray:
         normal, leaning = base_normal(position), top_normal(position)
-        first = position[base[0]] - position[base].mean(axis=0)
-        first = first - normal * (first @ normal)
-        first /= np.linalg.norm(first)
-        part = np.array([leaning @ first, leaning @ np.cross(normal, first)])
-        size = float(np.linalg.norm(part))
+        axis = position[base[0]] - position[base].mean(axis=0)
+        axis = axis - normal * (axis @ normal)
+        axis /= np.linalg.norm(axis)
+        component = np.array([leaning @ axis, leaning @ np.cross(normal, axis)])
+        size = float(np.linalg.norm(component))
         angle = float(np.arctan2(size, leaning @ normal))
-        return np.degrees(part * (angle / size if size > SERIES_ANGLE else 1.0))
+        return np.degrees(component * (angle / size if size > SERIES_ANGLE else 1.0))
 
     return tilt
 
@@ -169,15 +157,12 @@ def build_rotation(nodes: IntArray, start: FloatArray, base: IntArray | None = N
 def build_edge_distance(
     weight: FloatArray, edge: tuple[int, int], up: FloatArray, start: FloatArray
 ) -> Shape:
-    """Return the function for the horizontal distance of the centre of mass past a line of two nodes [m].
-
-    weight: (n_nodes,), parts of the mass, sum 1. up: (3,) unit vector. Negative on the side of the start.
-    """
+    """Return the function for the horizontal distance of the centre of mass past a line of two nodes [m]."""
 
     def distance(position: FloatArray) -> FloatArray:
-        first, second = position[edge[0]], position[edge[1]]
-        outward = np.cross(second - first, up)
-        return np.array([(weight @ (position - first)) @ outward / np.linalg.norm(outward)])
+        start, end = position[edge[0]], position[edge[1]]
+        outward = np.cross(end - start, up)
+        return np.array([(weight @ (position - start)) @ outward / np.linalg.norm(outward)])
 
     sign = -1.0 if distance(start)[0] > 0 else 1.0
     return lambda position: sign * distance(position)
@@ -191,8 +176,8 @@ def _find_centre_line(top: IntArray, base: IntArray, position: FloatArray) -> Fl
 
 def _find_rotation(before: FloatArray, after: FloatArray) -> Rotation:
     """Return the rotation that takes points (n, 3) nearest to others, about their centres."""
-    found, _ = Rotation.align_vectors(after - after.mean(axis=0), before - before.mean(axis=0))
-    return found
+    rotation, _ = Rotation.align_vectors(after - after.mean(axis=0), before - before.mean(axis=0))
+    return rotation
 
 
 # Shape parameters of targets, bound to the nodes of a model.
@@ -229,15 +214,7 @@ def turn_near(angle: FloatArray, reference: FloatArray) -> FloatArray:
 
 
 def bind_shape(call: ShapeCall, where: str, model: CompiledModel) -> BoundShape:
-    """Return a shape parameter bound to the nodes of a model.
-
-    call: its name, names of nodes, and component.
-    where: the target, for errors.
-    Returns: function of the node positions.
-    Raises UnknownNameError, InvalidValueError: unknown nodes, or sets of nodes that do not determine the
-        value.
-    Raises FormulationError: the model does not know its masses, or has less than three axes.
-    """
+    """Return a shape parameter bound to the nodes of a model."""
     if len(model.manifest.axes) < 3:
         raise FormulationError(
             "shape parameters need a scene with three axes",
@@ -268,7 +245,7 @@ def _bind_rings(
     names = model.manifest.node_name
     if call.arguments:
         _check_count(call, where, 2, "a set of nodes at the top and one at the base")
-        top, base = (find_nodes(part, names, where) for part in call.arguments)
+        top, base = (find_nodes(node_names, names, where) for node_names in call.arguments)
     else:
         rings = find_rings(names)
         if rings is None:
@@ -298,7 +275,7 @@ def _bind_rotation(
 ) -> tuple[Shape, IntArray]:
     if not 1 <= len(call.arguments) <= 2:
         _check_count(call, where, 1, "a set of nodes, and perhaps one that it turns against")
-    sets = [find_nodes(part, model.manifest.node_name, where) for part in call.arguments]
+    sets = [find_nodes(node_names, model.manifest.node_name, where) for node_names in call.arguments]
     for nodes in sets:
         _check_extent(position[nodes], where)
     base = sets[1] if len(sets) == 2 else None
@@ -314,7 +291,7 @@ def _bind_centre(call: ShapeCall, where: str, model: CompiledModel) -> tuple[Sha
 def _bind_edge(
     call: ShapeCall, where: str, model: CompiledModel, position: FloatArray
 ) -> tuple[Shape, IntArray]:
-    names = [name for part in call.arguments for name in part]
+    names = [name for node_names in call.arguments for name in node_names]
     edge = find_nodes(names, model.manifest.node_name, where)
     if len(edge) != 2:
         raise InvalidValueError(
@@ -352,10 +329,10 @@ def _find_weights(where: str, model: CompiledModel) -> FloatArray:
     return mass / float(mass.sum())
 
 
-def _check_count(call: ShapeCall, where: str, count: int, what: str) -> None:
+def _check_count(call: ShapeCall, where: str, count: int, arguments: str) -> None:
     if len(call.arguments) != count:
         raise InvalidValueError(
-            f"{call.name} takes {what}",
+            f"{call.name} takes {arguments}",
             where=where,
             given=f"{len(call.arguments)} arguments",
             allowed=f"{call.name}([a, b, c], [d, e, f])" if count == 2 else f"{count} arguments",

@@ -23,13 +23,13 @@ from tensegrity_codegen.system.arrays import FloatArray
 EXTENSION_WEIGHT = 50.0  # w: weight of changes of extensions next to changes of rest lengths
 # Weight of both next to progress, where progress is what is sought. It should not cut it, so changes of more
 # units than the second number weigh no more than these.
-CHANGE_WEIGHT, MOST_WEIGHTED_UNITS = 1e-6, 50.0
+CHANGE_WEIGHT, MAX_WEIGHTED_UNITS = 1e-6, 50.0
 AIMED_MARGIN = 1e-7  # of the size of a limit: where steps aim
 FINAL_MARGIN = -1e-7  # the same, of a last step that ends on a limit; limits count as satisfied to 5e-7
 WITHIN = 1e-9  # of the size of a limit: what rounding exceeds it by
 BINDING_PART = 1e-7  # of the largest multiplier
 SAME_PROGRESS, SAME_PART = 1e-6, 1e-3  # progress, and its part, by which two steps count as equal
-MOST_DEMANDS = 40
+MAX_DEMANDS = 40
 
 
 @dataclass(frozen=True)
@@ -47,25 +47,16 @@ class Step:
 
 @dataclass(frozen=True)
 class Program:
-    """What steps from one equilibrium are found from.
+    """What steps from one equilibrium are found from."""
 
-    margins: margins to all limits, with slopes.
-    slopes: derivatives of targets and extensions.
-    defect (n_targets,): g(s) - g.
-    direction (n_targets,): dg/ds.
-    radius [m]: largest change of an input.
-    unit [m]: scale of the changes.
-    aimed_margin: margin that is left to each limit, as a part of its size.
-    preferred (n_actuators,) [m]: the changes of the inputs from which a step differs least, instead of 0.
-    """
-
-    margins: Margins
-    slopes: Slopes
-    defect: FloatArray
-    direction: FloatArray
-    radius: float
-    unit: float
-    aimed_margin: float = AIMED_MARGIN
+    margins: Margins  # margins to all limits, with slopes
+    slopes: Slopes  # derivatives of targets and extensions
+    defect: FloatArray  # (n_targets,): g(s) - g
+    direction: FloatArray  # (n_targets,): dg/ds
+    radius: float  # [m]: largest change of an input
+    unit: float  # [m]: scale of the changes
+    aimed_margin: float = AIMED_MARGIN  # margin that is left to each limit, as a part of its size
+    # (n_actuators,) [m]: the changes of the inputs from which a step differs least, instead of 0
     preferred: FloatArray | None = None
 
     def find_step(self, progress: float) -> Step | None:
@@ -73,41 +64,41 @@ class Program:
         rows, lower, upper = self._constraints(progress)
         hessian = self.hessian
         gradient = np.zeros(len(hessian)) if self.preferred is None else -hessian @ self.preferred / self.unit
-        found = find_minimum(hessian, gradient, rows, lower, upper)
-        return None if found is None else self._build_step(found.x, progress, found.multiplier)
+        optimum = find_minimum(hessian, gradient, rows, lower, upper)
+        return None if optimum is None else self._build_step(optimum.x, progress, optimum.multiplier)
 
     def find_furthest(self, least: float, most: float) -> Step | None:
         """Return the step with the most progress within [least, most], None where there is none."""
         rows, lower, upper = self._constraints_with_progress(least, most)
         count = rows.shape[1] - 1
         hessian = np.diag(np.append(np.zeros(count), 1.0))
-        weight = CHANGE_WEIGHT * min((MOST_WEIGHTED_UNITS * self.unit / self.radius) ** 2, 1.0)
+        weight = CHANGE_WEIGHT * min((MAX_WEIGHTED_UNITS * self.unit / self.radius) ** 2, 1.0)
         hessian[:count, :count] = weight * self.hessian
         gradient = np.append(np.zeros(count), -1.0)
-        found = find_minimum(hessian, gradient, rows, lower, upper)
-        if found is None:
+        optimum = find_minimum(hessian, gradient, rows, lower, upper)
+        if optimum is None:
             return None
-        progress = least + (most - least) * float(found.x[-1])
-        return self._build_step(found.x[:count], progress, found.multiplier)
+        progress = least + (most - least) * float(optimum.x[-1])
+        return self._build_step(optimum.x[:count], progress, optimum.multiplier)
 
     def find_unlimited_progress(self, most: float) -> float:
         """Return the most progress within [0, most] that the bound of the step permits without limits."""
         margins = replace(self.margins, value=np.full(len(self.margins.value), np.inf))
-        found = replace(self, margins=margins).find_bound(most)
-        return 0.0 if found is None else min(found.progress, most)
+        step = replace(self, margins=margins).find_bound(most)
+        return 0.0 if step is None else min(step.progress, most)
 
     def find_bound(self, most: float = np.inf) -> Step | None:
         """Return the step with the most progress up to `most`, of the limits linearised; None without one."""
         rows, lower, upper = self._constraints_with_progress(0.0, 1.0)
         lower[-1], upper[-1] = -np.inf, most
-        found = find_largest(np.append(np.zeros(rows.shape[1] - 1), 1.0), rows, lower, upper)
-        return None if found is None else self._build_step(found.x[:-1], float(found.x[-1]), found.multiplier)
+        best = find_largest(np.append(np.zeros(rows.shape[1] - 1), 1.0), rows, lower, upper)
+        return None if best is None else self._build_step(best.x[:-1], float(best.x[-1]), best.multiplier)
 
     def is_within(self, change: FloatArray) -> NDArray[np.bool_]:
         """Return whether changes of the inputs (n_actuators,) keep to each margin, linearised."""
         assert self.margins.slope is not None
-        left = self.margins.value + self.margins.slope @ change - self.aimed_margin * self.margins.size
-        return np.asarray(left >= -WITHIN * self.margins.size)
+        margin = self.margins.value + self.margins.slope @ change - self.aimed_margin * self.margins.size
+        return np.asarray(margin >= -WITHIN * self.margins.size)
 
     @property
     def reachable_rows(self) -> NDArray[np.int64]:
@@ -128,18 +119,18 @@ class Program:
 
     def _constraints(self, progress: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows over du / unit and their bounds: targets, limits that are near, the box."""
-        near, count = self.reachable_rows, len(self.slopes.target.T)
+        reachable, count = self.reachable_rows, len(self.slopes.target.T)
         # Targets are scaled by the largest of their changes, inputs by their unit.
         assert self.margins.slope is not None
         goal = (self.defect + progress * self.direction) / self._goal_unit
-        aim = (self.aimed_margin * self.margins.size - self.margins.value)[near]
+        aim = (self.aimed_margin * self.margins.size - self.margins.value)[reachable]
         box = np.full(count, self.radius / self.unit)
         targets = self.slopes.target * (self.unit / self._goal_unit)
-        rows = np.vstack([targets, self.margins.slope[near] * self.unit, np.eye(count)])
+        rows = np.vstack([targets, self.margins.slope[reachable] * self.unit, np.eye(count)])
         return (
             rows,
             np.concatenate([goal, aim, -box]),
-            np.concatenate([goal, np.full(len(near), np.inf), box]),
+            np.concatenate([goal, np.full(len(reachable), np.inf), box]),
         )
 
     def _constraints_with_progress(
@@ -149,15 +140,15 @@ class Program:
         rows, lower, upper = self._constraints(least)
         column = np.zeros(len(rows))
         column[: len(self.direction)] = -self.direction * ((most - least) / self._goal_unit)
-        last = np.eye(rows.shape[1] + 1)[-1:]
-        rows = np.vstack([np.hstack([rows, column[:, None]]), last])
+        unit_row = np.eye(rows.shape[1] + 1)[-1:]
+        rows = np.vstack([np.hstack([rows, column[:, None]]), unit_row])
         return rows, np.append(lower, 0.0), np.append(upper, 1.0)
 
     def _build_step(self, x: FloatArray, progress: float, multiplier: FloatArray) -> Step:
-        near, first = self.reachable_rows, len(self.direction)
-        own = multiplier[first : first + len(near)]
-        active = np.flatnonzero(own > BINDING_PART * float(own.max(initial=0.0)))
-        return Step(self.unit * x, progress, near[active], own[active])
+        reachable, n_targets = self.reachable_rows, len(self.direction)
+        weight = multiplier[n_targets : n_targets + len(reachable)]
+        active = np.flatnonzero(weight > BINDING_PART * float(weight.max(initial=0.0)))
+        return Step(self.unit * x, progress, reachable[active], weight[active])
 
 
 # The fewest limits that alone block a path as much as all limits do, of the limits linearised at its end.
@@ -171,20 +162,14 @@ class Program:
 
 
 def find_fewest_limits(program: Program, bound: Step) -> tuple[NDArray[np.int64], bool]:
-    """Return the fewest limits that block a step as much as all limits.
-
-    program: at the end of a path.
-    bound: its step of most progress.
-    Returns: rows of the margins, none of which can be spared; and whether it is proved that no smaller set
-        blocks, which is not tried beyond 40 sets.
-    """
+    """Return the fewest limits that block a step as much as all limits."""
     most = bound.progress + max(SAME_PROGRESS, SAME_PART * bound.progress)
     rows = program.reachable_rows
 
-    def find_free_step(kept: NDArray[np.bool_]) -> Step | None:
+    def find_free_step(selected: NDArray[np.bool_]) -> Step | None:
         """Return a step that makes more progress within some of `rows` than within all; None without one."""
         value = np.full(len(program.margins.value), np.inf)
-        value[rows[kept]] = program.margins.value[rows[kept]]
+        value[rows[selected]] = program.margins.value[rows[selected]]
         step = replace(program, margins=replace(program.margins, value=value)).find_bound(2.0 * most)
         return None if step is None or step.progress <= most else step
 
@@ -194,13 +179,13 @@ def find_fewest_limits(program: Program, bound: Step) -> tuple[NDArray[np.int64]
         fewest[:] = True
     weight = np.zeros(len(program.margins.value))
     weight[bound.binding] = bound.multiplier * program.margins.size[bound.binding]
-    for place in np.argsort(weight[rows], kind="stable"):
-        if fewest[place]:
-            fewest[place] = False
-            fewest[place] = find_free_step(fewest) is not None
+    for index in np.argsort(weight[rows], kind="stable"):
+        if fewest[index]:
+            fewest[index] = False
+            fewest[index] = find_free_step(fewest) is not None
     # Look for a smaller set by demands that all blocking sets meet.
     demands = np.zeros((0, len(rows)))
-    for _ in range(MOST_DEMANDS):
+    for _ in range(MAX_DEMANDS):
         chosen = _find_smallest(demands)
         if chosen.sum() >= fewest.sum():
             return rows[fewest], True
@@ -208,11 +193,11 @@ def find_fewest_limits(program: Program, bound: Step) -> tuple[NDArray[np.int64]
         if step is None:
             return rows[chosen], True
         # As many limits as still do not block: first all that the step keeps to.
-        kept = chosen | program.is_within(step.change)[rows]
-        for place in np.flatnonzero(~kept):
-            kept[place] = True
-            kept[place] = find_free_step(kept) is not None
-        demands = np.vstack([demands, ~kept])
+        non_blocking = chosen | program.is_within(step.change)[rows]
+        for index in np.flatnonzero(~non_blocking):
+            non_blocking[index] = True
+            non_blocking[index] = find_free_step(non_blocking) is not None
+        demands = np.vstack([demands, ~non_blocking])
     return rows[fewest], False
 
 
@@ -221,10 +206,10 @@ def _find_smallest(demands: NDArray[np.float64]) -> NDArray[np.bool_]:
     count = demands.shape[1]
     if not len(demands):
         return np.zeros(count, dtype=bool)
-    found = milp(
+    optimum = milp(
         np.ones(count),
         constraints=LinearConstraint(demands, lb=1.0),
         integrality=np.ones(count, dtype=np.int64),
         bounds=Bounds(0.0, 1.0),
     )
-    return np.ones(count, dtype=bool) if found.x is None else np.asarray(found.x > 0.5)
+    return np.ones(count, dtype=bool) if optimum.x is None else np.asarray(optimum.x > 0.5)

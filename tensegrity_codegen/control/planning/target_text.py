@@ -62,13 +62,7 @@ class ShapeCall:
 def read_targets(
     targets: Mapping[str, float | Sequence[float]] | Sequence[str] | str,
 ) -> tuple[TargetText, ...]:
-    """Return targets that are given as texts `TARGET=VALUE` or as a mapping of target to value.
-
-    targets: for example ``{"twist": 165.0}`` or ``["twist=165deg"]``.
-    Raises InvalidValueError: no target, a target without a value or with a value that is no number, or a
-        target twice.
-    Raises NonFiniteError: a value that is not finite.
-    """
+    """Return targets that are given as texts `TARGET=VALUE` or as a mapping of target to value."""
     if isinstance(targets, str):
         targets = [targets]
     if not isinstance(targets, Iterable) or getattr(targets, "ndim", 1) != 1:
@@ -80,9 +74,9 @@ def read_targets(
             hint='for example {"twist": 165.0}',
         )
     if isinstance(targets, Mapping):
-        read = [_from_pair(str(text).strip(), value) for text, value in targets.items()]
+        read = [_from_pair(str(expression).strip(), value) for expression, value in targets.items()]
     else:
-        read = [_from_text(text) for text in targets]
+        read = [_from_text(expression) for expression in targets]
     if not read:
         raise InvalidValueError(
             "no target", where="targets", allowed="one target or more", hint='for example "twist=165"'
@@ -103,12 +97,7 @@ def rewrite(text: str) -> str:
 
 
 def parse_shape(text: str) -> ShapeCall | None:
-    """Return the call of a shape parameter that a target consists of; None for any other expression.
-
-    text: left side of a target.
-    Raises UnknownNameError: an unknown function or component.
-    Raises InvalidValueError: arguments that are no names, or a shape parameter within an expression.
-    """
+    """Return the call of a shape parameter that a target consists of; None for any other expression."""
     try:
         node = ast.parse(rewrite(text).strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -120,15 +109,15 @@ def parse_shape(text: str) -> ShapeCall | None:
     if not name:
         _check_rest(node, text)
         return None
-    known = SHAPES[name]
-    if component and not (known.is_vector and component in known.components):
+    kind = SHAPES[name]
+    if component and not (kind.is_vector and component in kind.components):
         raise UnknownNameError(
             f"{name} has no such component",
             where=f"target {text}",
             given=component,
-            allowed=", ".join(known.components) if known.is_vector else "none",
+            allowed=", ".join(kind.components) if kind.is_vector else "none",
         )
-    arguments = [_names(part, text) for part in node.args] if isinstance(node, ast.Call) else []
+    arguments = [_names(argument, text) for argument in node.args] if isinstance(node, ast.Call) else []
     return ShapeCall(name, tuple(arguments), component)
 
 
@@ -156,57 +145,57 @@ def _check_rest(body: ast.AST, text: str) -> None:
             hint=suggest(body.id, [*SHAPES, *QUANTITIES]),
         )
     if isinstance(body, ast.Call) and isinstance(body.func, ast.Name) and body.func.id not in FUNCTIONS:
-        known = [*SHAPES, *FUNCTIONS]
+        functions = [*SHAPES, *FUNCTIONS]
         raise UnknownNameError(
             "unknown function in a target",
             where=f"target {text}",
             given=body.func.id[:80],
-            hint=suggest(body.func.id, known),
+            hint=suggest(body.func.id, functions),
         )
 
 
 def _names(node: ast.AST, text: str) -> tuple[str, ...]:
-    parts = node.elts if isinstance(node, ast.List | ast.Tuple) else [node]
+    elements = node.elts if isinstance(node, ast.List | ast.Tuple) else [node]
     names = []
-    for part in parts:
-        if isinstance(part, ast.Name):
-            names.append(part.id)
-        elif isinstance(part, ast.Constant) and isinstance(part.value, str):
-            names.append(part.value)
+    for element in elements:
+        if isinstance(element, ast.Name):
+            names.append(element.id)
+        elif isinstance(element, ast.Constant) and isinstance(element.value, str):
+            names.append(element.value)
         else:
             raise InvalidValueError(
                 "not a name",
                 where=f"target {text}",
-                given=ast.unparse(part)[:80],
+                given=ast.unparse(element)[:80],
                 allowed='names, as in twist([t1, t2, t3], [b1, b2, b3]), or patterns in quotes: "t6_*"',
             )
     return tuple(names)
 
 
 def _from_text(given: str) -> TargetText:
-    text, found, value = str(given).rpartition("=")
-    text = text.strip()
-    match = VALUE.fullmatch(value) if found and text and text[-1] not in "=<>!" else None
-    numbers = [part.strip() for part in match[1].split(",")] if match else []
+    expression, separator, value = str(given).rpartition("=")
+    expression = expression.strip()
+    match = VALUE.fullmatch(value) if separator and expression and expression[-1] not in "=<>!" else None
+    numbers = [piece.strip() for piece in match[1].split(",")] if match else []
     try:
         values = tuple(float(number) for number in numbers)
     except ValueError:
         values = ()
     if not values or match is None:
-        raise _build_value_error(given if not text else f"{text}={value}")
-    return _check_finite(TargetText(text, values, match[2] or ""))
+        raise _build_value_error(given if not expression else f"{expression}={value}")
+    return _check_finite(TargetText(expression, values, match[2] or ""))
 
 
-def _from_pair(text: str, value: float | Sequence[float]) -> TargetText:
+def _from_pair(expression: str, value: float | Sequence[float]) -> TargetText:
     if isinstance(value, str):
-        return _from_text(f"{text}={value}")
+        return _from_text(f"{expression}={value}")
     try:
         values = tuple(float(number) for number in (value if isinstance(value, Sequence) else [value]))
     except (OverflowError, TypeError, ValueError):
         values = ()
-    if not values or not text or any(isinstance(part, bool) for part in (value,)):
-        raise _build_value_error(f"{text}={value!r}")
-    return _check_finite(TargetText(text, values, ""))
+    if not values or not expression or isinstance(value, bool):
+        raise _build_value_error(f"{expression}={value!r}")
+    return _check_finite(TargetText(expression, values, ""))
 
 
 def _check_finite(target: TargetText) -> TargetText:

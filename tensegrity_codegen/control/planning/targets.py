@@ -30,10 +30,7 @@ STEP = 1e-6  # of the size of the nodes of a shape parameter
 
 @dataclass(frozen=True)
 class BoundTarget:
-    """One target: an expression, or a shape parameter; its components, and the values to reach.
-
-    reference: values of all components of the shape parameter at the last point of a path.
-    """
+    """One target: an expression, or a shape parameter; its components, and the values to reach."""
 
     text: str
     unit: str
@@ -41,30 +38,31 @@ class BoundTarget:
     goal: FloatArray
     expression: Expression | None = None
     shape: BoundShape | None = None
+    # values of all components of the shape parameter at the last point of a path
     reference: FloatArray | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the components."""
-        return tuple(f"{self.text}.{part}" if part else self.text for part in self.components)
+        return tuple(f"{self.text}.{component}" if component else self.text for component in self.components)
 
     def evaluate(self, problem: StaticProblem, coordinate: FloatArray) -> FloatArray:
         """Return the values, one for each component; NonFiniteError where one is not finite."""
         if self.shape is not None:
-            found = self.shape.evaluate(problem.node_position(coordinate), self.reference)[self.shape.rows]
+            value = self.shape.evaluate(problem.node_position(coordinate), self.reference)[self.shape.rows]
         else:
             assert self.expression is not None
             state = {**problem.arguments, "coordinate": coordinate, "velocity": np.zeros(problem.size)}
-            found = np.array([self.expression.evaluate(state)])
-        if not np.all(np.isfinite(found)):
+            value = np.array([self.expression.evaluate(state)])
+        if not np.all(np.isfinite(value)):
             raise NonFiniteError(
                 "the target has no finite value here",
                 where=f"target {self.text}",
-                given=found.tolist(),
+                given=value.tolist(),
                 allowed="a finite number along the whole path",
                 hint="avoid division by zero, roots of negative numbers, and sets of nodes on one line",
             )
-        return found
+        return value
 
 
 @dataclass(frozen=True)
@@ -76,57 +74,51 @@ class Targets:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all components."""
-        return tuple(name for part in self.parts for name in part.names)
+        return tuple(name for target in self.parts for name in target.names)
 
     @property
     def units(self) -> tuple[str, ...]:
         """Units of all components; "" for expressions, whose values are in SI units."""
-        return tuple(part.unit for part in self.parts for _ in part.components)
+        return tuple(target.unit for target in self.parts for _ in target.components)
 
     def evaluate(self, problem: StaticProblem, coordinate: FloatArray) -> FloatArray:
         """Return the values of all components, (n_targets,)."""
-        return np.concatenate([np.zeros(0), *(part.evaluate(problem, coordinate) for part in self.parts)])
+        return np.concatenate([np.zeros(0), *(target.evaluate(problem, coordinate) for target in self.parts)])
 
     def follow(self, position: FloatArray) -> "Targets":
         """Return the targets whose angles go on from those at node positions, also past half a turn.
 
         Goals that are not followed yet are reached by the shortest turn.
         """
-        return Targets(tuple(_follow(part, position) for part in self.parts))
+        return Targets(tuple(_follow(target, position) for target in self.parts))
 
     @property
     def goal(self) -> FloatArray:
         """Values to reach, (n_targets,)."""
-        return np.concatenate([np.zeros(0), *(part.goal for part in self.parts)])
+        return np.concatenate([np.zeros(0), *(target.goal for target in self.parts)])
 
     def slopes(self, position: FloatArray, node_slope: FloatArray, moved: MovedBy, step: float) -> FloatArray:
-        """Return the derivatives of all components along k directions, (n_targets, k).
-
-        position (n_nodes, 3) [m]: positions of the nodes.
-        node_slope (n_nodes, 3, k): how they move along the directions.
-        moved: (direction, length) -> static problem and coordinates at that length along a direction.
-        step: length of the differences of expressions.
-        """
+        """Return the derivatives of all components along k directions, (n_targets, k)."""
         rows = [np.zeros((0, node_slope.shape[2]))]
-        for part in self.parts:
-            if part.shape is not None:
-                rows.append(_slope_of_shape(part.shape, part.reference, position, node_slope))
+        for target in self.parts:
+            if target.shape is not None:
+                rows.append(_slope_of_shape(target.shape, target.reference, position, node_slope))
                 continue
             ends = [
-                [part.evaluate(*moved(k, sign * step)) for sign in (1, -1)]
+                [target.evaluate(*moved(k, sign * step)) for sign in (1, -1)]
                 for k in range(node_slope.shape[2])
             ]
             rows.append(np.array([(plus - minus) / (2 * step) for plus, minus in ends]).T)
         return np.concatenate(rows)
 
 
-def _follow(part: BoundTarget, position: FloatArray) -> BoundTarget:
-    if part.shape is None or not part.shape.turns:
-        return part
-    value, goal = part.shape.evaluate(position, part.reference), part.goal
-    if part.reference is None and len(goal) == len(value):
+def _follow(target: BoundTarget, position: FloatArray) -> BoundTarget:
+    if target.shape is None or not target.shape.turns:
+        return target
+    value, goal = target.shape.evaluate(position, target.reference), target.goal
+    if target.reference is None and len(goal) == len(value):
         goal = turn_near(goal, value)
-    return replace(part, goal=goal, reference=value)
+    return replace(target, goal=goal, reference=value)
 
 
 def _slope_of_shape(
@@ -148,27 +140,17 @@ def _slope_of_shape(
 
 
 def find_target_quantities(targets: Sequence[TargetText]) -> tuple[str, ...]:
-    """Return the quantities that a model needs for targets.
-
-    Raises SceneError: a target that is no expression.
-    """
-    found: dict[str, None] = {}
+    """Return the quantities that a model needs for targets."""
+    quantities: dict[str, None] = {}
     for target in targets:
         if parse_shape(target.text) is None:
-            text = rewrite(target.text)
-            found |= dict.fromkeys(_name_target_in_errors(target, partial(find_quantities, text)))
-    return tuple(found)
+            expression = rewrite(target.text)
+            quantities |= dict.fromkeys(_name_target_in_errors(target, partial(find_quantities, expression)))
+    return tuple(quantities)
 
 
 def bind_targets(targets: Sequence[TargetText], model: CompiledModel) -> Targets:
-    """Return targets bound to a model.
-
-    model: with the quantities of find_target_quantities.
-    Raises UnknownNameError: an unknown node, member, function or quantity.
-    Raises InvalidValueError: a wrong number of values, a wrong unit, or sets of nodes that do not determine
-        the target.
-    Raises FormulationError: the model lacks a quantity.
-    """
+    """Return targets bound to a model."""
     return Targets(tuple(_bind(target, model) for target in targets))
 
 

@@ -10,9 +10,8 @@ from scipy.optimize import minimize
 from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
 from tensegrity_codegen.control.feedback.inverse_dynamics import InverseDynamics
 from tensegrity_codegen.control.feedback.time_motion import time_motion
-from tensegrity_codegen.control.planning.actuation import find_actuation
 from tensegrity_codegen.control.planning.plan import plan
-from tensegrity_codegen.control.planning.plan_point import PlanModel
+from tensegrity_codegen.control.planning.plan_point import PlanModel, find_actuation
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.actuators import Actuator

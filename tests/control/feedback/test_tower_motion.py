@@ -15,8 +15,7 @@ from tensegrity_codegen.control.feedback.kalman import design_kalman
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.control.feedback.time_motion import time_motion
-from tensegrity_codegen.control.planning.actuation import find_actuation
-from tensegrity_codegen.control.planning.plan_point import PlanModel
+from tensegrity_codegen.control.planning.plan_point import PlanModel, find_actuation
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.simulate.simulate import simulate

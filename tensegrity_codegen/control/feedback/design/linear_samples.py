@@ -11,8 +11,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from tensegrity_codegen.control.feedback.design.feet import find_bristles, find_following
-from tensegrity_codegen.control.planning.actuation import find_actuation
-from tensegrity_codegen.control.planning.plan_point import PlanModel
+from tensegrity_codegen.control.planning.plan_point import PlanModel, find_actuation
 from tensegrity_codegen.runtime.model.arrays import check_shape, to_sized
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
-from tensegrity_codegen.control.planning.actuation import find_actuation
+from tensegrity_codegen.control.planning.plan_point import find_actuation
 from tensegrity_codegen.runtime.model.arrays import to_doubles, to_each
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.records.timed_motion import Motion

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.control.pages.plans import describe_plan
-from tensegrity_codegen.control.planning import branches
+from tensegrity_codegen.control.planning import path as paths
 from tensegrity_codegen.control.planning.limits import Margins
 from tensegrity_codegen.control.planning.plan import plan
 from tensegrity_codegen.control.planning.plan_point import Slopes
@@ -31,7 +31,7 @@ ROUND = {"moving1.x": 0.2, "moving2.x": 0.2}
 @pytest.mark.parametrize("seed", [0, *thorough(1, 2)])
 def test_a_random_walk_leads_round_a_bar(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the paths that begin with other changes, only walks leave the plane of symmetry."""
-    monkeypatch.setattr(branches, "N_FIRST_CHANGES", 0)
+    monkeypatch.setattr(paths, "N_FIRST_CHANGES", 0)
     structure = build_passing_bars()
     model = compile_plan(structure)
     blocked = plan(model, ROUND, steps=3, attempts=0)
