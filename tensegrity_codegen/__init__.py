@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.control.embedded.parts import ControllerCode
     from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
     from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-    from tensegrity_codegen.control.feedback.design.estimator import Estimator
-    from tensegrity_codegen.control.feedback.design.gains import Gains
+    from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
     from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
     from tensegrity_codegen.control.feedback.kalman import design_kalman
     from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
@@ -31,12 +30,11 @@ if TYPE_CHECKING:
     )
     from tensegrity_codegen.control.feedback.lqr import design_lqr
     from tensegrity_codegen.control.feedback.mpc import Mpc, design_mpc
-    from tensegrity_codegen.control.feedback.recorded_motion import record_motion
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
     from tensegrity_codegen.control.feedback.study.stated_errors import Draws, RandomGust, StatedErrors
     from tensegrity_codegen.control.feedback.study.study import study_control
     from tensegrity_codegen.control.feedback.study.tuning import Tuning, choose_weights
-    from tensegrity_codegen.control.feedback.time_motion import time_motion
+    from tensegrity_codegen.control.feedback.time_motion import record_motion, time_motion
     from tensegrity_codegen.control.planning.plan import plan
     from tensegrity_codegen.export.export_acados import export_acados
     from tensegrity_codegen.export.export_fmu import export_fmu
@@ -200,7 +198,7 @@ _HOME = {
     "Equilibria": "runtime.statics.batch.equilibria",
     "Equilibrium": "runtime.statics.equilibrium_record",
     "EquilibriumPath": "control.feedback.equilibrium_path",
-    "Estimator": "control.feedback.design.estimator",
+    "Estimator": "control.feedback.design.gains",
     "Gains": "control.feedback.design.gains",
     "Identification": "sweeps.fitting.identification",
     "identify": "sweeps.fitting.identify",
@@ -262,7 +260,7 @@ _HOME = {
     "load_controller": "control.embedded.loaded",
     "plan": "control.planning.plan",
     "read_profile": "runtime.profiles.read_profile",
-    "record_motion": "control.feedback.recorded_motion",
+    "record_motion": "control.feedback.time_motion",
     "simulate": "runtime.simulate.simulate",
     "simulate_batch": "runtime.simulate.simulate_batch",
     "stand": "runtime.analysis.stand",

@@ -20,13 +20,15 @@ from tensegrity_codegen.control.embedded.parts import (
 )
 from tensegrity_codegen.control.embedded.write import write_files
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
-from tensegrity_codegen.control.feedback.loop.loop_parts import count_samples
+from tensegrity_codegen.control.feedback.loop.sampled_plant import count_samples
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.control.feedback.mpc import HORIZON
-from tensegrity_codegen.control.feedback.study.control_study import find_time_constants
-from tensegrity_codegen.control.feedback.study.limited_feedback import design_limited, read_least_tension
+from tensegrity_codegen.control.feedback.study.control_study import (
+    RunMeasures,
+    find_time_constants,
+    measure_run,
+)
 from tensegrity_codegen.control.feedback.study.linear_loop import design_slow_estimator
-from tensegrity_codegen.control.feedback.study.loop_result import RunMeasures, measure_run
 from tensegrity_codegen.control.feedback.study.read_files import read_path
 from tensegrity_codegen.control.feedback.study.stated_errors import (
     HELD_TIME,
@@ -39,7 +41,11 @@ from tensegrity_codegen.control.feedback.study.stated_errors import (
     read_draws,
     read_times,
 )
-from tensegrity_codegen.control.feedback.study.tuning import choose_weights
+from tensegrity_codegen.control.feedback.study.tuning import (
+    choose_weights,
+    design_limited,
+    read_least_tension,
+)
 from tensegrity_codegen.control.feedback.time_motion import time_motion
 from tensegrity_codegen.control.planning.plan import plan
 from tensegrity_codegen.control.planning.target_text import read_targets

@@ -23,8 +23,7 @@ from tensegrity_codegen.system.errors import (
 )
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.control.feedback.design.estimator import Estimator
-    from tensegrity_codegen.control.feedback.design.gains import Gains
+    from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
     from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
     from tensegrity_codegen.control.feedback.mpc import Mpc
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
@@ -56,9 +55,8 @@ class ControlDesign:
 
     def build(self) -> dict[str, Any]:
         """Return tuning, gains, estimator and distribution, as `study_control` takes them."""
-        from tensegrity_codegen.control.feedback.study.limited_feedback import design_limited
         from tensegrity_codegen.control.feedback.study.read_files import read_weights
-        from tensegrity_codegen.control.feedback.study.tuning import choose_weights
+        from tensegrity_codegen.control.feedback.study.tuning import choose_weights, design_limited
 
         model, motion, given = self.model, self.motion, self.arguments
         wanted = self.options.integral_action
@@ -273,7 +271,7 @@ def design_prediction(
     output: Output, scene: Path, held: MotionOptions, options: DesignOptions, compiler: str | None
 ) -> "tuple[Subject, tuple[CompiledModel, Motion, Mpc]]":
     """Return the structure with its actuators, its model, the motion, and model-predictive control."""
-    from tensegrity_codegen.control.feedback.study.limited_feedback import read_least_tension
+    from tensegrity_codegen.control.feedback.study.tuning import read_least_tension
 
     check_motion_times(held, options, StudyOptions())
     read_least_tension(options.least_tension)

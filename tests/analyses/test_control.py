@@ -22,9 +22,8 @@ from tensegrity_codegen.analyses.cases.statuses import STATUSES
 from tensegrity_codegen.analyses.cases.unchanged_loop import SweptPlant, UnchangedLoop
 from tensegrity_codegen.analyses.control import SweptControl
 from tensegrity_codegen.cli.verbs.sweep import build_commands
-from tensegrity_codegen.control.feedback.study.linear_loop import build_linear_loop
-from tensegrity_codegen.control.feedback.study.loop_result import measure_run
-from tensegrity_codegen.control.feedback.study.margins import find_margins
+from tensegrity_codegen.control.feedback.study.control_study import measure_run
+from tensegrity_codegen.control.feedback.study.linear_loop import build_linear_loop, find_margins
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.apply.slots import hash_constants
 from tensegrity_codegen.sweeps.summary.results import read_results

@@ -10,11 +10,16 @@ from tensegrity_codegen.analyses.cases.quantities import GUST, GUST_TIME, build_
 from tensegrity_codegen.control.embedded.closed_loop import CompiledLoop
 from tensegrity_codegen.control.embedded.parts import ControllerParts
 from tensegrity_codegen.control.embedded.write import ControllerFiles
-from tensegrity_codegen.control.feedback.design.estimator import Sensing
+from tensegrity_codegen.control.feedback.design.gains import Sensing
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits, find_bounds
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
-from tensegrity_codegen.control.feedback.loop.loop_parts import check_parts, count_samples, read_disturbance
-from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, Gust
+from tensegrity_codegen.control.feedback.loop.sampled_plant import (
+    Disturbance,
+    Gust,
+    check_parts,
+    count_samples,
+    read_disturbance,
+)
 from tensegrity_codegen.control.feedback.study.stated_errors import DrawnErrors, check_gust_times
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel

@@ -65,7 +65,7 @@ def control(
     """
     output = Output(printing.json, printing.all)
     with output.guard(scene):
-        from tensegrity_codegen.control.feedback.study.limited_feedback import read_least_tension
+        from tensegrity_codegen.control.feedback.study.tuning import read_least_tension
         from tensegrity_codegen.runtime.model.array_file import write_arrays
 
         inputs = [scene, *(file for file in (held.plan, design.weights) if file is not None)]

@@ -22,8 +22,7 @@ from tensegrity_codegen.control.embedded.parts import (
     read_code,
 )
 from tensegrity_codegen.control.embedded.write import ControllerFiles, write_files
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import MOVED_TO_LIMITS, ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.mpc import Mpc

@@ -25,13 +25,13 @@ from tensegrity_codegen.control.embedded.write import ControllerFiles, read_decl
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun, build_run
-from tensegrity_codegen.control.feedback.loop.loop_parts import LoopStart
 from tensegrity_codegen.control.feedback.loop.sampled_plant import (
     ATOL,
     ENDINGS,
-    MOST_STEPS,
+    MAX_STEPS,
     NODE_LOAD,
     RTOL,
+    LoopStart,
 )
 from tensegrity_codegen.runtime.integrate.event_log import choose_watch
 from tensegrity_codegen.runtime.integrate.integration import find_integrator
@@ -154,7 +154,7 @@ def _write_code(
         "tables": [table for table in build_tables(parts, DOUBLE) if table.name in TABLES],
         "run_type": f"{plant.name}_run",
         "watch": watch,
-        "integrate": f"f->integrate(span, {RTOL!r}, {ATOL!r}, {MOST_STEPS}, time, &step, state, {given}, "
+        "integrate": f"f->integrate(span, {RTOL!r}, {ATOL!r}, {MAX_STEPS}, time, &step, state, {given}, "
         "2, sample_time, samples, &n_sampled, &run, work)",
         "tension": f"{tension.symbol}({', '.join((*tension.arguments, 'tension'))})",
         "measure": write_measure(fields, find_measured(parts.sensors, plant), DOUBLE),

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.feet import check_still_feet, hold_feet
-from tensegrity_codegen.control.feedback.design.gains import MOST_KNOTS, Gains
+from tensegrity_codegen.control.feedback.design.gains import MAX_KNOTS, Estimator, Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import (
     build_rest,
     check_independent,
     check_motion,
+    check_still_feet,
+    hold_feet,
     split_delays,
 )
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
@@ -24,7 +24,7 @@ from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
     DelayedInputs,
     find_bounds,
 )
-from tensegrity_codegen.control.feedback.loop.loop_parts import check_parts, find_sample
+from tensegrity_codegen.control.feedback.loop.sampled_plant import check_parts, find_sample
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
@@ -94,7 +94,7 @@ class ControllerCode:
 
     name: str | None = None
     precision: str = "double"
-    knots: int | None = MOST_KNOTS
+    knots: int | None = MAX_KNOTS
     qp_iterations: int | None = None
     daqp_sdist: str | Path | None = None
     library: bool = True

@@ -17,17 +17,16 @@ from tensegrity_codegen.control.embedded.parts import (
 )
 from tensegrity_codegen.control.embedded.write import write_files
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import MOVED_TO_LIMITS, ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun, compare_with_open_loop
-from tensegrity_codegen.control.feedback.loop.loop_parts import (
+from tensegrity_codegen.control.feedback.loop.sampled_plant import (
+    Disturbance,
     count_samples,
     describe_unknown_delays,
     read_disturbance,
 )
-from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.runtime.model.model import CompiledModel

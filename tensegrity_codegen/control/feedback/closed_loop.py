@@ -4,8 +4,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, check_motion
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
     MOVED_TO_LIMITS,
@@ -16,14 +15,15 @@ from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
 )
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun, build_run, compare_with_open_loop
 from tensegrity_codegen.control.feedback.loop.controller import Controller, Filter
-from tensegrity_codegen.control.feedback.loop.loop_parts import (
+from tensegrity_codegen.control.feedback.loop.sampled_plant import (
+    Disturbance,
+    SampledPlant,
     check_parts,
     count_samples,
     describe_unknown_delays,
     find_sample,
     read_disturbance,
 )
-from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, SampledPlant
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
@@ -178,11 +178,11 @@ class _Loop:
         for k in range(count):
             try:
                 # The controller acts on what it knows.
-                known = self._estimate(k * step, states[-1], value, noise)
+                estimate = self._estimate(k * step, states[-1], value, noise)
                 if self.senses is not None and self.senses.is_outlier:
                     command, status = self.controller.hold(k)
                 else:
-                    command, status = self.controller.step(k, known[: 2 * n])
+                    command, status = self.controller.step(k, estimate[: 2 * n])
                 # The plant moves on, with the commands that have arrived.
                 value = self.motion.at((k + 0.5) * step).input.copy()
                 if not self._advance(k * step, delayed.push(command), value):
@@ -190,7 +190,7 @@ class _Loop:
             except NonFiniteError:
                 self.plant.word = "the estimate is not finite"
                 break
-            estimates.append(known)
+            estimates.append(estimate)
             states.append(self.plant.state)
             commands.append(command)
             inputs.append(value.copy())

@@ -19,11 +19,11 @@ from tensegrity_codegen.system.summaries import Summarised
 
 POINT_REACH = 1e-4  # of the longest member: how far given coordinates may be from the equilibrium
 STEP_REACH = 0.1  # of the longest member: of one step from equilibrium to equilibrium
-LEAST_STEP = 1e-4  # of the whole way: shorter ones are not tried
+MIN_STEP = 1e-4  # of the whole way: shorter ones are not tried
 N_STEPS = 16  # of the whole way between equilibria, where nothing makes them shorter
 SPLINE_TOLERANCE = 1e-8  # of the longest member: distance of the spline from equilibria that counts as none
-MOST_ROUNDS, MOST_KNOTS = 6, 1000
-LEAST_REACH = 1e-3  # of the longest member: least distance in which an equilibrium is searched
+MAX_ROUNDS, MAX_KNOTS = 6, 1000
+MIN_REACH = 1e-3  # of the longest member: least distance in which an equilibrium is searched
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,24 +53,17 @@ class EquilibriumPath(Summarised):
 
 @dataclass(frozen=True)
 class PathKnots:
-    """Equilibria on a path.
+    """Equilibria on a path."""
 
-    progress (n,): from 0 to 1; change (n, n_actuators) [m]; point (n,): the equilibria.
-    """
-
-    progress: FloatArray
-    change: FloatArray
-    point: tuple[PlanPoint, ...]
+    progress: FloatArray  # (n,): from 0 to 1
+    change: FloatArray  # (n, n_actuators) [m]
+    point: tuple[PlanPoint, ...]  # (n,): the equilibria
 
 
 def find_knots(
     model: CompiledModel, path: PlanResult | EquilibriumPath, arguments: Mapping[str, Any] | None
 ) -> tuple[PlanModel, PathKnots]:
-    """Return the model with the actuators of a path, and the equilibria of the path.
-
-    Raises InvalidValueError for a plan that was not found, arrays of a wrong shape and points that are not in
-    balance; ConvergenceError where no equilibrium is found.
-    """
+    """Return the model with the actuators of a path, and the equilibria of the path."""
     if isinstance(path, PlanResult):
         path = _read_plan(model, path)
     if not isinstance(path, EquilibriumPath):
@@ -93,23 +86,23 @@ def find_knots(
     return plan_model, PathKnots(_read_progress(path.progress, moved, change), change, points)
 
 
-def _read_plan(model: CompiledModel, found: PlanResult) -> EquilibriumPath:
-    if not found.is_found or found.n_steps == 0:
+def _read_plan(model: CompiledModel, plan: PlanResult) -> EquilibriumPath:
+    if not plan.is_found or plan.n_steps == 0:
         raise InvalidValueError(
-            "the plan has no path to its target" if not found.is_found else "the plan has no motion",
+            "the plan has no path to its target" if not plan.is_found else "the plan has no motion",
             where="path",
-            given=f"status {found.status!r}, {found.n_steps} steps",
+            given=f"status {plan.status!r}, {plan.n_steps} steps",
             allowed="a plan of status 'found' with one step or more",
             hint="make another plan, or time a part of it: EquilibriumPath(found.change, found.coordinate)",
         )
-    if found.coordinate.shape[1] != len(model.manifest.coordinate_name):
+    if plan.coordinate.shape[1] != len(model.manifest.coordinate_name):
         raise InvalidValueError(
             "the plan was made with another model",
             where="path",
-            given=f"{found.coordinate.shape[1]} coordinates",
+            given=f"{plan.coordinate.shape[1]} coordinates",
             allowed=f"{len(model.manifest.coordinate_name)} coordinates, as of {model.manifest.name}",
         )
-    return EquilibriumPath(found.change, found.coordinate, found.progress, found.actuator_name)
+    return EquilibriumPath(plan.change, plan.coordinate, plan.progress, plan.actuator_name)
 
 
 def _read_rows(value: ArrayLike, width: int, where: str) -> FloatArray:
@@ -170,30 +163,33 @@ def _follow_inputs(plan_model: PlanModel, change: FloatArray, progress: ArrayLik
     """Return the equilibria along straight lines of the inputs, in steps short enough for Newton's method."""
     at = _find_first(plan_model, change[0])
     way = np.diff(change, axis=0)
-    own = _read_progress(progress, way, change)
+    knot_progress = _read_progress(progress, way, change)
     knots, inputs, points = [0.0], [change[0]], [at]
     for k, step in enumerate(way):
-        now, share = 0.0, min(1.0, 1.0 / (N_STEPS * (own[k + 1] - own[k])))
+        now, fraction = 0.0, min(1.0, 1.0 / (N_STEPS * (knot_progress[k + 1] - knot_progress[k])))
         while now < 1.0:
-            share = min(share, 1.0 - now)
-            wanted = change[k + 1] if now + share >= 1.0 else change[k] + (now + share) * step
+            fraction = min(fraction, 1.0 - now)
+            next_change = change[k + 1] if now + fraction >= 1.0 else change[k] + (now + fraction) * step
             # The stable equilibrium near the last one, by shorter steps where there is none.
             reach = STEP_REACH * points[-1].point.longest
-            found = plan_model.find_point(wanted, points[-1].coordinate, reach)
-            if found is None or (len(found.eigenvalue) and not found.eigenvalue[0] > 0):
-                share /= 2
-                if share * (own[k + 1] - own[k]) < LEAST_STEP:
+            equilibrium = plan_model.find_point(next_change, points[-1].coordinate, reach)
+            if equilibrium is None or (len(equilibrium.eigenvalue) and not equilibrium.eigenvalue[0] > 0):
+                fraction /= 2
+                if fraction * (knot_progress[k + 1] - knot_progress[k]) < MIN_STEP:
                     raise ConvergenceError(
                         "no stable equilibrium continues the path",
-                        evidence={"point": k, "progress": own[k] + now * (own[k + 1] - own[k])},
+                        evidence={
+                            "point": k,
+                            "progress": knot_progress[k] + now * (knot_progress[k + 1] - knot_progress[k]),
+                        },
                         where=plan_model.model.manifest.name,
                         hint="give points nearer to each other, with coordinates, or use plan()",
                     )
                 continue
-            now = 1.0 if now + share >= 1.0 else now + share
-            knots.append(own[k] + now * (own[k + 1] - own[k]))
-            inputs.append(wanted)
-            points.append(found)
+            now = 1.0 if now + fraction >= 1.0 else now + fraction
+            knots.append(knot_progress[k] + now * (knot_progress[k + 1] - knot_progress[k]))
+            inputs.append(next_change)
+            points.append(equilibrium)
     knots[-1] = 1.0
     return PathKnots(np.array(knots), np.array(inputs), tuple(points))
 
@@ -201,12 +197,12 @@ def _follow_inputs(plan_model: PlanModel, change: FloatArray, progress: ArrayLik
 def _find_first(plan_model: PlanModel, change: FloatArray) -> PlanPoint:
     """Return the equilibrium that is found from the coordinates of the scene."""
     inputs = {**plan_model.arguments, "input": plan_model.inputs(change)}
-    found = find_equilibrium(plan_model.model, arguments=inputs)
-    at = plan_model.find_point(change, found.coordinate, STEP_REACH * float(found.extent))
+    equilibrium = find_equilibrium(plan_model.model, arguments=inputs)
+    at = plan_model.find_point(change, equilibrium.coordinate, STEP_REACH * float(equilibrium.extent))
     if at is None:
         raise ConvergenceError(
             "no equilibrium at the first point of the path",
-            evidence={"residual": found.residual},
+            evidence={"residual": equilibrium.residual},
             where=plan_model.model.manifest.name,
             hint="give coordinates of the points, or anchor nodes that nothing holds",
         )
@@ -237,54 +233,50 @@ class SmoothPath:
 
 
 def build_smooth_path(plan_model: PlanModel, knots: PathKnots) -> SmoothPath:
-    """Return the path through equilibria.
-
-    Raises ConvergenceError where no equilibrium is near the spline between two points, UnstableError where
-    an equilibrium of the path is unstable.
-    """
+    """Return the path through equilibria."""
     # The inputs, and the equilibria that are known.
     change = CubicSpline(knots.progress, knots.change)
-    found = dict(zip(knots.progress.tolist(), knots.point, strict=True))
-    for s, at in found.items():
+    equilibria = dict(zip(knots.progress.tolist(), knots.point, strict=True))
+    for s, at in equilibria.items():
         _check_stable(plan_model, s, at)
     # Equilibria halfway, until the spline of the coordinates meets them.
     open_, error = list(zip(knots.progress[:-1].tolist(), knots.progress[1:].tolist(), strict=True)), 0.0
-    for _ in range(MOST_ROUNDS):
-        places = np.array(sorted(found))
-        coordinate = CubicSpline(places, [found[s].coordinate for s in places])
+    for _ in range(MAX_ROUNDS):
+        progress = np.array(sorted(equilibria))
+        coordinate = CubicSpline(progress, [equilibria[s].coordinate for s in progress])
         halves, error = [], 0.0
-        for low, high in open_ if len(found) + len(open_) <= MOST_KNOTS else []:
+        for low, high in open_ if len(equilibria) + len(open_) <= MAX_KNOTS else []:
             middle = (low + high) / 2
-            off = _add_equilibrium(plan_model, found, change, coordinate, middle, (low, high))
+            off = _add_equilibrium(plan_model, equilibria, change, coordinate, middle, (low, high))
             error = max(error, off)
-            if off > SPLINE_TOLERANCE * found[low].point.longest:
+            if off > SPLINE_TOLERANCE * equilibria[low].point.longest:
                 halves += [(low, middle), (middle, high)]
         open_ = halves
         if not halves:
             break
-    places = np.array(sorted(found))
+    progress = np.array(sorted(equilibria))
     return SmoothPath(
         change,
-        CubicSpline(places, [found[s].coordinate for s in places]),
-        CubicSpline(places, [found[s].tension for s in places]),
-        places,
+        CubicSpline(progress, [equilibria[s].coordinate for s in progress]),
+        CubicSpline(progress, [equilibria[s].tension for s in progress]),
+        progress,
         error,
     )
 
 
 def _add_equilibrium(
     plan_model: PlanModel,
-    found: dict[float, PlanPoint],
+    equilibria: dict[float, PlanPoint],
     change: CubicSpline,
     coordinate: CubicSpline,
     s: float,
     ends: tuple[float, float],
 ) -> float:
     """Add the equilibrium at progress s; return how far the spline is from it [m]."""
-    low, high = (found[end] for end in ends)
+    low, high = (equilibria[end] for end in ends)
     predicted, inputs = np.asarray(coordinate(s)), np.asarray(change(s))
     moved = float(np.abs(high.coordinate - low.coordinate).max(initial=0.0))
-    at = plan_model.find_point(inputs, predicted, moved / 2 + LEAST_REACH * low.point.longest)
+    at = plan_model.find_point(inputs, predicted, moved / 2 + MIN_REACH * low.point.longest)
     if at is None:
         raise ConvergenceError(
             "no equilibrium continues the path between two points",
@@ -293,9 +285,9 @@ def _add_equilibrium(
             hint="give points nearer to each other",
         )
     _check_stable(plan_model, s, at)
-    found[s] = at
-    place = plan_model.problem(inputs).node_position(predicted)
-    return float(np.linalg.norm(place - at.position, axis=1).max(initial=0.0))
+    equilibria[s] = at
+    position = plan_model.problem(inputs).node_position(predicted)
+    return float(np.linalg.norm(position - at.position, axis=1).max(initial=0.0))
 
 
 def _check_stable(plan_model: PlanModel, s: float, at: PlanPoint) -> None:

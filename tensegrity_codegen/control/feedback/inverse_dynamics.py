@@ -29,7 +29,7 @@ DYNAMIC_QUANTITIES = (
 TENSION_WEIGHT = 1e3  # weight of differences of cable tensions over those of bar forces
 RANK = 1e-10  # of the largest singular value: smaller ones count as zero
 FORCE_WEIGHT = 1e6  # weight of forces over differences of tensions, where bounds are active
-MOST_ITERATIONS, STEP_TOLERANCE = 12, 1e-12
+MAX_ITERATIONS, STEP_TOLERANCE = 12, 1e-12
 BOUND_TOLERANCE = 1e-9  # of the tensions: violation of a bound that counts as none
 DYNAMIC, STATIC = "dynamic", "static"
 RESIDUAL_TOLERANCE = 1e-6  # of the largest tension: residual that counts as none
@@ -79,10 +79,10 @@ class InverseDynamics:
         self.bar = np.flatnonzero(np.asarray(structure.is_bar) & ~driven)
         # Damping of members [N s/m]: as stated, or as given among the arguments.
         self.damping = np.array(structure.damping)
-        given, manifest = plan_model.arguments.get("damping"), plan_model.model.manifest
-        spec = next((item for item in manifest.arguments if item.name == "damping"), None)
-        if given is not None and spec is not None:
-            self.damping[[manifest.member_name.index(name) for name in spec.over]] = np.ravel(given)
+        stated, manifest = plan_model.arguments.get("damping"), plan_model.model.manifest
+        spec = next((argument for argument in manifest.arguments if argument.name == "damping"), None)
+        if stated is not None and spec is not None:
+            self.damping[[manifest.member_name.index(name) for name in spec.over]] = np.ravel(stated)
         one_sided = np.asarray(structure.tension_only)
         self.least = np.where(one_sided, np.maximum(structure.limits.least_tension, 0.0), -np.inf)
         self.most = np.asarray(structure.limits.most_tension)
@@ -102,7 +102,7 @@ class InverseDynamics:
         state = self._build_state(q, v, a, change)
         change, bars = change.copy(), preferred[self.bar].copy()
         bounded = np.zeros(len(change), dtype=bool)
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             tension, slope = self._tensions(state, change, bars)
             step, pulled, bounded = self._step(state, change, tension, slope, preferred)
             change, bars = change + step, bars + pulled
@@ -113,34 +113,29 @@ class InverseDynamics:
         return Drive(change, tension, self.row * (state.force - state.matrix @ tension), bounded)
 
     def _build_state(self, q: FloatArray, v: FloatArray, a: FloatArray, change: FloatArray) -> _State:
-        given = {**self.plan_model.arguments, "input": self.plan_model.inputs(change), "coordinate": q}
-        mass = self.model.compute("mass_matrix", **given)
-        matrix = np.asarray(self.model.compute("equilibrium_matrix", **given).toarray())
-        own = self.model.compute("acceleration", velocity=v, **given)
-        tension = self.model.compute("member_tension", velocity=v, **given)
-        return _State(q, matrix, mass @ (own - a) + matrix @ tension, self.damping * (matrix.T @ v))
+        arguments = {**self.plan_model.arguments, "input": self.plan_model.inputs(change), "coordinate": q}
+        mass = self.model.compute("mass_matrix", **arguments)
+        matrix = np.asarray(self.model.compute("equilibrium_matrix", **arguments).toarray())
+        acceleration = self.model.compute("acceleration", velocity=v, **arguments)
+        tension = self.model.compute("member_tension", velocity=v, **arguments)
+        return _State(q, matrix, mass @ (acceleration - a) + matrix @ tension, self.damping * (matrix.T @ v))
 
     def _tensions(self, state: _State, change: FloatArray, bars: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return tensions (n_members,) with these bar forces, slopes (n_members, n_actuators) by inputs."""
-        given = {
+        arguments = {
             **self.plan_model.arguments,
             "input": self.plan_model.inputs(change),
             "coordinate": state.coordinate,
         }
         still = np.zeros(len(state.coordinate))
-        tension = np.array(self.model.compute("member_tension", velocity=still, **given))
+        tension = np.array(self.model.compute("member_tension", velocity=still, **arguments))
         tension = np.where(tension != 0.0, tension + state.damping, 0.0)
         tension[self.bar] = bars
-        slope = np.asarray(self.model.compute("tension_rest_length_derivative", **given))
+        slope = np.asarray(self.model.compute("tension_rest_length_derivative", **arguments))
         return tension, slope[:, None] * self.plan_model.incidence
 
     def _step(
-        self,
-        state: _State,
-        change: FloatArray,
-        tension: FloatArray,
-        slope: FloatArray,
-        preferred: FloatArray,
+        self, state: _State, change: FloatArray, tension: FloatArray, slope: FloatArray, preferred: FloatArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return the changes of inputs and bar forces by the equations linearised, and which are bounded."""
         # Changes of the inputs that lead nearest to the preferred tensions.
@@ -150,27 +145,22 @@ class InverseDynamics:
         # The force that is missing then, by the smallest further changes.
         by_input, by_bar = self.row[:, None] * (state.matrix @ slope), state.matrix[:, self.bar]
         by_bar = self.row[:, None] * by_bar
-        wanted = preferred[self.bar] - tension[self.bar]
-        missing = self.row * (state.force - state.matrix @ tension) - by_input @ nearest - by_bar @ wanted
+        bar_change = preferred[self.bar] - tension[self.bar]
+        missing = self.row * (state.force - state.matrix @ tension) - by_input @ nearest - by_bar @ bar_change
         columns = np.hstack([by_input * unit, TENSION_WEIGHT * by_bar])
-        found = np.linalg.lstsq(columns, missing, rcond=RANK)[0]
+        solution = np.linalg.lstsq(columns, missing, rcond=RANK)[0]
         # The same within bounds, where these changes exceed one.
         low, high = self._bounds(state, change, tension, slope, preferred)
         count, bounded = len(change), np.zeros(len(change), dtype=bool)
         slack, moving = BOUND_TOLERANCE * float(np.abs(tension).max(initial=1.0)), size > 0
         ends = [np.where(moving, end - nearest, 0.0) * size for end in (low, high)]
         low, high = np.where(moving, ends, [[-np.inf], [np.inf]])
-        if np.any(found[:count] < low - slack) or np.any(found[:count] > high + slack):
-            found, bounded = _solve_bounded(columns, missing, low, high)
-        return nearest + unit * found[:count], wanted + TENSION_WEIGHT * found[count:], bounded
+        if np.any(solution[:count] < low - slack) or np.any(solution[:count] > high + slack):
+            solution, bounded = _solve_bounded(columns, missing, low, high)
+        return nearest + unit * solution[:count], bar_change + TENSION_WEIGHT * solution[count:], bounded
 
     def _bounds(
-        self,
-        state: _State,
-        change: FloatArray,
-        tension: FloatArray,
-        slope: FloatArray,
-        preferred: FloatArray,
+        self, state: _State, change: FloatArray, tension: FloatArray, slope: FloatArray, preferred: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return bounds of the changes of inputs, (n_actuators,) each.
 
@@ -178,11 +168,11 @@ class InverseDynamics:
         """
         actuation = self.plan_model.actuation
         low, high = actuation.least_change - change, actuation.most_change - change
-        least = np.minimum(self.least, preferred) + np.maximum(state.damping, 0.0)
-        most = np.maximum(self.most, preferred)
+        lowest = np.minimum(self.least, preferred) + np.maximum(state.damping, 0.0)
+        highest = np.maximum(self.most, preferred)
         with np.errstate(divide="ignore", invalid="ignore"):
-            fall = np.where(slope < 0, (least - tension)[:, None] / slope, np.inf)
-            rise = np.where(slope < 0, (most - tension)[:, None] / slope, -np.inf)
+            fall = np.where(slope < 0, (lowest - tension)[:, None] / slope, np.inf)
+            rise = np.where(slope < 0, (highest - tension)[:, None] / slope, -np.inf)
         return np.maximum(low, rise.max(axis=0)), np.minimum(high, fall.min(axis=0))
 
 
@@ -198,16 +188,16 @@ def _solve_bounded(
     lower, upper = np.full(size, -np.inf), np.full(size, np.inf)
     lower[:count], upper[:count] = low, high
     upper = np.maximum(upper, lower + 1e-12 * (1.0 + np.where(np.isfinite(lower), np.abs(lower), 0.0)))
-    found = lsq_linear(
+    bounded = lsq_linear(
         np.vstack([weight * columns, np.eye(size)]),
         np.concatenate([weight * missing, np.zeros(size)]),
         bounds=(lower, upper),
         method="bvls",
         tol=1e-14,
     )
-    y, active = np.array(found.x), np.asarray(found.active_mask != 0)
-    exact, rest = y.copy(), missing - columns[:, active] @ y[active]
-    exact[~active] = np.linalg.lstsq(columns[:, ~active], rest, rcond=RANK)[0]
+    y, active = np.array(bounded.x), np.asarray(bounded.active_mask != 0)
+    exact, remainder = y.copy(), missing - columns[:, active] @ y[active]
+    exact[~active] = np.linalg.lstsq(columns[:, ~active], remainder, rcond=RANK)[0]
     slack = BOUND_TOLERANCE * (1.0 + float(np.abs(y).max(initial=0.0)))
     is_inside = np.all(exact >= lower - slack) and np.all(exact <= upper + slack)
     return (exact if is_inside else y), active[:count]
@@ -252,8 +242,8 @@ class Timing:
         """Return coordinates, velocities and accelerations, (n_t, n_coordinates) each."""
         s, rate, bend = self.law.at(self.part)
         rate, bend = rate[:, None] / duration, bend[:, None] / (duration * duration)
-        place, slope, curve = (np.asarray(self.path.coordinate(s, order)) for order in range(3))
-        return place, slope * rate, slope * bend + curve * rate**2
+        coordinate, slope, curve = (np.asarray(self.path.coordinate(s, order)) for order in range(3))
+        return coordinate, slope * rate, slope * bend + curve * rate**2
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm, qr
 
-from tensegrity_codegen.control.feedback.design.estimator import Estimator, Sensing, find_sensing
-from tensegrity_codegen.control.feedback.design.feet import check_still_feet
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Sensing, find_sensing
 from tensegrity_codegen.control.feedback.design.linear_samples import (
     build_rest,
     build_sample_time,
     check_independent,
     check_motion,
+    check_still_feet,
     linearise,
     to_dense,
 )
@@ -38,12 +38,12 @@ from tensegrity_codegen.system.checks import check_positive, check_switch, check
 from tensegrity_codegen.system.errors import FormulationError
 
 KALMAN_QUANTITIES = ("acceleration", "state_jacobian", "mass_matrix", "equilibrium_matrix")
-MOST_KNOTS = 25  # of the gains along a motion, by default
+MAX_KNOTS = 25  # of the gains along a motion, by default
 ACCELERATION_NOISE = 3e-4  # of the accelerations that these forces cause: noise without disturbance states
 STABLE_STEP = 1.5  # of a Runge-Kutta step: its length times the largest eigenvalue
-MOST_SUBSTEPS = 1000  # Runge-Kutta steps in one sample
+MAX_SUBSTEPS = 1000  # Runge-Kutta steps in one sample
 LARGEST_NOISE = 1e100  # noise whose square is far from the largest double
-LEAST_SHOWN = 0.01  # of what the best shown force adds to the measurements, in multiples of their noise
+MIN_SHOWN = 0.01  # of what the best shown force adds to the measurements, in multiples of their noise
 GROWTH_RATE = 1.0  # [1/s] of forces like exp(t / 1 s): `disturbance` states their change in this time
 DISTURBED_PART = 0.1  # of the usual forces, by which disturbances change in a second
 
@@ -57,7 +57,7 @@ def design_kalman(
     disturbance: ArrayLike | None = None,
     acceleration_noise: ArrayLike | None = None,
     only_observable: bool = False,
-    knots: int = MOST_KNOTS,
+    knots: int = MAX_KNOTS,
     arguments: Mapping[str, Any] | None = None,
 ) -> Estimator:
     """Return an extended Kalman filter for a motion.
@@ -131,17 +131,19 @@ def design_kalman(
     build_sample_time(reference, sample)
     # What is measured, which forces disturb, and how fast they change.
     sensing = find_sensing(model, sensors)
-    given = merge_inputs(model.manifest, arguments)
-    force_noise, rate_noise = _read_noise(model, reference, given, disturbance, acceleration_noise)
+    parameters = merge_inputs(model.manifest, arguments)
+    force_noise, rate_noise = _read_noise(model, reference, parameters, disturbance, acceleration_noise)
     time = np.linspace(0.0, reference.duration, check_whole(knots, "knots", 2, 10_000))
     if only_observable:
-        last = linearise_estimate(
-            model, reference, reference.duration, given, sensing, np.flatnonzero(force_noise)
+        end_model = linearise_estimate(
+            model, reference, reference.duration, parameters, sensing, np.flatnonzero(force_noise)
         )
-        force_noise = _keep_shown_forces(*last, sensing, force_noise, sample)
+        force_noise = _keep_shown_forces(*end_model, sensing, force_noise, sample)
     disturbed = np.flatnonzero(force_noise)
     # Linear models of the estimator's state at the knots.
-    parts = [linearise_estimate(model, reference, now, given, sensing, disturbed) for now in time.tolist()]
+    models = [
+        linearise_estimate(model, reference, now, parameters, sensing, disturbed) for now in time.tolist()
+    ]
     spectrum = np.diag(np.concatenate([np.zeros(len(rate_noise)), rate_noise, force_noise[disturbed]]) ** 2)
     names = name_moving_states(model.manifest)
     n = len(names) // 2
@@ -149,7 +151,7 @@ def design_kalman(
     noise = np.diag(sensing.noise**2)
     # A stationary Riccati equation at each knot, where the sensors show every state.
     gains, covariances, innovations, residuals = [], [], [], []
-    for rate, slope in parts:
+    for rate, slope in models:
         a, w = _sample_noise(rate, spectrum, sample)
         hidden = find_unobserved(a, slope)
         if hidden:
@@ -160,7 +162,7 @@ def design_kalman(
         innovations.append(np.sqrt(np.diag(slope @ p @ slope.T + noise)))
         residuals.append(residual)
     # How errors of the estimate decay at the end of the motion.
-    error = (np.eye(len(names)) - gains[-1] @ parts[-1][1]) @ a
+    error = (np.eye(len(names)) - gains[-1] @ models[-1][1]) @ a
     return Estimator(
         time=time,
         L=np.array(gains),
@@ -169,7 +171,7 @@ def design_kalman(
         E=np.linalg.eigvals(error).astype(np.complex128),
         sample=sample,
         residual=max(residuals),
-        substeps=count_substeps([rate[: 2 * n, : 2 * n] for rate, _ in parts], sample),
+        substeps=count_substeps([rate[: 2 * n, : 2 * n] for rate, _ in models], sample),
         disturbed=disturbed.astype(np.int64),
         sensing=sensing,
         state_name=names,
@@ -184,15 +186,7 @@ def linearise_estimate(
     sensing: Sensing,
     disturbed: NDArray[np.int64],
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the linear model of an estimator's state x = (q, q', d) at a time, and of its measurements.
-
-    model: compiled for ``"control"``.
-    time [s]: when.
-    given: run-time parameters.
-    disturbed (n_d,): coordinates with a disturbance force d.
-    Returns rate, slope (n, n) and (n_y, n), n = 2 n_q + n_d: x' = rate x; derivatives of the measurements by
-        x.
-    """
+    """Return the linear model of an estimator's state x = (q, q', d) at a time, and of its measurements."""
     point = motion.at(time)
     at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
     inner = linearise(model, motion, time, (), given)[0]
@@ -223,9 +217,9 @@ def _sample_noise(rate: FloatArray, spectrum: FloatArray, sample: float) -> tupl
     n = len(rate)
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:], block[n:, n:] = -rate, spectrum, rate.T
-    whole = expm(sample * block)
-    a = whole[n:, n:].T
-    w = a @ whole[:n, n:]
+    exponential = expm(sample * block)
+    a = exponential[n:, n:].T
+    w = a @ exponential[:n, n:]
     return a, 0.5 * (w + w.T)
 
 
@@ -258,20 +252,20 @@ def _read(value: ArrayLike, n: int, where: str) -> FloatArray:
 def count_substeps(rates: Sequence[FloatArray], sample: float) -> int:
     """Return the Runge-Kutta steps that a sample needs for a stable prediction."""
     fastest = max(float(np.abs(np.linalg.eigvals(rate)).max()) for rate in rates)
-    return min(max(1, math.ceil(fastest * sample / STABLE_STEP)), MOST_SUBSTEPS)
+    return min(max(1, math.ceil(fastest * sample / STABLE_STEP)), MAX_SUBSTEPS)
 
 
 def _raise_unobservable(
     scene: str, hidden: Sequence[HiddenMode], names: tuple[str, ...], sensing: Sensing
 ) -> NoReturn:
     """Raise FormulationError for states that the sensors do not show."""
-    first = hidden[0]
+    mode = hidden[0]
     shown = ", ".join(sensing.names[:3]) + ", ..." * (len(sensing.names) > 3)
-    direction = describe_direction(first.direction, names)
+    direction = describe_direction(mode.direction, names)
     raise FormulationError(
         f"the state cannot be observed from these sensors; unobservable: {direction}",
         where=f"{scene}: design_kalman",
-        given=f"rank {first.rank} of {first.size} with {len(sensing.noise)} numbers: {shown}",
+        given=f"rank {mode.rank} of {mode.size} with {len(sensing.noise)} numbers: {shown}",
         allowed="sensors that show every motion and disturbance force that does not decay",
         hint="add sensors, or estimate fewer forces (`only_observable=True`) or none (`disturbance=0`)",
     )
@@ -285,33 +279,23 @@ def find_shown_forces(
 ) -> NDArray[np.int64]:
     """Return as many forces as the measurements tell apart, those that they show best.
 
-    a (n + m, n + m): transition over a sample of n states and m forces that stay constant.
-    slope (k, n + m): derivatives of the measurements.
-    noise (k,): standard deviations of the measurements.
-    size (m,): usual size of each force.
-    sample [s]: time of a sample.
-    Returns: indices of the forces, rising.
-
     Forces that grow like exp(t / 1 s) cause measurements G d, G = C (z - A)^-1 B with z = exp(sample / 1 s).
     QR decomposition of G with pivots takes one force after the other, each time the one that adds most
-    to what the measurements show already; it ends where the next one adds less than LEAST_SHOWN of the first.
+    to what the measurements show already; it ends where the next one adds less than MIN_SHOWN of the first.
     """
     n = len(a) - len(size)
     z = np.exp(GROWTH_RATE * sample)
     states = np.linalg.solve(z * np.eye(n) - a[:n, :n], a[:n, n:] * size)
     _, triangle, order = qr((slope[:, :n] @ states) / noise[:, None], mode="economic", pivoting=True)
     adds = np.abs(np.diag(triangle))
-    return np.sort(order[: len(adds)][adds > LEAST_SHOWN * adds[0]]).astype(np.int64)
+    return np.sort(order[: len(adds)][adds > MIN_SHOWN * adds[0]]).astype(np.int64)
 
 
 # Forces that the tensions of a motion cause, from which estimators take how large disturbances are.
 
 
 def find_usual_forces(model: CompiledModel, motion: Motion, given: Mapping[str, Any]) -> FloatArray:
-    """Return the force of the largest tension on each coordinate, (n_coordinates,) [N or N m].
-
-    given: run-time parameters where they differ from the scene; inputs as one array.
-    """
+    """Return the force of the largest tension on each coordinate, (n_coordinates,) [N or N m]."""
     n = motion.coordinate.shape[1]
     at = {**given, "coordinate": motion.coordinate[-1], "velocity": np.zeros(n), INPUT: motion.input[-1]}
     dense = to_dense(model.compute("equilibrium_matrix", **at))

@@ -38,7 +38,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
-MOST_PAST = 1000  # commands on their way
+MAX_PAST = 1000  # commands on their way
 SYMMETRIC = 1e-12  # of the largest entry
 SEMIDEFINITE = 1e-12  # of the largest eigenvalue
 NO_EFFECT = 1e-12  # of the largest effect of any actuator
@@ -141,21 +141,21 @@ def design_lqr(
     held = compute_hold(samples.state_matrix[-1, :n, :n], end_slope, sample)[1]
     hidden = find_uncontrolled(*_augment(a_end, held, np.zeros((n, 0)), output, 0.0 * late, sample))
     if hidden:
-        end, given = reference.at(reference.duration).coordinate, merge_inputs(model.manifest, arguments)
+        end, parameters = reference.at(reference.duration).coordinate, merge_inputs(model.manifest, arguments)
         by_ground = samples.state_matrix[-1, n // 2 : n, : n // 2] * bool(model.manifest.contact_name)
         effect = np.hstack([end_slope[n // 2 :], by_ground])
-        rigid = name_free_motions(model, end, effect, given)
+        rigid = name_free_motions(model, end, effect, parameters)
         _refuse(model.manifest.name, hidden, rigid, (*names, *labels))
     # The stationary solution at the end, and the recursion back to the start.
     n_bristles = samples.A.shape[1] - n
     watched = np.pad(output, ((0, 0), (0, n_bristles)))
     models = [
-        _augment(*parts, watched, late, sample)
-        for parts in zip(samples.A, samples.B, samples.past, strict=True)
+        _augment(*matrices, watched, late, sample)
+        for matrices in zip(samples.A, samples.B, samples.past, strict=True)
     ]
-    known = np.delete(np.arange(len(models[-1][0])), np.arange(n, n + n_bristles))  # to the controller
-    square = np.ix_(known, known)
-    a, b = models[-1][0][square], models[-1][1][known]
+    controlled = np.delete(np.arange(len(models[-1][0])), np.arange(n, n + n_bristles))  # to the controller
+    square = np.ix_(controlled, controlled)
+    a, b = models[-1][0][square], models[-1][1][controlled]
     weight = np.zeros_like(a)
     weight[: n + k, : n + k] = q
     p, residual = find_stationary(a, b, weight, r, f"{model.manifest.name}: design_lqr")
@@ -165,7 +165,7 @@ def design_lqr(
     for a_k, b_k in models[-2::-1]:
         whole_p, gain = step_back(whole_p, a_k, b_k, whole_weight, r)
         costs.append(whole_p[square][: n + k, : n + k])
-        gains.append(gain[:, known])
+        gains.append(gain[:, controlled])
     return Gains(
         time=samples.time,
         K=np.array(gains[::-1]),
@@ -186,12 +186,12 @@ def design_lqr(
 def _check_count(delay: FloatArray, sample: float) -> None:
     """Raise InvalidValueError for delays in which too many commands are on their way."""
     count = float(np.ceil(delay / sample).sum())
-    if count > MOST_PAST:
+    if count > MAX_PAST:
         raise InvalidValueError(
             "too many commands are on their way",
             where="delay",
             given=f"{count:.0f} of {len(delay)} actuators, in delays of up to {delay.max():g} s",
-            allowed=f"at most {MOST_PAST}",
+            allowed=f"at most {MAX_PAST}",
             hint=f"a longer sample than {sample:g} s",
         )
 
@@ -202,9 +202,9 @@ def _augment(
     """Return the model with the sums of outputs and the commands on their way as further states."""
     shift, enter = shift_commands(delay, sample)
     n, k = len(a), len(output)
-    whole = block_diag(a, np.eye(k), shift)
-    whole[n : n + k, :n], whole[:n, n + k :] = output, past
-    return whole, np.vstack([b, np.zeros((k, b.shape[1])), enter])
+    augmented = block_diag(a, np.eye(k), shift)
+    augmented[n : n + k, :n], augmented[:n, n + k :] = output, past
+    return augmented, np.vstack([b, np.zeros((k, b.shape[1])), enter])
 
 
 def _read_outputs(
@@ -214,22 +214,19 @@ def _read_outputs(
     n = len(names)
     if value is None:
         return np.zeros((0, n)), ()
-    items = [value] if isinstance(value, str) else value
-    if isinstance(items, list | tuple) and all(isinstance(item, str) for item in items):
-        known = names[: n // 2]
-        for item in items:
-            check_choice(item, known, "coordinate", "integral_action")
-        chosen = [str(item) for item in items]
-        return np.eye(n)[[known.index(item) for item in chosen]], tuple(f"sum of {item}" for item in chosen)
+    requested = [value] if isinstance(value, str) else value
+    if isinstance(requested, list | tuple) and all(isinstance(name, str) for name in requested):
+        coordinates = names[: n // 2]
+        for name in requested:
+            check_choice(name, coordinates, "coordinate", "integral_action")
+        chosen = [str(name) for name in requested]
+        return np.eye(n)[[coordinates.index(name) for name in chosen]], tuple(
+            f"sum of {name}" for name in chosen
+        )
     allowed = f"shape (n_integrals, {n}), or names of coordinates"
     output = to_doubles(value, "integral_action", allowed)
     if output.ndim != 2 or output.shape[1] != n:
-        raise InvalidValueError(
-            "wrong shape",
-            where="integral_action",
-            given=output.shape,
-            allowed=allowed,
-        )
+        raise InvalidValueError("wrong shape", where="integral_action", given=output.shape, allowed=allowed)
     check_finite(output, "integral_action")
     return output, tuple(f"sum {k + 1}" for k in range(len(output)))
 
@@ -238,17 +235,17 @@ def _refuse(
     scene: str, hidden: Sequence[HiddenMode], rigid: Sequence[str], names: tuple[str, ...]
 ) -> NoReturn:
     """Raise FormulationError for modes that do not decay and that the actuators cannot change."""
-    first = hidden[0]
-    value = first.eigenvalue
+    mode = hidden[0]
+    value = mode.eigenvalue
     eigenvalue = f"{value.real:.6g}" if abs(value.imag) < 1e-9 else f"{value:.6g}"
-    reason = describe_direction(first.direction, names)
+    reason = describe_direction(mode.direction, names)
     if rigid:
         reason = f"rigid motions of the whole structure: {', '.join(rigid)}"
     raise FormulationError(
         f"the actuators cannot stabilise the motion; not changed: {reason}",
         where=f"{scene}: design_lqr",
         given=f"{len(hidden)} uncontrolled {'mode' if len(hidden) == 1 else 'modes'}; "
-        f"rank {first.rank} of {first.size} at eigenvalue {eigenvalue}",
+        f"rank {mode.rank} of {mode.size} at eigenvalue {eigenvalue}",
         allowed="actuators that change every motion that does not decay",
         hint="anchor a structure that can move freely, or let friction hold its feet; sum fewer outputs; "
         "or add actuators",
@@ -262,22 +259,15 @@ def read_weight(value: ArrayLike, size: int, where: str, over: str, *, definite:
     """Return a weight as a symmetric matrix.
 
     value (size, size) or (size,): the matrix, or its diagonal.
-    size: number of the weighted numbers.
-    where: name of the argument, for errors.
-    over: what is weighted, for errors.
-    definite: whether it must be positive definite; else positive semidefinite.
-    Returns (size, size): the matrix.
-    Raises InvalidValueError: another size, not symmetric, or not positive (semi)definite.
-    Raises NonFiniteError: a number that is not finite.
     """
     allowed = f"shape ({size}, {size}), or ({size},) for a diagonal: {over}"
-    given = to_doubles(value, where, allowed)
-    if given.shape not in ((size, size), (size,)):
+    weight = to_doubles(value, where, allowed)
+    if weight.shape not in ((size, size), (size,)):
         raise InvalidValueError(
-            "the weight has another size", where=where, given=given.shape, allowed=allowed
+            "the weight has another size", where=where, given=weight.shape, allowed=allowed
         )
-    check_finite(given, where)
-    matrix = np.diag(given) if given.ndim == 1 else given
+    check_finite(weight, where)
+    matrix = np.diag(weight) if weight.ndim == 1 else weight
     scale = float(np.abs(matrix).max(initial=0.0))
     gap = np.abs(matrix - matrix.T)
     if gap.max(initial=0.0) > SYMMETRIC * scale:
@@ -291,13 +281,13 @@ def read_weight(value: ArrayLike, size: int, where: str, over: str, *, definite:
         )
     matrix = 0.5 * (matrix + matrix.T)
     values = np.linalg.eigvalsh(matrix) if size else np.zeros(0)
-    least = float(values.min(initial=np.inf))
+    smallest = float(values.min(initial=np.inf))
     bound = SEMIDEFINITE * float(np.abs(values).max(initial=0.0))
-    if least <= bound if definite else least < -bound:
+    if smallest <= bound if definite else smallest < -bound:
         raise InvalidValueError(
             f"the weight is not positive {'definite' if definite else 'semidefinite'}",
             where=where,
-            given=f"smallest eigenvalue {least:.3g}",
+            given=f"smallest eigenvalue {smallest:.3g}",
             allowed="eigenvalues > 0" if definite else "eigenvalues >= 0",
         )
     return matrix
@@ -308,18 +298,13 @@ def read_weight(value: ArrayLike, size: int, where: str, over: str, *, definite:
 
 def list_actuators(model: CompiledModel, names: Sequence[str]) -> tuple[Actuator | None, ...]:
     """Return the scene's actuators of these inputs, None for an input that is no actuator."""
-    known = () if model.structure is None else model.structure.actuators
-    by_name = {item.name: item for item in known}
+    actuators = () if model.structure is None else model.structure.actuators
+    by_name = {actuator.name: actuator for actuator in actuators}
     return tuple(by_name.get(name) for name in names)
 
 
 def check_effects(model: CompiledModel, input_matrix: FloatArray, names: Sequence[str]) -> None:
-    """Raise InvalidValueError for an actuator that changes nothing along a whole motion.
-
-    model: with its structure, which names the reason.
-    input_matrix (n_t, n_states, n_actuators): derivatives of the state's rate by the actuators' inputs.
-    names: names of the actuators.
-    """
+    """Raise InvalidValueError for an actuator that changes nothing along a whole motion."""
     size = np.abs(input_matrix).max(axis=(0, 1), initial=0.0)
     idle = np.flatnonzero(size <= NO_EFFECT * size.max(initial=0.0))
     if not idle.size:

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.control.feedback.design.feet import check_still_feet
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, linearise
+from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, check_still_feet, linearise
 from tensegrity_codegen.control.feedback.kalman import count_substeps
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
-from tensegrity_codegen.control.feedback.loop.cable_tensions import CableTensions, find_cables
+from tensegrity_codegen.control.feedback.loop.tension_distribution import CableTensions, find_cables
 from tensegrity_codegen.control.feedback.lqr import design_lqr, read_weight
 from tensegrity_codegen.runtime.model.arrays import to_doubles, to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -26,7 +25,7 @@ from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 from tensegrity_codegen.system.summaries import Summarised
 
 HORIZON = 20  # commands
-MOST_HORIZON = 200
+MAX_HORIZON = 200
 SOFT_WEIGHT = 100.0  # of what exceeds least tensions and ranges of coordinates, over the largest weight
 
 
@@ -188,7 +187,7 @@ def design_mpc(
 
 def _read_blocks(horizon: int, blocks: Sequence[int] | None) -> tuple[int, ...]:
     """Return the numbers of commands of the blocks, whose sum is the horizon."""
-    check_whole(horizon, "horizon", 1, MOST_HORIZON)
+    check_whole(horizon, "horizon", 1, MAX_HORIZON)
     if blocks is None:
         ends = [end for end in (1, 2, 4, 8) if end < horizon]
         return tuple(np.diff([0, *ends, horizon]).tolist())

@@ -20,19 +20,16 @@ SLOPE_ROUNDING = 1e-9  # of the largest slope: a negative slope that counts as r
 RATE_TOLERANCE = 1e-6  # of a rate limit: excess that counts as none
 DURATION_TOLERANCE = 1e-8  # of the shortest duration: its accuracy
 DURATION_FACTOR = 1.25  # from one trial of the shortest duration to the next
-MOST_TRIALS = 40  # of durations
+MAX_TRIALS = 40  # of durations
 
 
 @dataclass(frozen=True, eq=False)
 class TimeLaw:
-    """Progress s over the part x = t / duration of the time, both from 0 to 1, at rest at both ends.
+    """Progress s over the part x = t / duration of the time, both from 0 to 1, at rest at both ends."""
 
-    piece: polynomials of x; own_duration [s]: last time of a table, None without one; returns: whether the
-    first half of the time leads from 0 to 1, and the second half back to 0 as a mirror image.
-    """
-
-    piece: PPoly
-    own_duration: float | None = None
+    piece: PPoly  # polynomials of x
+    own_duration: float | None = None  # [s]: last time of a table, None without one
+    # whether the first half of the time leads from 0 to 1, and the second half back to 0 as a mirror image
     returns: bool = False
 
     def at(self, part: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -45,8 +42,8 @@ class TimeLaw:
 
     def returning(self) -> "TimeLaw":
         """Return the law that goes back after it: in twice the time, at rest at the far end too."""
-        own = None if self.own_duration is None else 2.0 * self.own_duration
-        return TimeLaw(self.piece, own, returns=True)
+        duration = None if self.own_duration is None else 2.0 * self.own_duration
+        return TimeLaw(self.piece, duration, returns=True)
 
 
 def read_law(law: str | ArrayLike) -> TimeLaw:
@@ -67,14 +64,14 @@ def read_law(law: str | ArrayLike) -> TimeLaw:
         check_choice(law, (QUINTIC,), "time law", "law")
         return TimeLaw(_build_spline(np.array([0.0, 1.0]), np.array([0.0, 1.0])))
     time, value = _read_table(law)
-    part = time / time[-1]
-    smooth = _build_spline(part, value)
+    fraction = time / time[-1]
+    smooth = _build_spline(fraction, value)
     # It never goes back where the smallest of its slopes is not negative.
     slope = smooth.derivative()
     extreme = np.asarray(slope.derivative().roots(extrapolate=False), dtype=float)
     values = slope(np.concatenate([extreme[np.isfinite(extreme)], smooth.x]))
     rises = bool(values.min() >= -SLOPE_ROUNDING * np.abs(values).max())
-    return TimeLaw(smooth if rises else _build_monotone(part, value), float(time[-1]))
+    return TimeLaw(smooth if rises else _build_monotone(fraction, value), float(time[-1]))
 
 
 def _read_table(law: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -94,11 +91,11 @@ def _read_table(law: ArrayLike) -> tuple[FloatArray, FloatArray]:
             given=f"({time[0]:g}, {value[0]:g}) to ({time[-1]:g}, {value[-1]:g})",
             allowed=allowed,
         )
-    for rows, words in ((np.diff(time) <= 0, "times do not rise"), (np.diff(value) < 0, "progress falls")):
+    for rows, fault in ((np.diff(time) <= 0, "times do not rise"), (np.diff(value) < 0, "progress falls")):
         if rows.any():
             k = int(np.argmax(rows)) + 1
             raise InvalidValueError(
-                f"the {words}" if words.startswith("times") else f"the {words}: the motion would go back",
+                f"the {fault}" if fault.startswith("times") else f"the {fault}: the motion would go back",
                 where=f"law, row {k}",
                 given=f"({time[k]:g}, {value[k]:g}) after ({time[k - 1]:g}, {value[k - 1]:g})",
                 allowed="rising times, progress that stays or rises",
@@ -108,8 +105,8 @@ def _read_table(law: ArrayLike) -> tuple[FloatArray, FloatArray]:
 
 def _build_spline(part: FloatArray, value: FloatArray) -> PPoly:
     """Return the spline of degree 5 with no slope and curvature at both ends; of two points the quintic."""
-    rest: Any = ([(1, 0.0), (2, 0.0)], [(1, 0.0), (2, 0.0)])
-    spline = make_interp_spline(part, value, k=5, bc_type=rest)
+    at_rest: Any = ([(1, 0.0), (2, 0.0)], [(1, 0.0), (2, 0.0)])
+    spline = make_interp_spline(part, value, k=5, bc_type=at_rest)
     return PPoly.from_spline((spline.t, spline.c, spline.k))
 
 
@@ -133,12 +130,7 @@ class Peaks:
 
 
 def compute_peaks(time: FloatArray, change: FloatArray) -> Peaks:
-    """Return the largest rates of the cubic spline through the inputs, which the profile follows.
-
-    time (n_t,) [s]: knots.
-    change (n_t, n_actuators) [m]: inputs at the knots.
-    Returns: exact maxima: at knots, and where the second derivative vanishes between them.
-    """
+    """Return the largest rates of the cubic spline through the inputs, which the profile follows."""
     pieces = build_cubic(time, change)
     slope = PPoly(pieces.coefficient[:, ::-1].transpose(1, 0, 2), pieces.time).derivative()
     linear, constant = slope.c[0], slope.c[1]  # slope = linear' x^2 + constant x + rate, of each piece
@@ -157,18 +149,12 @@ def compute_peaks(time: FloatArray, change: FloatArray) -> Peaks:
 
 
 def find_shortest(first: float, excess: Callable[[float], float]) -> float:
-    """Return the shortest duration [s] with no rate above its limit, next to that of the static path.
-
-    first [s]: duration of the static path; 0 where nothing limits it.
-    excess: duration [s] -> largest ratio of a peak rate to its limit.
-    Returns: the duration at which the ratio is 1.
-    Raises ConvergenceError: no duration within the trials keeps the limits.
-    """
+    """Return the shortest duration [s] with no rate above its limit, next to that of the static path."""
     if first == 0.0:
         return 0.0
     low = high = first
     if excess(first) > 1.0:
-        for _ in range(MOST_TRIALS):
+        for _ in range(MAX_TRIALS):
             low, high = high, DURATION_FACTOR * high
             if excess(high) <= 1.0:
                 break
@@ -180,14 +166,14 @@ def find_shortest(first: float, excess: Callable[[float], float]) -> float:
                 hint="raise the rates",
             )
     else:  # inertia can also lower the largest rate
-        for _ in range(MOST_TRIALS):
+        for _ in range(MAX_TRIALS):
             low, high = low / DURATION_FACTOR, low
             if excess(low) > 1.0:
                 break
         else:
             return low
-    found = float(brentq(lambda duration: excess(duration) - 1.0, low, high, rtol=DURATION_TOLERANCE))
-    return found if excess(found) <= 1.0 + RATE_TOLERANCE else high
+    shortest = float(brentq(lambda duration: excess(duration) - 1.0, low, high, rtol=DURATION_TOLERANCE))
+    return shortest if excess(shortest) <= 1.0 + RATE_TOLERANCE else high
 
 
 def check_rates(

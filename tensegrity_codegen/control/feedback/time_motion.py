@@ -1,4 +1,4 @@
-"""Timed motions: a path through equilibria, put in time by a time law."""
+"""Timed motions: paths through equilibria, put in time by a time law, and simulated motions."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
+from tensegrity_codegen.control.feedback.design.linear_samples import check_motion
 from tensegrity_codegen.control.feedback.equilibrium_path import (
     EquilibriumPath,
     PathKnots,
@@ -25,25 +26,21 @@ from tensegrity_codegen.control.feedback.inverse_dynamics import (
     build_feedforward,
     describe_residual,
 )
-from tensegrity_codegen.control.feedback.time_law import (
-    QUINTIC,
-    TimeLaw,
-    check_rates,
-    find_shortest,
-    read_law,
-)
+from tensegrity_codegen.control.feedback.time_law import QUINTIC, check_rates, find_shortest, read_law
 from tensegrity_codegen.control.planning.plan import check_duration
-from tensegrity_codegen.control.planning.plan_point import PlanModel
+from tensegrity_codegen.control.planning.plan_point import PlanModel, find_actuation
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_switch, check_whole
+from tensegrity_codegen.system.checks import check_instance, check_switch, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
-LEAST_SAMPLES, MOST_SAMPLES = 5, 100_000
+MIN_SAMPLES, MAX_SAMPLES = 5, 100_000
 TOLERANCE = 1e-12
 
 
@@ -112,17 +109,18 @@ def time_motion(
     ((201, 6), True)
     """
     require_model(model)
-    check_whole(samples, "samples", LEAST_SAMPLES, MOST_SAMPLES)
+    check_whole(samples, "samples", MIN_SAMPLES, MAX_SAMPLES)
     check_switch(there_and_back, "there_and_back")
     check_choice(feedforward, (DYNAMIC, STATIC), "feedforward", "feedforward")
     shape = read_law(law).returning() if there_and_back else read_law(law)
-    wanted = _read_duration(duration, shape)
+    check_duration(duration)
+    requested = shape.own_duration if duration is None else float(duration)
     plan_model, knots = find_knots(model, path, arguments)
     smooth = remove_momentum(plan_model, knots, build_smooth_path(plan_model, knots))
     timing = Timing(smooth, shape, np.linspace(0.0, 1.0, samples))
     drive = build_feedforward(feedforward, plan_model, timing)
     shortest = _find_shortest(plan_model, timing, drive)
-    length = _choose_duration(wanted, shortest)
+    length = _choose_duration(requested, shortest)
     driven = drive(length)
     check_rates(plan_model.actuation, driven.peaks, model.manifest.member_name, length, shortest)
     return _record(plan_model, timing, driven, shortest)
@@ -136,8 +134,8 @@ def _find_shortest(plan_model: PlanModel, timing: Timing, drive: Feedforward) ->
         return float((drive(duration).peaks.rate / rate).max(initial=0.0))
 
     static = build_feedforward(STATIC, plan_model, timing)
-    first = float((static(1.0).peaks.rate / rate).max(initial=0.0))
-    return first if drive.is_static else find_shortest(first, excess)
+    shortest = float((static(1.0).peaks.rate / rate).max(initial=0.0))
+    return shortest if drive.is_static else find_shortest(shortest, excess)
 
 
 def _record(plan_model: PlanModel, timing: Timing, driven: Driven, shortest: float) -> Motion:
@@ -161,17 +159,9 @@ def _record(plan_model: PlanModel, timing: Timing, driven: Driven, shortest: flo
     )
 
 
-def _read_duration(duration: float | None, law: TimeLaw) -> float | None:
-    """Return the duration that is asked for [s], None for the shortest."""
-    if duration is None:
-        return law.own_duration
-    check_duration(duration)
-    return float(duration)
-
-
-def _choose_duration(wanted: float | None, shortest: float) -> float:
-    if wanted is not None:
-        return wanted
+def _choose_duration(requested: float | None, shortest: float) -> float:
+    if requested is not None:
+        return requested
     if shortest > 0:
         return shortest
     raise InvalidValueError(
@@ -217,8 +207,8 @@ def remove_momentum(plan_model: PlanModel, knots: PathKnots, path: SmoothPath) -
     if structure.node_anchored[:, axes].any() or any(at.neutral.shape[1] != rigid for at in knots.point):
         return path
     count = len(axes)
-    place = model.manifest.coordinate_place
-    order = np.lexsort((place[:, 1], place[:, 0]))  # node by node, axis by axis
+    coordinate_place = model.manifest.coordinate_place
+    order = np.lexsort((coordinate_place[:, 1], coordinate_place[:, 0]))  # node by node, axis by axis
     mass = model.compute("mass_matrix", **plan_model.arguments).toarray()[np.ix_(order, order)]
     turned = _turn(path, mass[::count, ::count], order, axes)
     result = np.empty_like(turned)
@@ -246,7 +236,7 @@ def _turn(path: SmoothPath, mass: FloatArray, order: NDArray[np.int64], axes: li
         return np.asarray((turn.reshape(3, 3) @ cross).ravel())
 
     # The rotation over progress, and the nodes turned by it about their centre of mass.
-    found = solve_ivp(
+    rotation = solve_ivp(
         spin,
         (0.0, 1.0),
         np.eye(3).ravel(),
@@ -255,9 +245,75 @@ def _turn(path: SmoothPath, mass: FloatArray, order: NDArray[np.int64], axes: li
         rtol=TOLERANCE,
         atol=TOLERANCE,
     )
-    first = np.zeros((len(mass), 3))
-    first[:, axes] = np.asarray(path.coordinate(0.0))[order].reshape(len(mass), -1)
-    centre = mass.sum(axis=0) @ first / total
-    turns = [np.linalg.svd(row.reshape(3, 3)) for row in found.y.T]  # nearest rotations
+    start = np.zeros((len(mass), 3))
+    start[:, axes] = np.asarray(path.coordinate(0.0))[order].reshape(len(mass), -1)
+    centre = mass.sum(axis=0) @ start / total
+    turns = [np.linalg.svd(row.reshape(3, 3)) for row in rotation.y.T]  # nearest rotations
     placed = [nodes(float(s), 0) @ (u @ v).T + centre for s, (u, _, v) in zip(path.knots, turns, strict=True)]
-    return np.array([place[:, axes].ravel() for place in placed])
+    return np.array([position[:, axes].ravel() for position in placed])
+
+
+def record_motion(model: CompiledModel, run: Trajectory) -> Motion:
+    """Return a simulated motion as one that `design_lqr` and `simulate_control` follow.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``, see compile_scene.
+    run : Trajectory
+        Motion of `simulate`, of the same scene, that ends at rest. Its samples become the knots: some at each
+        command, and more where forces change fast.
+
+    Returns
+    -------
+    Motion
+        Coordinates, inputs, tensions and deflections of contacts at the samples.
+
+    Raises
+    ------
+    InvalidValueError
+        A motion that stopped early, begins after 0 s, or belongs to another model.
+    StructureError
+        The structure has no actuators.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import Profile, compile_scene, record_motion, simulate
+    >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
+    >>> model = compile_scene("lift.toml", for_=("simulate", "control"))
+    >>> pull = Profile([0.0, 0.5, 1.0], {"winch": [0.0, -0.1, -0.1]})
+    >>> record_motion(model, simulate(model, 1.0, samples=101, schedule=pull)).duration
+    1.0
+    """
+    require_model(model)
+    check_instance(run, Trajectory, "run", "a Trajectory of simulate")
+    actuation = find_actuation(model)
+    if run.status != "ok" or run.input is None or run.time[0] != 0.0:
+        raise InvalidValueError(
+            "not a motion from 0 s to its end",
+            where="run",
+            given=f"{run.status}, from {run.time[0]:g} s",
+            allowed="status ok, from 0 s, with the inputs of the actuators",
+        )
+    names = ("coordinate", "velocity", INPUT, *(() if run.internal is None else ("internal",)))
+    internal = np.zeros((len(run.time), 0)) if run.internal is None else run.internal
+    rows = zip(run.coordinate, run.velocity, run.input, internal, strict=True)
+    accelerations = [model.compute("acceleration", **dict(zip(names, row, strict=False))) for row in rows]
+    inputs = run.input[:, actuation.place]
+    motion = Motion(
+        time=run.time,
+        coordinate=run.coordinate,
+        velocity=run.velocity,
+        acceleration=np.array(accelerations),
+        rest_length=PlanModel(model, actuation).rest_length(inputs),
+        input=run.input,
+        member_tension=run.member_tension,
+        peak_rate=np.abs(np.diff(inputs, axis=0) / np.diff(run.time)[:, None]).max(axis=0),
+        actuators=actuation.names,
+        input_name=run.input_name,
+        internal=internal,
+    )
+    check_motion(model, motion)
+    return motion

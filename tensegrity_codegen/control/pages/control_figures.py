@@ -7,8 +7,7 @@ from typing import Literal
 import numpy as np
 
 from tensegrity_codegen.control.feedback.loop.control_run import find_displacement
-from tensegrity_codegen.control.feedback.study.control_study import LOOP_NAMES, ControlStudy
-from tensegrity_codegen.control.feedback.study.loop_result import find_cables
+from tensegrity_codegen.control.feedback.study.control_study import LOOP_NAMES, ControlStudy, find_cables
 from tensegrity_codegen.control.pages.control_studies import find_actuator_use
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.diagram import Diagram, Series

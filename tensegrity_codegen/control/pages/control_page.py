@@ -4,9 +4,15 @@ import math
 
 import numpy as np
 
-from tensegrity_codegen.control.feedback.study.control_study import LOOP_NAMES, ControlStudy, count_worse
-from tensegrity_codegen.control.feedback.study.loop_result import OPEN, LoopResult, find_cables
-from tensegrity_codegen.control.feedback.study.margins import find_gain_range, find_phase
+from tensegrity_codegen.control.feedback.study.control_study import (
+    LOOP_NAMES,
+    OPEN,
+    ControlStudy,
+    LoopResult,
+    count_worse,
+    find_cables,
+)
+from tensegrity_codegen.control.feedback.study.linear_loop import find_gain_range, find_phase
 from tensegrity_codegen.control.pages.control_figures import (
     build_commands,
     build_errors,

@@ -6,10 +6,14 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tensegrity_codegen.control.feedback.study.control_study import LOOP_NAMES, ControlStudy, count_worse
-from tensegrity_codegen.control.feedback.study.loop_result import LoopResult
-from tensegrity_codegen.control.feedback.study.margins import (
-    MOST_SAMPLES,
+from tensegrity_codegen.control.feedback.study.control_study import (
+    LOOP_NAMES,
+    ControlStudy,
+    LoopResult,
+    count_worse,
+)
+from tensegrity_codegen.control.feedback.study.linear_loop import (
+    MAX_SAMPLES,
     Margins,
     find_gain_range,
     find_phase,
@@ -175,7 +179,7 @@ def describe_delays(study: ControlStudy) -> str:
     stood = []
     for name, margins in study.margins.items():
         is_known = np.isfinite(margins.delay)
-        more = margins.delay if is_known else MOST_SAMPLES * sample
+        more = margins.delay if is_known else MAX_SAMPLES * sample
         size = f"{'' if is_known else 'more than '}{1000 * more:.3g} ms ({_count_samples(more / sample)})"
         stood.append(f"{LOOP_NAMES[name]} {f'with {size} more' if margins.is_stable else 'at once'}")
     return f"{text}; linear loops become unstable: {', '.join(stood)}"

@@ -44,7 +44,7 @@ EXCLUDED = (
     (
         "docs/control.md",
         "from tensegrity_codegen import read_profile",
-        "takes minutes; tests/control/feedback/test_recorded_motion.py runs a part of it",
+        "takes minutes; tests/control/feedback/test_time_motion.py runs a part of it",
     ),
     ("docs/embedding.md", "integrators = ", "one line; tests/codegen/test_profiles_in_c.py has it"),
     ("docs/embedding.md", STEPPING, "tests/codegen/test_profiles_in_c.py runs the program"),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.embedded.loaded import LoadedController
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.gains import Estimator
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 

@@ -11,8 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.embedded.build_controller import build_controller
-from tensegrity_codegen.control.feedback.design.estimator import Estimator, find_sensing
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains, find_sensing
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
     ActuatorLimits,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.control.embedded.build_controller import ControllerBundle
 from tensegrity_codegen.control.embedded.loaded import LoadedController
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.gains import Estimator
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 
 Array = NDArray[np.float64]

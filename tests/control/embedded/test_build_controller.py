@@ -8,8 +8,7 @@ import pytest
 from tensegrity_codegen.control.embedded.build_controller import ControllerBundle, build_controller
 from tensegrity_codegen.control.embedded.loaded import load_controller
 from tensegrity_codegen.control.embedded.parts import ControllerCode
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel

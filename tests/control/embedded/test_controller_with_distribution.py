@@ -11,8 +11,7 @@ from tensegrity_codegen.control.embedded.build_controller import ControllerBundl
 from tensegrity_codegen.control.embedded.parts import ControllerCode
 from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.control.feedback.loop.tension_distribution import (

@@ -12,8 +12,7 @@ import pytest
 from tensegrity_codegen.control.embedded.build_controller import ControllerBundle, build_controller
 from tensegrity_codegen.control.embedded.parts import ControllerCode
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.control.feedback.kalman import design_kalman
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance

@@ -8,8 +8,7 @@ import pytest
 from tensegrity_codegen.control.embedded.build_controller import build_controller
 from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.feet import hold_feet
-from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
+from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, hold_feet
 from tensegrity_codegen.control.feedback.kalman import design_kalman
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, Gust

@@ -10,8 +10,7 @@ import pytest
 from tensegrity_codegen.control.embedded.parts import ControllerCode
 from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.kalman import design_kalman
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun

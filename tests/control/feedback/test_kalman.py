@@ -10,8 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.estimator import Estimator, find_sensing
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains, find_sensing
 from tensegrity_codegen.control.feedback.kalman import design_kalman, find_shown_forces
 from tensegrity_codegen.control.feedback.loop.controller import Filter
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance

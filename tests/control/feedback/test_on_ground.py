@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.feet import find_following, hold_feet
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, check_independent
+from tensegrity_codegen.control.feedback.design.linear_samples import (
+    build_rest,
+    check_independent,
+    find_following,
+    hold_feet,
+)
 from tensegrity_codegen.control.feedback.kalman import design_kalman
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance, Gust
 from tensegrity_codegen.control.feedback.lqr import design_lqr

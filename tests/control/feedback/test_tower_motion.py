@@ -7,8 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
 from tensegrity_codegen.control.feedback.inverse_dynamics import InverseDynamics
 from tensegrity_codegen.control.feedback.kalman import design_kalman

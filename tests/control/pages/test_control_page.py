@@ -12,8 +12,12 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from tensegrity_codegen.control.feedback.study.control_study import ControlStudy, find_low_tensions
-from tensegrity_codegen.control.feedback.study.loop_result import LoopResult, RunMeasures
+from tensegrity_codegen.control.feedback.study.control_study import (
+    ControlStudy,
+    LoopResult,
+    RunMeasures,
+    find_low_tensions,
+)
 from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust, StatedErrors
 from tensegrity_codegen.control.feedback.study.study import study_control
 from tensegrity_codegen.control.pages import control_figures

@@ -1,18 +1,39 @@
-"""Feedback gains along a motion, by the names of python-control."""
+"""Gains of feedback and of estimators along a motion, by the names of python-control; measurements."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.control.feedback.design.linear_samples import to_dense
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
+from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.records.even_knots import choose_even_knots
+from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_instance, is_number, is_whole
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError, check_choice
 from tensegrity_codegen.system.extras import CONTROL, import_extra
 from tensegrity_codegen.system.summaries import Summarised
 
-MOST_KNOTS = 25  # of stored gains
+MAX_KNOTS = 25  # of stored gains
+
+MEMBER_KINDS = ("member_length", "member_tension")
+UNITS = {"member_length": "m", "member_tension": "N", "node_position": "m", "node_velocity": "m/s"}
+STEP = 1e-6  # of differences; coordinates are lengths of structures of a metre, or angles
+
+
+def _interpolate(knots: FloatArray, rows: FloatArray, time: float) -> FloatArray:
+    """Return the row at a time [s], linear between knots; after the last knot its row."""
+    if len(rows) == 1 or time >= knots[-1]:
+        return np.asarray(rows[-1])
+    k = max(int(np.searchsorted(knots, time, side="right")) - 1, 0)
+    fraction = max(time - float(knots[k]), 0.0) / float(knots[k + 1] - knots[k])
+    return np.asarray((1.0 - fraction) * rows[k] + fraction * rows[k + 1])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,20 +85,10 @@ class Gains(Summarised):
         freeze_fields(self)
 
     def at(self, step: int) -> FloatArray:
-        """Return the gains of a sample, (n_actuators, n_states); after the motion those of its end.
+        """Return the gains of a sample, (n_actuators, n_states); after the motion those of its end."""
+        return _interpolate(self.time, self.K, step * self.sample)
 
-        Between knots gains are interpolated linearly in time.
-        """
-        time = step * self.sample
-        if len(self.K) == 1 or time >= self.time[-1]:
-            last: FloatArray = self.K[-1]
-            return last
-        k = max(int(np.searchsorted(self.time, time, side="right")) - 1, 0)
-        share = max(time - float(self.time[k]), 0.0) / float(self.time[k + 1] - self.time[k])
-        found: FloatArray = (1.0 - share) * self.K[k] + share * self.K[k + 1]
-        return found
-
-    def at_knots(self, count: int = MOST_KNOTS) -> "Gains":
+    def at_knots(self, count: int = MAX_KNOTS) -> "Gains":
         """Return the gains of some of the sample times, between which they are interpolated.
 
         Parameters
@@ -125,3 +136,166 @@ class Gains(Summarised):
             states=list(self.state_name),
             outputs=[f"{name} measured" for name in self.state_name],
         )
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """The measurements of a model, number by number."""
+
+    model: CompiledModel
+    sensors: tuple[Sensor, ...]  # what is measured
+    names: tuple[str, ...]  # name of each number, such as "length of top1" or "top1.x"
+    noise: FloatArray  # (n_y,): standard deviation of each, in its unit
+
+    def measure(self, at: Mapping[str, Any]) -> FloatArray:
+        """Return the numbers without noise, (n_y,), at a state and inputs."""
+        return np.concatenate([self._read(sensor, at) for sensor in self.sensors])
+
+    def slopes(self, at: Mapping[str, Any]) -> FloatArray:
+        """Return the derivatives of the numbers by the state (q, q'), (n_y, n_states)."""
+        return np.vstack([self._slope(sensor, at) for sensor in self.sensors])
+
+    def _read(self, sensor: Sensor, at: Mapping[str, Any]) -> FloatArray:
+        rows = list(sensor.targets)
+        if sensor.kind in MEMBER_KINDS:
+            return np.asarray(self.model.compute(sensor.kind, **at), dtype=float)[rows]
+        axes = list(self.model.manifest.axes)
+        arguments = {name: value for name, value in at.items() if name not in ("coordinate", "velocity")}
+        q, v = at["coordinate"], at["velocity"]
+        if sensor.kind == "node_position":
+            values = place_nodes(self.model, q, arguments.get("anchor_position"), arguments=arguments)
+        else:
+            values = place_velocities(self.model, q, v, arguments=arguments)
+        return values[np.ix_(rows, axes)].ravel()
+
+    def _slope(self, sensor: Sensor, at: Mapping[str, Any]) -> FloatArray:
+        n = len(at["coordinate"])
+        if sensor.kind == "member_length":
+            dense = to_dense(self.model.compute("equilibrium_matrix", **at))
+            return np.hstack([dense.T[list(sensor.targets)], np.zeros((len(sensor.targets), n))])
+        columns = []
+        for name in ("coordinate", "velocity"):
+            for k in range(n):
+                ends = []
+                for sign in (1.0, -1.0):
+                    moved = np.array(at[name], dtype=float)
+                    moved[k] += sign * STEP
+                    ends.append(self._read(sensor, {**at, name: moved}))
+                columns.append((ends[0] - ends[1]) / (2 * STEP))
+        return np.array(columns).T
+
+
+def find_sensing(model: CompiledModel, sensors: Sequence[Sensor] | None = None) -> Sensing:
+    """Return the measurements of a model."""
+    structure, manifest = model.structure, model.manifest
+    stated: Any = sensors
+    if sensors is None:
+        stated = () if structure is None else structure.sensors
+    check_instance(stated, (list, tuple), "sensors", "a list of Sensor")
+    chosen = tuple(stated)
+    for k, sensor in enumerate(chosen):
+        check_instance(sensor, Sensor, f"sensors[{k}]", "a Sensor")
+        check_choice(sensor.kind, tuple(UNITS), "kind of sensor", f"sensors[{k}].kind")
+    if not chosen:
+        raise StructureError(
+            "no sensors",
+            where=f"{manifest.name}: sensors",
+            given="none",
+            allowed="at least one table [[sensors]] with kind, members or nodes, and noise",
+        )
+    needed: set[str] = {sensor.kind for sensor in chosen if sensor.kind in MEMBER_KINDS}
+    if "member_length" in needed:
+        needed.add("equilibrium_matrix")
+    require_quantities(model, sorted(needed), "these sensors need")
+    names: list[str] = []
+    noise: list[float] = []
+    for k, sensor in enumerate(chosen):
+        labels = _name(sensor, model, f"sensors[{k}]")
+        names += labels
+        noise += [sensor.noise] * len(labels)
+    return Sensing(model, chosen, tuple(names), np.array(noise))
+
+
+def _name(sensor: Sensor, model: CompiledModel, where: str) -> list[str]:
+    """Return the names of a sensor's numbers; raises InvalidValueError for one that cannot be used."""
+    manifest = model.manifest
+    if not is_number(sensor.noise) or sensor.noise <= 0.0:
+        raise InvalidValueError(
+            "an estimator needs the noise of its sensors",
+            where=f"{where}.noise",
+            given=sensor.noise,
+            allowed=f"a standard deviation > 0 [{UNITS[sensor.kind]}]",
+        )
+    targets = manifest.member_name if sensor.kind in MEMBER_KINDS else manifest.node_name
+    is_list = isinstance(sensor.targets, list | tuple) and len(sensor.targets) > 0
+    if not is_list or not all(is_whole(e) and 0 <= e < len(targets) for e in sensor.targets):
+        raise InvalidValueError(
+            "a sensor measures nothing that exists",
+            where=f"{where}.targets",
+            given=sensor.targets,
+            allowed=f"indices from 0 to {len(targets) - 1}",
+        )
+    if sensor.kind in MEMBER_KINDS:
+        return [f"{sensor.kind.removeprefix('member_')} of {targets[e]}" for e in sensor.targets]
+    mark = "'" if sensor.kind == "node_velocity" else ""
+    return [f"{targets[i]}.{'xyz'[axis]}{mark}" for i in sensor.targets for axis in manifest.axes]
+
+
+# The record of an estimator: gains at knots along a motion.
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimator(Summarised):
+    """An extended Kalman filter with gains stored at knots along a motion.
+
+    The state is (q, q', d), d the disturbance forces on some coordinates. At each sample the prediction p of
+    the full model is corrected by the measurements y: p + L (y - h(p)).
+
+    Attributes
+    ----------
+    time : ndarray, shape (n_knots,) [s]
+        Times of the knots; gains in between are interpolated, after the last one its gains hold.
+    L : ndarray, shape (n_knots, n_states, n_y)
+        Gains. A L is the gain of python-control's `dlqe`, with A the transition of the state.
+    P : ndarray, shape (n_knots, n_states, n_states)
+        Stationary covariances of the predictions.
+    innovation : ndarray, shape (n_knots, n_y)
+        Standard deviations of measurements minus their predictions.
+    E : ndarray of complex, shape (n_states,)
+        Eigenvalues of the error at the end point, from sample to sample.
+    sample : float [s]
+        Time between two measurements.
+    residual : float
+        Largest residual of the stationary Riccati equations over the largest entry of their solutions.
+    substeps : int
+        Runge-Kutta steps of the prediction in a sample.
+    disturbed : ndarray of int, shape (n_disturbances,)
+        Indices of the coordinates that have a disturbance force.
+    sensing : Sensing
+        What is measured, with names and noise.
+    state_name : tuple of str
+        Names of the states.
+    """
+
+    time: FloatArray
+    L: FloatArray
+    P: FloatArray
+    innovation: FloatArray
+    E: NDArray[np.complex128]
+    sample: float
+    residual: float
+    substeps: int
+    disturbed: NDArray[np.int64]
+    sensing: Sensing
+    state_name: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        freeze_fields(self)
+
+    def at(self, time: float) -> FloatArray:
+        """Return the gains at a time [s], (n_states, n_y)."""
+        return _interpolate(self.time, self.L, time)
+
+    def weight(self, time: float) -> FloatArray:
+        """Return 1 over the standard deviations of measurements minus predictions at a time [s], (n_y,)."""
+        return _interpolate(self.time, 1.0 / self.innovation, time)

@@ -4,30 +4,93 @@ With actuators that answer late, and equilibria as motions that stay there.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
 
-from tensegrity_codegen.control.feedback.design.feet import find_bristles, find_following
 from tensegrity_codegen.control.planning.plan_point import PlanModel, find_actuation
 from tensegrity_codegen.runtime.model.arrays import check_shape, to_sized
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
+from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_double, require_quantities
-from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.runtime.records.timed_motion import Motion, MotionPoint
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_instance, check_positive
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.tables.formulations import find_formulation
 
 LINEAR_QUANTITIES = ("state_jacobian", "input_jacobian")
-MOST_SAMPLES = 100_000  # of one motion
+MAX_SAMPLES = 100_000  # of one motion
 ROUNDING = 1e-9  # of a sample, by which delays and durations may differ from whole samples
 FOUND_STATUSES = ("converged", "rounding_limited")
+
+SLIPPED = 1e-5  # of the size of a structure: motion of the point where a foot sticks that is reported
+
+
+def find_following(model: Described) -> FloatArray:
+    """Return F (n_internal, n_coordinates): derivatives of bristles by coordinates while contacts stick."""
+    manifest, structure = model.manifest, model.structure
+    if not manifest.internal_name:
+        return np.zeros((0, len(manifest.coordinate_name)))
+    ground: Any = getattr(structure, "ground", None)
+    node, axis = manifest.coordinate_place.T
+    tangents = ground.tangents(tuple(manifest.axes))[:, axis]
+    rows: FloatArray = tangents * (ground.node[:, None, None] == node)
+    return rows.reshape(-1, len(node))
+
+
+def find_bristles(model: Described, point: MotionPoint, coordinate: FloatArray) -> dict[str, FloatArray]:
+    """Return the argument `internal` at coordinates near a point of a motion; {} without friction."""
+    following = find_following(model)
+    moved = following @ (coordinate - point.coordinate)
+    return {"internal": point.internal + moved} if len(following) else {}
+
+
+def check_still_feet(model: Described, motion: Motion, design: str) -> None:
+    """Raise FormulationError for a motion on which contacts do not stay as they are at its start."""
+    if (motion.internal != motion.internal[:1]).any():
+        raise FormulationError(
+            f"{design} needs feet that stick where they stand",
+            where=model.manifest.name,
+            given=f"a motion of {motion.duration:g} s in which forces of the ground change",
+            allowed="an Equilibrium, or a motion away from the ground",
+            hint="follow this motion by the gains of design_lqr",
+        )
+
+
+def hold_feet(structure: Subject, model: Described, motion: Motion) -> Subject:
+    """Return a structure whose contacts stick where they do at the start of a motion, without bristles."""
+    if not model.manifest.internal_name:
+        return structure
+    start, ground = motion.at(0.0), getattr(structure, "ground", None)
+    assert ground is not None
+    stick_point = find_following(model) @ start.coordinate - start.internal
+    held = replace(ground, stick_point=stick_point.reshape(ground.n_contacts, -1))
+    changed: Subject = structure.with_changes(ground=held)
+    return changed
+
+
+def measure_slip(model: CompiledModel, state: FloatArray) -> tuple[FloatArray | None, str]:
+    """Return how far the points have moved where feet stick, and a sentence about feet that did not stay."""
+    following, n = find_following(model), len(model.manifest.coordinate_name)
+    if not len(following):
+        return None, ""
+    structure: Any = model.structure
+    depth = np.array([structure.ground.compute_depth(place_nodes(model, q)) for q in state[:, :n]])
+    stuck = state[:, :n] @ following.T - state[:, 2 * n :]
+    moved = np.linalg.norm((stuck - stuck[0]).reshape(*depth.shape, -1), axis=2) * (depth[0] > 0.0)
+    smallest = SLIPPED * float(np.ptp(place_nodes(model, state[0, :n]), axis=0).max())
+    names, reports = model.manifest.contact_name, []
+    for c in np.flatnonzero((moved > smallest).any(axis=0)).tolist():
+        verb = "lifts" if (depth[:, c] <= 0.0).any() else "slips"
+        reports.append(f"{names[c]} {verb}, {1000 * moved[-1, c]:.3g} mm at the end")
+    return moved, f"feet do not stay where they stick: {'; '.join(reports)}" if reports else ""
 
 
 @dataclass(frozen=True)
@@ -64,16 +127,6 @@ def sample_linear_models(
 ) -> LinearSamples:
     """Return the sampled linear models along a motion.
 
-    model: with LINEAR_QUANTITIES.
-    sample [s]: sample time.
-    actuators: names of the inputs that feedback changes.
-    arguments: run-time parameters where they differ from the scene.
-    delay (n_actuators,) [s]: after which commands arrive; by default at once.
-    Returns: one model at each sample time.
-    Raises InvalidValueError: the sample time is out of range, or the motion has other coordinates than the
-        model.
-    Raises FormulationError: coordinates depend on each other, or the model lacks a quantity.
-
     expm([[A, B], [0, 0]] h) = [[A_h, B_h], [0, 1]] (Van Loan, IEEE Transactions on Automatic Control 23,
     1978), A and B at the state, inputs and time of the start of the sample.
     """
@@ -92,10 +145,10 @@ def sample_linear_models(
     ]
     end = linearise(model, motion, float(time[-1]), actuators, merged)
     models.append((np.pad(end[0], (0, n_bristles)), np.pad(end[1], ((0, n_bristles), (0, 0)))))
-    state_matrix, input_matrix = (np.array(item) for item in zip(*models, strict=True))
+    state_matrix, input_matrix = (np.array(matrices) for matrices in zip(*models, strict=True))
     late = np.zeros(len(actuators)) if delay is None else delay
     hold = [compute_delayed_hold(a, b, sample, late) for a, b in zip(state_matrix, input_matrix, strict=True)]
-    a, b, past = (np.array(item) for item in zip(*hold, strict=True))
+    a, b, past = (np.array(matrices) for matrices in zip(*hold, strict=True))
     return LinearSamples(time, sample, a, b, past, state_matrix, input_matrix)
 
 
@@ -113,11 +166,7 @@ def linearise(
     *,
     with_bristles: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return state and input matrix of a model at a time [s] of a motion.
-
-    with_bristles: whether bristles are states behind (q, q'); else they follow their nodes.
-    Returns state_matrix, input_matrix: x' = state_matrix x + input_matrix u, u: inputs of the actuators.
-    """
+    """Return state and input matrix of a model at a time [s] of a motion."""
     point = motion.at(time)
     at = {**arguments, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
     at |= find_bristles(model, point, point.coordinate)
@@ -131,18 +180,15 @@ def linearise(
 
 
 def build_sample_time(motion: Motion, sample: float) -> FloatArray:
-    """Return the sample times of a motion, (n_t,) [s]; the last is at its end or just after.
-
-    Raises InvalidValueError for a sample that is no time, or of which too many make the motion.
-    """
+    """Return the sample times of a motion, (n_t,) [s]; the last is at its end or just after."""
     check_positive(sample, "sample", "[s]")
     count = motion.duration / sample
-    if count > MOST_SAMPLES or count < 1.0 - ROUNDING:
+    if count > MAX_SAMPLES or count < 1.0 - ROUNDING:
         raise InvalidValueError(
             "the sample time does not fit the motion",
             where="sample",
             given=f"{sample!r} s, motion of {motion.duration:g} s",
-            allowed=f"{motion.duration / MOST_SAMPLES:.3g} to {motion.duration:g} s",
+            allowed=f"{motion.duration / MAX_SAMPLES:.3g} to {motion.duration:g} s",
         )
     return sample * np.arange(int(np.ceil(count - ROUNDING)) + 1, dtype=float)
 
@@ -198,11 +244,11 @@ def split_delays(delay: FloatArray, sample: float) -> tuple[IntArray, FloatArray
 
     The command of a sample acts from its rest in the sample that begins so many samples later.
     """
-    share = delay / sample
-    whole = np.floor(share + ROUNDING)
-    rest = np.where(share - whole > ROUNDING, share - whole, 0.0) * sample
-    back = whole.astype(np.int64)
-    return back, rest, back + (rest > 0.0)
+    in_samples = delay / sample
+    complete = np.floor(in_samples + ROUNDING)
+    remainder = np.where(in_samples - complete > ROUNDING, in_samples - complete, 0.0) * sample
+    back = complete.astype(np.int64)
+    return back, remainder, back + (remainder > 0.0)
 
 
 def compute_hold(
@@ -211,14 +257,12 @@ def compute_hold(
     """Return the transition over one sample for a constant input.
 
     state_matrix, input_matrix (n, n) and (n, m): x' = state_matrix x + input_matrix u.
-    sample [s]: sample time.
-    Returns A, B: x[k+1] = A x[k] + B u[k], same shapes.
     """
     n, m = input_matrix.shape
     block = np.zeros((n + m, n + m))
     block[:n, :n], block[:n, n:] = state_matrix, input_matrix
-    whole = expm(sample * block)
-    return whole[:n, :n], whole[:n, n:]
+    exponential = expm(sample * block)
+    return exponential[:n, :n], exponential[:n, n:]
 
 
 def compute_delayed_hold(
@@ -233,23 +277,23 @@ def compute_delayed_hold(
         of the sample and p[k] those that are on their way: of each input the latest first. Exact.
     """
     a, now = compute_hold(state_matrix, input_matrix, sample)
-    back, rest, count = split_delays(delay, sample)
+    back, remainder, count = split_delays(delay, sample)
     past = np.zeros((len(a), int(count.sum())))
-    first = np.cumsum(count) - count
-    for part in np.unique(rest).tolist():
-        chosen = np.flatnonzero((rest == part) & (count > 0))
+    start = np.cumsum(count) - count
+    for fraction in np.unique(remainder).tolist():
+        chosen = np.flatnonzero((remainder == fraction) & (count > 0))
         late = (
-            compute_hold(state_matrix, input_matrix[:, chosen], sample - part)[1]
-            if part > 0.0
+            compute_hold(state_matrix, input_matrix[:, chosen], sample - fraction)[1]
+            if fraction > 0.0
             else now[:, chosen]
         )
         early = now[:, chosen] - late
         for u, from_rest, to_rest in zip(chosen.tolist(), late.T, early.T, strict=True):
             now[:, u] = from_rest if back[u] == 0 else 0.0
             if back[u] > 0:
-                past[:, first[u] + back[u] - 1] = from_rest
-            if part > 0.0:
-                past[:, first[u] + back[u]] = to_rest
+                past[:, start[u] + back[u] - 1] = from_rest
+            if fraction > 0.0:
+                past[:, start[u] + back[u]] = to_rest
     return a, now, past
 
 
@@ -260,10 +304,10 @@ def shift_commands(delay: FloatArray, sample: float) -> tuple[FloatArray, FloatA
     """
     count = split_delays(delay, sample)[2]
     size = int(count.sum())
-    first = (np.cumsum(count) - count)[count > 0]
+    newest = (np.cumsum(count) - count)[count > 0]
     shift, enter = np.eye(size, k=-1), np.zeros((size, len(delay)))
-    shift[first] = 0.0
-    enter[first, np.flatnonzero(count)] = 1.0
+    shift[newest] = 0.0
+    enter[newest, np.flatnonzero(count)] = 1.0
     return shift, enter
 
 
@@ -277,17 +321,7 @@ def build_rest(
     arguments: Mapping[str, Any] | None = None,
     actuators: Sequence[str] | None = None,
 ) -> Motion:
-    """Return the motion that stays at an equilibrium.
-
-    model: with its structure, which has actuators.
-    equilibrium: as of find_equilibrium, with the same arguments.
-    duration [s]: time of the last knot.
-    arguments: inputs and run-time parameters where they differ from the scene.
-    actuators: names of the actuators that may move; by default all of the scene.
-    Raises InvalidValueError: the equilibrium was not found, or is one of another model; the duration is no
-        number > 0.
-    Raises StructureError: the structure has no actuators.
-    """
+    """Return the motion that stays at an equilibrium."""
     check_instance(equilibrium, Equilibrium, "motion", "a Motion of time_motion, or an Equilibrium")
     if equilibrium.status not in FOUND_STATUSES:
         raise InvalidValueError(
@@ -309,16 +343,16 @@ def build_rest(
     nominal = model.nominal(INPUT)
     value = to_sized(merged.get(INPUT, nominal), nominal.shape, f"arguments.{INPUT}").ravel()
     still = np.zeros((2, len(equilibrium.coordinate)))
-    rest = PlanModel(model, actuation, arguments).rest_length(value[actuation.place])
+    rest_length = PlanModel(model, actuation, arguments).rest_length(value[actuation.place])
     return Motion(
         time=np.array([0.0, duration]),
         coordinate=np.array([equilibrium.coordinate] * 2),
         velocity=still,
         acceleration=still,
-        rest_length=np.array([rest] * 2),
+        rest_length=np.array([rest_length] * 2),
         input=np.array([value] * 2),
         member_tension=np.array([equilibrium.member_tension] * 2),
-        peak_rate=np.zeros(len(rest)),
+        peak_rate=np.zeros(len(rest_length)),
         actuators=actuation.names,
         input_name=model.manifest.input_name,
         internal=np.array([equilibrium.internal_argument.get("internal", np.zeros(0))] * 2),

@@ -16,8 +16,8 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
 RESIDUAL = 1e-10  # of |P|
-MOST_POLISHING = 20
-MOST_DOUBLINGS, DOUBLING_TOLERANCE = 60, 1e-15
+MAX_POLISHING = 20
+MAX_DOUBLINGS, DOUBLING_TOLERANCE = 60, 1e-15
 RANK = 1e-9  # singular value over the largest, up to which a direction is lost
 UNSTABLE = 1.0 - 1e-7  # modulus from which on a mode does not decay by itself
 NEAR_ONE = 1e-5
@@ -55,12 +55,6 @@ def find_stationary(
 ) -> tuple[FloatArray, float]:
     """Return the stabilising solution of the stationary Riccati equation, and its residual over |P|.
 
-    a, b, q, r: as in `step_back`.
-    where: for errors.
-    Returns p (n, n): P = Q + K^T R K + (A - B K)^T P (A - B K).
-    Returns residual: largest entry of the difference of both sides over that of P.
-    Raises ConvergenceError: no solution was found whose residual is below RESIDUAL.
-
     The structure-preserving doubling algorithm (E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, C.-S. Wang,
     "Structure-preserving algorithms for periodic discrete-time algebraic Riccati equations", International
     Journal of Control 77, 2004): k steps of it are 2^k steps of the recursion. Where its solution does not
@@ -72,7 +66,7 @@ def find_stationary(
     if p is None or closed is None or not np.abs(closed).max(initial=0.0) < 1.0:
         p = _solve_by_decomposition(a, b, q, r, where)
     best, residual = p, np.inf
-    for _ in range(MOST_POLISHING):
+    for _ in range(MAX_POLISHING):
         following, _ = step_back(p, a, b, q, r)
         now = float(np.abs(following - p).max() / np.abs(p).max())
         if now < residual:
@@ -98,7 +92,7 @@ def _solve_by_doubling(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArra
             through, reach, cost = a, b @ cho_solve(cho_factor(r), b.T), q
         except (LinAlgError, ValueError):  # not definite, or not finite
             return None
-    for _ in range(MOST_DOUBLINGS):
+    for _ in range(MAX_DOUBLINGS):
         with np.errstate(over="ignore", invalid="ignore"):
             try:
                 solved = np.linalg.solve(np.eye(n) + reach @ cost, np.hstack([through, reach]))
@@ -108,7 +102,7 @@ def _solve_by_doubling(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArra
             reach = reach + through @ solved[:, n:] @ through.T
             cost, through = cost + added, through @ solved[:, :n]
             reach, cost = 0.5 * (reach + reach.T), 0.5 * (cost + cost.T)
-        if not all(np.isfinite(item).all() for item in (cost, reach, through)):
+        if not all(np.isfinite(matrix).all() for matrix in (cost, reach, through)):
             return None
         size = float(np.abs(cost).max())
         if np.abs(added).max() <= DOUBLING_TOLERANCE * size:
@@ -142,16 +136,11 @@ def _solve_by_decomposition(
 
 @dataclass(frozen=True)
 class HiddenMode:
-    """A mode that inputs do not change, or outputs do not show.
+    """A mode that inputs do not change, or outputs do not show."""
 
-    eigenvalue: of the sampled system; modulus 1 or more does not decay.
-    direction (n_states,): unit vector of the states that take part.
-    rank, size: rank of the test matrix, and the rank that it should have.
-    """
-
-    eigenvalue: complex
-    direction: FloatArray
-    rank: int
+    eigenvalue: complex  # of the sampled system; modulus 1 or more does not decay
+    direction: FloatArray  # (n_states,): unit vector of the states that take part
+    rank: int  # rank of the test matrix, and the rank that it should have
     size: int
 
 
@@ -159,7 +148,6 @@ def find_uncontrolled(a: FloatArray, b: FloatArray) -> list[HiddenMode]:
     """Return the modes that do not decay and that no input changes.
 
     a, b (n, n) and (n, m): x[k+1] = a x[k] + b u[k].
-    Returns: empty if the system is stabilisable.
     """
     return _test(a.T, b.T)
 
@@ -168,7 +156,6 @@ def find_unobserved(a: FloatArray, c: FloatArray) -> list[HiddenMode]:
     """Return the modes that do not decay and that no output shows.
 
     a, c (n, n) and (k, n): x[k+1] = a x[k], y = c x.
-    Returns: empty if the system is detectable.
     """
     return _test(a, c)
 
@@ -180,15 +167,15 @@ def describe_direction(direction: FloatArray, names: Sequence[str]) -> str:
     if not order:
         return "none"
     turned = direction * np.sign(direction[order[0]])
-    words = " ".join(f"{'+-'[int(turned[k] < 0)]} {abs(turned[k]):.2g} {names[k]}" for k in order[:N_NAMED])
-    return words.removeprefix("+ ") + (f" and {len(order) - N_NAMED} more" if len(order) > N_NAMED else "")
+    terms = " ".join(f"{'+-'[int(turned[k] < 0)]} {abs(turned[k]):.2g} {names[k]}" for k in order[:N_NAMED])
+    return terms.removeprefix("+ ") + (f" and {len(order) - N_NAMED} more" if len(order) > N_NAMED else "")
 
 
 def _test(a: FloatArray, c: FloatArray) -> list[HiddenMode]:
     n = len(a)
     norm = np.linalg.norm(c, axis=1)
     rows = c[norm > 0.0] / norm[norm > 0.0][:, None]
-    found: list[HiddenMode] = []
+    modes: list[HiddenMode] = []
     values = np.linalg.eigvals(a)
     chosen = values[(np.abs(values) >= UNSTABLE) & (values.imag >= 0.0)]
     chosen[np.abs(chosen - 1.0) < NEAR_ONE] = 1.0  # rounding splits the double eigenvalue of a free motion
@@ -197,19 +184,19 @@ def _test(a: FloatArray, c: FloatArray) -> list[HiddenMode]:
         _, singular, right = np.linalg.svd(matrix)
         rank = int((singular > RANK * singular[0]).sum())
         for vector in right[rank:].conj():
-            whole = np.concatenate([vector.real, vector.imag])
-            half = whole[:n] if np.linalg.norm(whole[:n]) >= np.linalg.norm(whole[n:]) else whole[n:]
-            found.append(HiddenMode(complex(value), half / np.linalg.norm(half), rank, n))
-    return found
+            pair = np.concatenate([vector.real, vector.imag])
+            half = pair[:n] if np.linalg.norm(pair[:n]) >= np.linalg.norm(pair[n:]) else pair[n:]
+            modes.append(HiddenMode(complex(value), half / np.linalg.norm(half), rank, n))
+    return modes
 
 
 def _distinct(values: NDArray[np.complex128]) -> list[complex]:
     """Return the values, of those that differ by rounding only one."""
-    kept: list[complex] = []
+    distinct: list[complex] = []
     for value in values.tolist():
-        if all(abs(value - other) > 1e-6 for other in kept):
-            kept.append(value)
-    return kept
+        if all(abs(value - previous) > 1e-6 for previous in distinct):
+            distinct.append(value)
+    return distinct
 
 
 # Rigid motions of a whole structure that its actuators cannot change.
@@ -219,12 +206,6 @@ def name_free_motions(
     model: CompiledModel, coordinate: FloatArray, gain: FloatArray, arguments: Mapping[str, Any]
 ) -> tuple[str, ...]:
     """Return the rigid motions that no actuator changes, such as "slide along x".
-
-    model: with `mass_matrix`; of bodies none are found.
-    coordinate (n_coordinates,): configuration.
-    gain (n_coordinates, n_actuators): derivatives of the accelerations by the actuators' inputs.
-    arguments: run-time parameters where they differ from the scene.
-    Returns: names; empty where the anchors permit no rigid motion.
 
     Rigid motions R for which R^T M gain = 0: internal forces change neither momentum.
     """
@@ -236,13 +217,13 @@ def name_free_motions(
     mass = model.compute("mass_matrix", **{**arguments, "coordinate": coordinate})
     effect = rigid.T @ (mass @ gain)
     scale = np.linalg.norm(mass @ gain)
-    left, size, _ = np.linalg.svd(effect)
+    directions, size, _ = np.linalg.svd(effect)
     rank = int((size > NO_EFFECT * scale).sum())
-    free = rigid @ left[:, rank:]
+    free = rigid @ directions[:, rank:]
     velocity = np.zeros((len(position), 3, free.shape[1]))
     node, axis = manifest.coordinate_place.T
     velocity[node, axis] = free
     local = position - position.mean(axis=0)
-    whole = np.array([(np.cross(turn[:3], local) + turn[3:]).ravel() for turn in np.eye(6)]).T
-    twist = np.linalg.lstsq(whole, velocity.reshape(len(whole), free.shape[1]), rcond=None)[0].T
+    unit_motions = np.array([(np.cross(turn[:3], local) + turn[3:]).ravel() for turn in np.eye(6)]).T
+    twist = np.linalg.lstsq(unit_motions, velocity.reshape(len(unit_motions), free.shape[1]), rcond=None)[0].T
     return NeutralMotions(position.mean(axis=0), twist, np.zeros((len(position), 3, 0))).names

@@ -42,23 +42,15 @@ MOVED_TO_LIMITS = {name: f"limits=ActuatorLimits({name}=...)" for name in ("rate
 
 @dataclass(frozen=True)
 class ActuatorBounds:
-    """Bounds of the actuators of a motion, in its order.
+    """Bounds of the actuators of a motion, in its order."""
 
-    names: their names.
-    place (n_actuators,): indices of their inputs.
-    members: indices of their members.
-    least, most (n_actuators,) [m]: bounds of their inputs.
-    rate (n_actuators,) [m/s]: largest rates.
-    delay (n_actuators,) [s]: times from the command to the motion.
-    """
-
-    names: tuple[str, ...]
-    place: NDArray[np.int64]
-    members: tuple[tuple[int, ...], ...]
-    least: FloatArray
-    most: FloatArray
-    rate: FloatArray
-    delay: FloatArray
+    names: tuple[str, ...]  # their names
+    place: NDArray[np.int64]  # (n_actuators,): indices of their inputs
+    members: tuple[tuple[int, ...], ...]  # indices of their members
+    least: FloatArray  # (n_actuators,) [m]: bounds of their inputs
+    most: FloatArray  # (n_actuators,) [m]
+    rate: FloatArray  # (n_actuators,) [m/s]: largest rates
+    delay: FloatArray  # (n_actuators,) [s]: times from the command to the motion
 
 
 def find_bounds(
@@ -69,53 +61,43 @@ def find_bounds(
     longest_delay: float | None = None,
     may_lag: bool = False,
 ) -> ActuatorBounds:
-    """Return the bounds of a motion's actuators: those of the scene, or those given.
-
-    model: with its structure, which has the actuators.
-    motion: names the actuators.
-    limits: in place of those of the scene.
-    longest_delay [s]: that is accepted; by default the duration of the motion.
-    may_lag: whether a motion that needs higher rates is accepted, behind which the actuators then lag.
-    Returns: bounds in the order of the motion.
-    Raises InvalidValueError: a value out of range, a motion that needs higher rates, or a delay longer than
-        the motion.
-    """
+    """Return the bounds of a motion's actuators: those of the scene, or those given."""
     check_instance(limits, (ActuatorLimits, type(None)), "limits", "ActuatorLimits, or None")
     stated = limits or ActuatorLimits()
     actuation = find_actuation(model, motion.actuators)
     structure = model.structure
     assert structure is not None  # find_actuation refuses models without
     count = len(actuation.actuators)
-    found = ActuatorBounds(
+    bounds = ActuatorBounds(
         names=actuation.names,
         place=actuation.place,
-        members=tuple(item.members for item in actuation.actuators),
+        members=tuple(actuator.members for actuator in actuation.actuators),
         least=actuation.least_change,
         most=actuation.most_change,
         rate=actuation.rate,
-        delay=np.array([item.delay for item in actuation.actuators]),
+        delay=np.array([actuator.delay for actuator in actuation.actuators]),
     )
     if stated.rate is not None:
-        found = replace(found, rate=_read(stated.rate, count, "rate", "m/s", strictly=True))
+        bounds = replace(bounds, rate=_read(stated.rate, count, "rate", "m/s", strictly=True))
     if stated.delay is not None:
-        found = replace(found, delay=_read(stated.delay, count, "delay", "s", strictly=False))
+        bounds = replace(bounds, delay=_read(stated.delay, count, "delay", "s", strictly=False))
     if stated.range is not None:
         allowed = "0 <= least < largest rest length [m], one pair or one for each actuator"
-        given = to_doubles(stated.range, "range", allowed)
-        is_range = given.shape in ((2,), (count, 2))
-        if not is_range or not (given[..., 0] < given[..., 1]).all() or not (given[..., 0] >= 0.0).all():
+        ends = to_doubles(stated.range, "range", allowed)
+        is_range = ends.shape in ((2,), (count, 2))
+        if not is_range or not (ends[..., 0] < ends[..., 1]).all() or not (ends[..., 0] >= 0.0).all():
             raise InvalidValueError("not a range", where="range", given=stated.range, allowed=allowed)
-        pair = np.broadcast_to(given, (count, 2))
-        rest = [structure.rest_length[list(members)] for members in found.members]
-        found = replace(
-            found,
-            least=pair[:, 0] - np.array([row.min() for row in rest]),
-            most=pair[:, 1] - np.array([row.max() for row in rest]),
+        pair = np.broadcast_to(ends, (count, 2))
+        rest_length = [structure.rest_length[list(members)] for members in bounds.members]
+        bounds = replace(
+            bounds,
+            least=pair[:, 0] - np.array([row.min() for row in rest_length]),
+            most=pair[:, 1] - np.array([row.max() for row in rest_length]),
         )
     if not may_lag:
-        _check_rates(found, motion)
-    _check_delays(found, motion, motion.duration if longest_delay is None else longest_delay)
-    return found
+        _check_rates(bounds, motion)
+    _check_delays(bounds, motion, motion.duration if longest_delay is None else longest_delay)
+    return bounds
 
 
 def _read(value: ArrayLike, count: int, where: str, unit: str, *, strictly: bool) -> FloatArray:
@@ -167,11 +149,7 @@ class DelayedInputs:
         self.commands = [start] * (int(self.back.max(initial=0)) + 2)
 
     def push(self, command: FloatArray) -> list[tuple[float, FloatArray]]:
-        """Return the inputs from here to the next command.
-
-        command (n_actuators,) [m]: the new command.
-        Returns: time after the command [s] from which inputs hold, and the inputs (n_actuators,).
-        """
+        """Return the inputs from here to the next command."""
         self.commands = [*self.commands[1:], command]
         arrived = [self._arrived(0.0)]
         times = sorted({float(time) for time in self.offset if time > 0.0})

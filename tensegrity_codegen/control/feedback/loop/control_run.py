@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.control.feedback.design.feet import measure_slip
+from tensegrity_codegen.control.feedback.design.linear_samples import measure_slip
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion
@@ -19,7 +19,7 @@ from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.summaries import Summarised
 
 COMPARED_PART = 1.0 / 6.0  # of the simulated time, in which errors are compared
-LEAST_WORSE = 0.005  # of the size of the structure, by which a loop may end further away than the open loop
+MIN_WORSE = 0.005  # of the size of the structure, by which a loop may end further away than the open loop
 OFTEN = 0.1  # of the commands: so many are often cut, or not solved
 # Statuses at which sums of errors stand still: what did it, and what avoids it.
 STANDSTILLS = {
@@ -132,13 +132,13 @@ class ControlRun(Summarised):
         if not is_number(since) or since > self.time[-1]:
             allowed = f"a time up to {self.time[-1]:g} [s]"
             raise InvalidValueError("out of range", where="since", given=since, allowed=allowed)
-        found: FloatArray = self.member_tension[self.time >= since - 1e-12].min(axis=0)
-        return found
+        smallest: FloatArray = self.member_tension[self.time >= since - 1e-12].min(axis=0)
+        return smallest
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by name, with the names of actuators, coordinates and members."""
-        kept = {name: value for name, value in vars(self).items() if name != "warnings"}
-        return {name: np.asarray(value) for name, value in kept.items() if value is not None}
+        values = {name: value for name, value in vars(self).items() if name != "warnings"}
+        return {name: np.asarray(value) for name, value in values.items() if value is not None}
 
 
 # From the arrays of a simulated loop to its record.
@@ -177,11 +177,11 @@ def build_run(
     limited, unsolved = sum(status != "ok" for status in statuses), statuses.count("not_solved")
     slip, what_slips = measure_slip(model, state)
     is_ok, has_known = word == "ok", known is not None and len(known) > 0
-    is_solved, text = unsolved < max(OFTEN * len(statuses), 1), f"{n_t - 1} samples, {limited} limited"
-    text += "" if is_solved else f", {unsolved} not solved: the last plan, or feedback, was cut instead"
+    is_solved, message = unsolved < max(OFTEN * len(statuses), 1), f"{n_t - 1} samples, {limited} limited"
+    message += "" if is_solved else f", {unsolved} not solved: the last plan, or feedback, was cut instead"
     return ControlRun(
         status=("ok" if is_solved else "not_solved") if is_ok else "unstable",
-        message=text if is_ok else f"{word} at {time[-1]:.6g} s",
+        message=message if is_ok else f"{word} at {time[-1]:.6g} s",
         time=time,
         coordinate=state[:, :n],
         velocity=state[:, n : 2 * n],
@@ -204,12 +204,12 @@ def build_run(
 def describe_cuts(steps: Mapping[str, int]) -> list[str]:
     """Return a sentence for each reason why commands, so many of each status, are often cut."""
     count = max(sum(steps.values()), 1)
-    parts = {words: sum(steps.get(word, 0) for word in words) / count for words in STANDSTILLS}
+    fractions = {kind: sum(steps.get(status, 0) for status in kind) / count for kind in STANDSTILLS}
     return [
-        f"{100 * part:.0f} % of the commands were {STANDSTILLS[words][0]}, and integrals of errors stand "
-        f"still then: {STANDSTILLS[words][1]}"
-        for words, part in parts.items()
-        if part > OFTEN
+        f"{100 * fraction:.0f} % of the commands were {STANDSTILLS[kind][0]}, and integrals of errors "
+        f"stand still then: {STANDSTILLS[kind][1]}"
+        for kind, fraction in fractions.items()
+        if fraction > OFTEN
     ]
 
 
@@ -219,28 +219,23 @@ def describe_cuts(steps: Mapping[str, int]) -> list[str]:
 def compare_with_open_loop(
     model: CompiledModel, motion: Motion, run: ControlRun, run_open: Callable[[], ControlRun]
 ) -> ControlRun:
-    """Return a run with the status ``"does_not_hold"`` where it ends further away than the open loop.
-
-    run_open: simulates the same draw without feedback, where the error at the end is large enough to need
-        it.
-    Returns: the run; its message has both errors where they were compared.
-    """
+    """Return a run with the status ``"does_not_hold"`` where it ends further away than the open loop."""
     if run.status != "ok":
         return run
     position = place_nodes(model, motion.coordinate[0])
-    most = LEAST_WORSE * float(np.ptp(position, axis=0).max(initial=0.0))
+    tolerance = MIN_WORSE * float(np.ptp(position, axis=0).max(initial=0.0))
     error = _find_end_error(model, run)
-    if error <= most:
+    if error <= tolerance:
         return run
-    other = run_open()
-    if other.status != "ok":
+    open_run = run_open()
+    if open_run.status != "ok":
         return run
-    without = _find_end_error(model, other)
+    without = _find_end_error(model, open_run)
     message = (
         f"{run.message}; at the end {1000 * error:.3g} mm from the motion, {1000 * without:.3g} mm without "
         "feedback"
     )
-    return replace(run, status="does_not_hold" if error > without + most else "ok", message=message)
+    return replace(run, status="does_not_hold" if error > without + tolerance else "ok", message=message)
 
 
 def find_displacement(model: CompiledModel, run: ControlRun, since: float = 0.0) -> FloatArray:

@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.feet import find_bristles
-from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.design.linear_samples import shift_commands, to_dense
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
+from tensegrity_codegen.control.feedback.design.linear_samples import find_bristles, shift_commands, to_dense
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -21,7 +19,7 @@ COMMAND_ROUNDING = 1e-12  # [m], by which a command may differ from what was wan
 OUTLIER_BOUND = 6.0  # standard deviations, up to which measurements may differ from their predictions
 FIRST_INNOVATION = 100.0  # recent largest difference, which is not known at the start
 INNOVATION_DECAY = 0.7  # of it from sample to sample
-MOST_DOUBLINGS = 30  # of what is accepted after outliers, at most
+MAX_DOUBLINGS = 30  # of what is accepted after outliers, at most
 
 
 class Controller:
@@ -55,18 +53,14 @@ class Controller:
         self.command = motion.at(0.0).input[bounds.place]
 
     def step(self, k: int, state: FloatArray) -> tuple[FloatArray, str]:
-        """Return the command of a sample, (n_actuators,) [m], and its status.
-
-        k: number of the sample, from 0.
-        state (n_states,): coordinates and velocities, true or estimated.
-        """
-        wanted, error = self.find_wanted(k, state)
+        """Return the command of a sample, (n_actuators,) [m], and its status."""
+        requested, error = self.find_wanted(k, state)
         if self.distribution is None:
-            command, status = self.cut(wanted)
+            command, status = self.cut(requested)
         else:
             n = len(state) // 2
-            found = self.distribution.distribute(k * self.sample, state[:n], wanted, *self.reach())
-            command, status, self.yielding = found.command, found.status, found.yielding
+            distributed = self.distribution.distribute(k * self.sample, state[:n], requested, *self.reach())
+            command, status, self.yielding = distributed.command, distributed.status, distributed.yielding
         if status == "ok" and self.gains is not None:
             self.sums = self.sums + self.gains.integral_action @ error
         self.command = command
@@ -86,18 +80,18 @@ class Controller:
     def find_wanted(self, k: int, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what the gains ask of the actuators [m], and the error of the state."""
         now = self.motion.at(k * self.sample)
-        wanted = self.find_planned(k)
+        requested = self.find_planned(k)
         error = state - np.concatenate([now.coordinate, now.velocity])
         if self.gains is not None:
-            wanted = wanted - self.gains.at(k) @ np.concatenate([error, self.sums, self.past])
-        return wanted, error
+            requested = requested - self.gains.at(k) @ np.concatenate([error, self.sums, self.past])
+        return requested, error
 
     def find_planned(self, k: int) -> FloatArray:
         """Return the inputs of the motion for the command of a sample, (n_actuators,) [m]."""
         middle, late = (k + 0.5) * self.sample, self.bounds.delay
         inputs = {time: self.motion.at(middle + time).input for time in np.unique(late).tolist()}
         return np.array(
-            [inputs[time][place] for time, place in zip(late.tolist(), self.bounds.place, strict=True)]
+            [inputs[time][column] for time, column in zip(late.tolist(), self.bounds.place, strict=True)]
         )
 
     def reach(self) -> tuple[FloatArray, FloatArray]:
@@ -107,16 +101,16 @@ class Controller:
         high = np.minimum(self.bounds.most, self.command + step)
         return np.minimum(low, high), high
 
-    def cut(self, wanted: FloatArray) -> tuple[FloatArray, str]:
+    def cut(self, requested: FloatArray) -> tuple[FloatArray, str]:
         """Return the nearest command within rates and ranges, and the status."""
         low, high = self.reach()
-        command = np.clip(wanted, low, high)
-        moved = np.abs(command - wanted) > COMMAND_ROUNDING
+        command = np.clip(requested, low, high)
+        moved = np.abs(command - requested) > COMMAND_ROUNDING
         if not moved.any():
             return command, "ok"
-        ranged = np.clip(wanted, self.bounds.least, self.bounds.most)
+        ranged = np.clip(requested, self.bounds.least, self.bounds.most)
         return command, "range_limited" if (
-            np.abs(ranged - wanted) > COMMAND_ROUNDING
+            np.abs(ranged - requested) > COMMAND_ROUNDING
         ).any() else "rate_limited"
 
 
@@ -146,31 +140,26 @@ class Filter:
     @property
     def disturbance(self) -> FloatArray:
         """Estimated disturbance force on each coordinate, (n_coordinates,)."""
-        found = np.zeros(self.n)
-        found[self.estimator.disturbed] = self.state[2 * self.n :]
-        return found
+        force = np.zeros(self.n)
+        force[self.estimator.disturbed] = self.state[2 * self.n :]
+        return force
 
     def correct(self, time: float, measured: FloatArray, value: FloatArray) -> FloatArray:
-        """Return the state (q, q') after a measurement, of which outliers are not used.
-
-        time [s]: time of the measurement.
-        measured (n_y,): measured numbers.
-        value (n_inputs,): inputs of the model then.
-        """
+        """Return the state (q, q') after a measurement, of which outliers are not used."""
         off = measured - self.estimator.sensing.measure(self._at(self.state, value))
-        most = float(np.abs(off * self.estimator.weight(time)).max(initial=0.0))
-        self.is_outlier = most > max(OUTLIER_BOUND, 2.0 * self.innovation) * 2.0**self.n_outliers
+        largest = float(np.abs(off * self.estimator.weight(time)).max(initial=0.0))
+        self.is_outlier = largest > max(OUTLIER_BOUND, 2.0 * self.innovation) * 2.0**self.n_outliers
         if self.is_outlier:
-            self.n_outliers = min(self.n_outliers + 1, MOST_DOUBLINGS)
+            self.n_outliers = min(self.n_outliers + 1, MAX_DOUBLINGS)
         else:
-            self.innovation, self.n_outliers = max(most, INNOVATION_DECAY * self.innovation), 0
+            self.innovation, self.n_outliers = max(largest, INNOVATION_DECAY * self.innovation), 0
             self.state = self.state + self.estimator.at(time) @ off
         return self.state[: 2 * self.n].copy()
 
     def predict(self, span: float, value: FloatArray) -> None:
         """Move the state over a time span [s] with inputs (n_inputs,), by Runge-Kutta steps of order 4."""
-        share = span / self.estimator.sample
-        count = max(1, int(np.ceil(self.estimator.substeps * share - 1e-9)))
+        fraction = span / self.estimator.sample
+        count = max(1, int(np.ceil(self.estimator.substeps * fraction - 1e-9)))
         step, x = span / count, self.state[: 2 * self.n]
         for _ in range(count):
             mass = to_dense(self.model.compute("mass_matrix", **self._at(x, value)))

@@ -1,6 +1,6 @@
 """Tensions that give the forces which feedback asks for, above the least tensions and near preferred ones."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,28 +9,217 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.control.feedback.design.linear_samples import check_motion, to_dense
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds, find_bounds
-from tensegrity_codegen.control.feedback.loop.cable_tensions import (
-    CableTensions,
-    TensionLine,
-    TensionProgram,
-    find_cables,
-)
-from tensegrity_codegen.control.planning.quadratic_program import require_solver
+from tensegrity_codegen.control.planning.quadratic_program import find_nearest, require_solver
 from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_model, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.structure.bodies import BodyInput
+from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.system.summaries import Summarised
+from tensegrity_codegen.tables.laws import LINEAR
 
 QUANTITIES = ("member_length", "equilibrium_matrix")
 WEIGHT = 1e-6  # of preferred tensions, over the mean square of the equilibrium matrix
 FORCE_TOLERANCE = 1e-3  # part of the tensions, by which forces may differ from those asked for
 ROUNDING = 1e-9  # [m]
 PASSES = 4  # of Newton's method, which tensions that are not linear in rest lengths need
+
+LONGEST_REST = 100.0  # rest length over length, up to which tensions are counted with
+IDLE_WEIGHT = 1e-9  # part of the weight, for inputs that change no tension
+TOLERANCE = 1e-12  # of bounds, over the largest tension (1 N at least)
+
+
+@dataclass(frozen=True)
+class CableTensions:
+    """Linear springs t = (k + EA / rho) (l - rho), taut or not, with rest lengths moved by actuators."""
+
+    spring_constant: FloatArray  # (n_members,) [N/m, N]: k and EA
+    axial_stiffness: FloatArray  # (n_members,) [N/m, N]
+    base: FloatArray  # (n_members,) [m]: rest lengths without inputs
+    incidence: FloatArray  # (n_members, n_actuators): which actuators change which rest lengths
+    other_incidence: FloatArray  # (n_members, n_inputs): gains of the inputs that are not these actuators
+    limited: NDArray[np.int64]  # (n_limited,): members that actuators pull and that have a least tension
+
+    @property
+    def driven(self) -> NDArray[np.int64]:
+        """Members that actuators pull, (n_driven,)."""
+        return np.flatnonzero(self.incidence.any(axis=1)).astype(np.int64)
+
+    @property
+    def shared(self) -> NDArray[np.int64]:
+        """Limited members that several actuators pull, (n_shared,)."""
+        several: NDArray[np.bool_] = self.incidence[self.limited].sum(axis=1) > 1.0
+        return self.limited[several]
+
+    @property
+    def is_one_to_one(self) -> bool:
+        """Whether each actuator pulls one member, and no member has several actuators."""
+        counts = self.incidence.sum(axis=0), self.incidence.sum(axis=1)
+        return bool((counts[0] == 1.0).all() and (counts[1] <= 1.0).all())
+
+    def rest_length(self, inputs: FloatArray, change: FloatArray) -> FloatArray:
+        """Return rest lengths (n_members,) [m] for inputs (n_inputs,) and those of the actuators."""
+        rest_length: FloatArray = self.base + self.other_incidence @ inputs + self.incidence @ change
+        return rest_length
+
+    def tension(self, length: FloatArray, rest: FloatArray) -> FloatArray:
+        """Return tensions (n_members,) [N]; negative where a cable is slack."""
+        return (self.spring_constant + self.axial_stiffness / rest) * (length - rest)
+
+    def slope(self, length: FloatArray, rest: FloatArray) -> FloatArray:
+        """Return the derivatives of tensions by rest lengths, (n_members,) [N/m]."""
+        return -(self.spring_constant + self.axial_stiffness * length / rest**2)
+
+    def find_rest_length(self, length: FloatArray, tension: FloatArray) -> FloatArray:
+        """Return the rest lengths [m] at which tensions are reached; infinite where any one does."""
+        stiffness = {"spring_constant": self.spring_constant, "axial_stiffness": self.axial_stiffness}
+        rest_length = np.full(len(length), np.inf)
+        finite = np.isfinite(tension) & (self.spring_constant + self.axial_stiffness > 0.0)
+        rest_length[finite] = LINEAR.find_rest_length(length, np.where(finite, tension, 0.0), stiffness)[
+            finite
+        ]
+        return rest_length
+
+
+def find_cables(
+    model: CompiledModel, bounds: ActuatorBounds, least: FloatArray, arguments: Mapping[str, Any]
+) -> CableTensions:
+    """Return the members of a model as functions of its actuators."""
+    structure = model.structure
+    assert structure is not None
+    count = structure.n_members
+    # Which actuators pull which members, all of them linear springs.
+    incidence = np.zeros((count, len(bounds.names)))
+    for column, members in enumerate(bounds.members):
+        incidence[list(members), column] = 1.0
+    bent = np.flatnonzero(incidence.any(axis=1) & ~structure.is_linear)
+    if bent.size:
+        raise FormulationError(
+            "tensions are distributed over linear springs only",
+            where=f"{structure.name}: {structure.member_name[int(bent[0])]}",
+            given=structure.law_of(int(bent[0])).name,
+            allowed="members with spring_constant or axial_stiffness alone",
+        )
+    # Inputs that are not these actuators.
+    other_incidence = np.zeros((count, len(structure.inputs)))
+    inputs: Sequence[ActuatedInput | BodyInput] = structure.inputs
+    for column, scene_input in enumerate(inputs):
+        for e, gain in scene_input.rest_length_gain.items() if column not in bounds.place.tolist() else ():
+            other_incidence[e, column] = gain
+    # Stiffnesses and rest lengths: of the scene, or as given.
+    values = {
+        name: np.array(getattr(structure, name), dtype=float)
+        for name in ("spring_constant", "axial_stiffness", "rest_length")
+    }
+    for name, value in values.items():
+        spec = next((argument for argument in model.manifest.arguments if argument.name == name), None)
+        if spec is not None and name in arguments:
+            rows = [structure.member_name.index(member) for member in spec.over]
+            value[rows] = np.asarray(arguments[name], dtype=float).ravel()
+    limited = np.flatnonzero(incidence.any(axis=1) & np.isfinite(least))
+    return CableTensions(
+        values["spring_constant"],
+        values["axial_stiffness"],
+        values["rest_length"],
+        incidence,
+        other_incidence,
+        limited.astype(np.int64),
+    )
+
+
+# The quadratic program of a distribution of tensions about one command.
+
+
+@dataclass(frozen=True, eq=False)
+class TensionLine:
+    """Tensions as straight lines of changes of a command.
+
+    Where each actuator pulls one member, changes stand for tensions, so that lines and bounds are exact.
+    """
+
+    cables: CableTensions
+    length: FloatArray
+    others: FloatArray
+    command: FloatArray
+
+    def to_change(self, inputs: FloatArray) -> FloatArray:
+        """Return the changes (n_actuators,) [m] at which the lines have the tensions of inputs."""
+        plain = inputs - self.command
+        if not self.cables.is_one_to_one:
+            return plain
+        rest_length = self.cables.rest_length(self.others, np.where(np.isfinite(inputs), inputs, 0.0))
+        high = self.cables.incidence @ np.where(inputs == np.inf, 1.0, 0.0) > 0.0
+        rest_length = np.where(
+            high, LONGEST_REST * self.length, np.minimum(rest_length, LONGEST_REST * self.length)
+        )
+        slope, tension = self._at_command()
+        with np.errstate(all="ignore"):
+            change = (self.cables.tension(self.length, rest_length) - tension) / slope
+        change = np.where(rest_length > 0.0, change, -np.inf)[self._member()]
+        return np.where(slope[self._member()] < 0.0, change, plain)
+
+    def to_input(self, change: FloatArray) -> FloatArray:
+        """Return the inputs (n_actuators,) [m] that have the tensions of changes on the lines."""
+        plain = self.command + change
+        if not self.cables.is_one_to_one:
+            return plain
+        slope, tension = self._at_command()
+        reached = tension + slope * (self.cables.incidence @ change)
+        rest_length = self.cables.find_rest_length(self.length, reached)
+        base = self.cables.rest_length(self.others, np.zeros(len(change)))
+        return np.where(slope[self._member()] < 0.0, (rest_length - base)[self._member()], plain)
+
+    def _member(self) -> NDArray[np.int64]:
+        member: NDArray[np.int64] = np.argmax(self.cables.incidence, axis=0).astype(np.int64)
+        return member
+
+    def _at_command(self) -> tuple[FloatArray, FloatArray]:
+        rest_length = self.cables.rest_length(self.others, self.command)
+        return self.cables.slope(self.length, rest_length), self.cables.tension(self.length, rest_length)
+
+
+@dataclass(frozen=True, eq=False)
+class TensionProgram:
+    """The quadratic program about one command.
+
+    a: equilibrium matrix of the members that actuators pull, over the root of the mean square of all entries;
+    tension (n_driven,) [N]; moved (n_driven, n_actuators): derivatives of tensions by the inputs [N/m].
+    """
+
+    a: FloatArray
+    tension: FloatArray
+    moved: FloatArray
+
+    def solve(
+        self,
+        asked: FloatArray,
+        preferred: FloatArray,
+        weight: float,
+        command: FloatArray,
+        limits: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    ) -> FloatArray | None:
+        """Return the change of the command (n_actuators,) [m]; None where the solver fails."""
+        low, high, rows, top = limits
+        size = np.linalg.norm(self.moved, axis=0)
+        size = np.where(size > 0.0, size, max(float(size.max(initial=0.0)), 1.0))
+        change, root = self.moved / size, np.sqrt(weight)
+        idle = root * np.sqrt(IDLE_WEIGHT) * np.eye(len(size))
+        solution = find_nearest(
+            np.vstack([self.a @ change, root * change, idle]),
+            np.concatenate(
+                [self.a @ (asked - self.tension), root * (preferred - self.tension), np.zeros(len(size))]
+            ),
+            np.vstack([np.eye(len(size)), rows]) / size,
+            np.concatenate([low, np.full(len(top), -np.inf)]),
+            np.concatenate([high, top - rows @ command]),
+            tolerance=TOLERANCE * max(1.0, float(np.abs(asked).max(initial=0.0))),
+        )
+        return None if solution is None else solution.x / size
 
 
 @dataclass(frozen=True)
@@ -107,34 +296,39 @@ class TensionDistribution(Summarised):
         # Members, and the bounds of the inputs by rates, ranges and least tensions.
         at = {"coordinate": coordinate}
         length = np.asarray(self.model.compute("member_length", **at))
-        whole = to_dense(self.model.compute("equilibrium_matrix", **at))
+        matrix = to_dense(self.model.compute("equilibrium_matrix", **at))
         others, driven, cables = self.motion.at(time).input, self.cables.driven, self.cables
         top, yielding = self._find_upper_bounds(others, length, low)
-        most, shared = self._apply_upper_bounds(top, high), np.isin(cables.limited, cables.shared)
+        upper, shared = self._apply_upper_bounds(top, high), np.isin(cables.limited, cables.shared)
         # Tensions that feedback asks for, and those preferred.
-        asked = cables.tension(length, cables.rest_length(others, wanted))[driven]
-        preferred, command = self._find_preferred(time)[driven], np.clip(wanted, low, most)
-        a = whole[:, driven]
+        requested = cables.tension(length, cables.rest_length(others, wanted))[driven]
+        preferred, command = self._find_preferred(time)[driven], np.clip(wanted, low, upper)
+        a = matrix[:, driven]
         # Newton's method: a program about each command, with tensions as straight lines.
         for _ in range(1 if cables.is_one_to_one else PASSES):
-            rest = cables.rest_length(others, command)
+            rest_length = cables.rest_length(others, command)
             program = TensionProgram(
-                a / np.sqrt(max(float(np.mean(whole**2)), np.finfo(float).tiny)),
-                cables.tension(length, rest)[driven],
-                (cables.slope(length, rest)[:, None] * cables.incidence)[driven],
+                a / np.sqrt(max(float(np.mean(matrix**2)), np.finfo(float).tiny)),
+                cables.tension(length, rest_length)[driven],
+                (cables.slope(length, rest_length)[:, None] * cables.incidence)[driven],
             )
             line = TensionLine(cables, length, others, command)
-            limits = (line.to_change(low), line.to_change(most), cables.incidence[cables.shared], top[shared])
-            change = program.solve(asked, preferred, self.weight, command, limits)
+            limits = (
+                line.to_change(low),
+                line.to_change(upper),
+                cables.incidence[cables.shared],
+                top[shared],
+            )
+            change = program.solve(requested, preferred, self.weight, command, limits)
             if change is None:
                 return Distributed(np.clip(wanted, low, high), "not_solved", yielding)
-            command = np.clip(line.to_input(change), low, most)
+            command = np.clip(line.to_input(change), low, upper)
             if np.abs(change).max() < ROUNDING:
                 break
         # Whether the forces are those asked for.
         reached = cables.tension(length, cables.rest_length(others, command))[driven]
-        missed = float(np.abs(a @ (reached - asked)).max())
-        scale = float(np.abs(whole).max()) * float(np.abs(asked).max(initial=0.0))
+        missed = float(np.abs(a @ (reached - requested)).max())
+        scale = float(np.abs(matrix).max()) * float(np.abs(requested).max(initial=0.0))
         status = self._find_status(
             command, low, high, missed <= FORCE_TOLERANCE * scale, bool(yielding.any())
         )
@@ -142,11 +336,11 @@ class TensionDistribution(Summarised):
 
     def _apply_upper_bounds(self, top: FloatArray, high: FloatArray) -> FloatArray:
         """Return the upper bounds of inputs (n_actuators,) [m]: of rate, range, and members pulled by one."""
-        most = high.copy()
+        upper = high.copy()
         for bound, row in zip(top.tolist(), self.cables.incidence[self.cables.limited], strict=True):
             if row.sum() == 1.0:
-                most[row > 0.0] = np.minimum(most[row > 0.0], bound)
-        return most
+                upper[row > 0.0] = np.minimum(upper[row > 0.0], bound)
+        return upper
 
     def _find_upper_bounds(
         self, others: FloatArray, length: FloatArray, low: FloatArray
@@ -155,10 +349,10 @@ class TensionDistribution(Summarised):
         rows = self.cables.limited
         base = self.cables.rest_length(others, np.zeros(len(low)))[rows]
         longest = self.cables.find_rest_length(length, self.least_tension)[rows]
-        top, least = longest - base, self.cables.incidence[rows] @ low
+        top, lower = longest - base, self.cables.incidence[rows] @ low
         yielding = np.zeros(len(length), dtype=bool)
-        yielding[rows] = top < least - ROUNDING
-        return np.maximum(top, least), yielding
+        yielding[rows] = top < lower - ROUNDING
+        return np.maximum(top, lower), yielding
 
     def _find_preferred(self, time: float) -> FloatArray:
         if self.preferred is not None:
@@ -246,16 +440,16 @@ def design_distribution(
     assert structure is not None  # find_bounds refuses models without
     count = len(model.manifest.member_name)
     stated = structure.limits.least_tension if least_tension is None else least_tension
-    least = _read(stated, count, "least_tension")
+    tensions = _read(stated, count, "least_tension")
     chosen = None if preferred is None else _read(preferred, count, "preferred")
     if chosen is not None and not np.isfinite(chosen).all():
         raise InvalidValueError(
             "out of range", where="preferred", given=preferred, allowed="finite tensions [N]"
         )
     check_positive(weight, "weight")
-    cables = find_cables(model, bounds, least, merge_inputs(model.manifest, arguments))
-    _check_reach(model, motion, bounds, cables, least)
-    return TensionDistribution(model, motion, bounds, cables, least, chosen, weight)
+    cables = find_cables(model, bounds, tensions, merge_inputs(model.manifest, arguments))
+    _check_reach(model, motion, bounds, cables, tensions)
+    return TensionDistribution(model, motion, bounds, cables, tensions, chosen, weight)
 
 
 def _read(value: ArrayLike, count: int, where: str) -> FloatArray:
@@ -274,11 +468,11 @@ def _check_reach(
         short = [e for e in cables.limited.tolist() if longest[e] < shortest[e] - ROUNDING]
         if short:
             e = short[0]
-            most = float(cables.tension(length, shortest)[e])
+            reachable = float(cables.tension(length, shortest)[e])
             raise InvalidValueError(
                 "the range of an actuator does not allow the least tension",
                 where=f"least_tension of {model.manifest.member_name[e]}",
                 given=f"{least[e]:g} N, at t = {time:.4g} s a rest length of {longest[e]:.6g} m",
-                allowed=f"at most {most:.4g} N, with the shortest rest length of {shortest[e]:.6g} m",
+                allowed=f"at most {reachable:.4g} N, with the shortest rest length of {shortest[e]:.6g} m",
                 hint="a smaller least tension, or a larger range",
             )

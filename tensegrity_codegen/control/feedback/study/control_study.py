@@ -1,5 +1,6 @@
 """The record of a study of feedback: what its loops show, its status and warnings."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -7,27 +8,185 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
-from tensegrity_codegen.control.feedback.loop.control_run import describe_cuts
-from tensegrity_codegen.control.feedback.loop.loop_parts import describe_unknown_delays
+from tensegrity_codegen.control.feedback.loop.control_run import ControlRun, describe_cuts, find_displacement
+from tensegrity_codegen.control.feedback.loop.sampled_plant import describe_unknown_delays
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.mpc import Mpc
-from tensegrity_codegen.control.feedback.study.loop_result import OPEN, LoopResult
-from tensegrity_codegen.control.feedback.study.margins import Margins
+from tensegrity_codegen.control.feedback.study.linear_loop import Margins
 from tensegrity_codegen.control.feedback.study.stated_errors import (
     DrawnErrors,
     StatedErrors,
     find_needed_time,
 )
-from tensegrity_codegen.control.feedback.study.tuning import Tuning
+from tensegrity_codegen.control.feedback.study.tuning import Tuning, find_angles
+from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
-LEAST_WORSE = 0.1  # of the tolerance, by which a closed loop may end further away than the open loop
+ROUNDING = 1e-6  # of a limit, by which it may be exceeded
+OPEN = "open"
+LOOPS = (OPEN, "true_state", "estimator")
+MIN_WORSE = 0.1  # of the tolerance, by which a closed loop may end further away than the open loop
 LITTLE_GAIN = 0.5  # of the error of the open loop: with more left, feedback gains little
 LOOP_NAMES = {OPEN: "open loop", "true_state": "true state", "estimator": "estimator"}
+
+
+@dataclass(frozen=True)
+class RunMeasures:
+    """Measures of one run; those of the end are over the last part of the time."""
+
+    status: str  # of the run
+    end_error: float  # [m]: largest distance of a node from the motion at the end
+    peak_error: float  # [m]: the same at all times
+    end_angle: float  # [rad]: largest error of an angle at the end, nan without angles
+    end_node: str  # the node of `end_error`
+    least_tension: float  # [N]: of cables over all times
+    least_member: str
+    end_tension: float  # [N]: of cables at the end
+    end_rms: Mapping[str, float]  # [m]: root mean square of the distance at the end, by name of the node
+    # limits of the scene that are exceeded at the end, with the members
+    broken: Mapping[str, tuple[str, ...]]
+    steps: Mapping[str, int]  # number of commands of each status
+
+    @property
+    def is_unstable(self) -> bool:
+        """Whether the simulation stopped."""
+        return self.status not in ("ok", "does_not_hold", "not_solved")
+
+
+def measure_run(model: CompiledModel, run: ControlRun, last: float) -> RunMeasures:
+    """Return the measures of a run."""
+    # Errors, and where the largest one is at the end.
+    away = find_displacement(model, run)
+    ending = run.time >= run.time[-1] - last - 1e-12
+    angles = find_angles(model.manifest)
+    tension = run.member_tension
+    cables = find_cables(model)
+    step, node = np.unravel_index(int(away[ending].argmax()), away[ending].shape)
+    # Tensions of the cables.
+    smallest, member, end = np.nan, "", np.nan
+    if len(cables):
+        smallest = float(tension[:, cables].min())
+        member = run.member_name[int(cables[tension[:, cables].min(axis=0).argmin()])]
+        end = float(tension[ending][:, cables].min())
+    return RunMeasures(
+        status=run.status,
+        end_error=float(away[ending][step, node]),
+        peak_error=float(away.max()),
+        end_angle=float(np.abs(run.error[ending][:, angles]).max()) if angles.any() else np.nan,
+        end_node=model.manifest.node_name[int(node)],
+        least_tension=smallest,
+        least_member=member,
+        end_tension=end,
+        end_rms=dict(
+            zip(model.manifest.node_name, np.sqrt((away[ending] ** 2).mean(axis=0)).tolist(), strict=True)
+        ),
+        broken=_find_broken(model, run, ending),
+        steps=dict(Counter(run.step_status)),
+    )
+
+
+def find_cables(model: CompiledModel) -> NDArray[np.int64]:
+    """Return the indices of the members that carry tension only."""
+    structure = model.structure
+    is_cable = np.zeros(0) if structure is None else np.asarray(structure.tension_only)
+    return np.flatnonzero(is_cable).astype(np.int64)
+
+
+def _find_broken(model: CompiledModel, run: ControlRun, ending: BoolArray) -> dict[str, tuple[str, ...]]:
+    """Return the limits of tensions and clearance that are exceeded at the end."""
+    structure = model.structure
+    if structure is None:
+        return {}
+    limits: Limits = structure.limits
+    tension = run.member_tension[ending]
+    tests = {
+        "least_tension": tension.min(axis=0) < limits.least_tension - ROUNDING * np.abs(limits.least_tension),
+        "most_tension": tension.max(axis=0) > limits.most_tension + ROUNDING * np.abs(limits.most_tension),
+    }
+    broken = {
+        name: tuple(run.member_name[e] for e in np.flatnonzero(rows))
+        for name, rows in tests.items()
+        if rows.any()
+    }
+    if np.isfinite(limits.clearance) and model.has("bar_distance"):
+        pairs = np.array([model.compute("bar_distance", coordinate=q) for q in run.coordinate[ending]])
+        close_pairs = np.flatnonzero(pairs.min(axis=0) < limits.clearance)
+        if len(close_pairs):
+            broken["clearance"] = tuple(" and ".join(model.manifest.bar_pair[k]) for k in close_pairs)
+    return broken
+
+
+# One loop of a study over all draws.
+
+
+@dataclass(frozen=True, eq=False)
+class LoopResult:
+    """One loop over all draws; those of the end are over the last part of the time."""
+
+    name: str  # ``"open"``, ``"true_state"`` or ``"estimator"``
+    # of each draw: status, errors, tensions, limits, statuses of the commands
+    measures: tuple[RunMeasures, ...]
+    run: ControlRun  # the run of the worst draw of the study
+
+    @property
+    def unstable(self) -> int:
+        """Number of draws in which the simulation stopped."""
+        return sum(row.is_unstable for row in self.measures)
+
+    @property
+    def not_solved(self) -> int:
+        """Number of draws in which a tenth of the commands are not those of a solved program."""
+        return sum(row.status == "not_solved" for row in self.measures)
+
+    @property
+    def end_error(self) -> FloatArray:
+        """Largest distance of a node from the motion at the end of each draw, (n_draws,) [m]."""
+        return np.array([row.end_error for row in self.measures])
+
+    @property
+    def end_angle(self) -> FloatArray:
+        """Largest error of an angle at the end of each draw, (n_draws,) [rad]; nan without angles."""
+        return np.array([row.end_angle for row in self.measures])
+
+    @property
+    def peak_error(self) -> FloatArray:
+        """Largest distance of a node from the motion in each draw, (n_draws,) [m]."""
+        return np.array([row.peak_error for row in self.measures])
+
+    @property
+    def least_tension(self) -> FloatArray:
+        """Least tension of the cables in each draw, (n_draws,) [N]."""
+        return np.array([row.least_tension for row in self.measures])
+
+    @property
+    def end_tension(self) -> FloatArray:
+        """Least tension of the cables at the end of each draw, (n_draws,) [N]."""
+        return np.array([row.end_tension for row in self.measures])
+
+    @property
+    def end_rms(self) -> dict[str, float]:
+        """Root mean square of the distance of each node from the motion at the end, over all draws [m]."""
+        rows = [row.end_rms for row in self.measures]
+        return {name: float(np.sqrt(np.mean([row[name] ** 2 for row in rows]))) for name in rows[0]}
+
+    @property
+    def steps(self) -> dict[str, int]:
+        """Number of commands of each status, over all draws."""
+        statuses = dict.fromkeys(("ok", *(status for row in self.measures for status in row.steps)))
+        return {status: sum(row.steps.get(status, 0) for row in self.measures) for status in statuses}
+
+    @property
+    def broken(self) -> dict[str, tuple[str, ...]]:
+        """Limits of the scene that are exceeded at the end of any draw, with members or pairs of bars."""
+        broken: dict[str, tuple[str, ...]] = {}
+        for row in self.measures:
+            for name, who in row.broken.items():
+                broken[name] = tuple(dict.fromkeys((*broken.get(name, ()), *who)))
+        return broken
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,30 +298,30 @@ class ControlStudy:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays by name, for an ``.npz`` file; docs/control.md lists them."""
-        found = {f"motion_{name}": np.asarray(value) for name, value in self.motion.arrays().items()}
-        found |= {
+        arrays = {f"motion_{name}": np.asarray(value) for name, value in self.motion.arrays().items()}
+        arrays |= {
             f"gains_{name}": np.asarray(value)
             for name, value in vars(self.gains).items()
             if name not in ("S", "actuators")
         }
-        found |= {"Q": self.tuning.Q, "R": self.tuning.R, "tolerance": np.array(self.tuning.tolerance)}
-        found |= {"status": np.array(self.status), "message": np.array(self.message)}
-        found |= {"worst_draw": np.array(self.worst_draw), "seed": np.array(self.seed)}
-        found["draw_coordinate_error"] = np.array([item.coordinate for item in self.drawn])
-        found["draw_stiffness"] = np.array([list(item.stiffness.values()) for item in self.drawn])
+        arrays |= {"Q": self.tuning.Q, "R": self.tuning.R, "tolerance": np.array(self.tuning.tolerance)}
+        arrays |= {"status": np.array(self.status), "message": np.array(self.message)}
+        arrays |= {"worst_draw": np.array(self.worst_draw), "seed": np.array(self.seed)}
+        arrays["draw_coordinate_error"] = np.array([errors.coordinate for errors in self.drawn])
+        arrays["draw_stiffness"] = np.array([list(errors.stiffness.values()) for errors in self.drawn])
         if self.estimator is not None:
             for name in ("time", "L", "P", "E"):
-                found[f"estimator_{name}"] = np.asarray(getattr(self.estimator, name))
-            found["estimator_state_name"] = np.array(self.estimator.state_name)
+                arrays[f"estimator_{name}"] = np.asarray(getattr(self.estimator, name))
+            arrays["estimator_state_name"] = np.array(self.estimator.state_name)
         for name, loop in self.loops.items():
             if name in self.predicted:
-                found[f"{name}_predicted_rms"] = np.array([*self.predicted[name].values()])
-            found[f"{name}_end_rms"] = np.array([*loop.end_rms.values()])
-            found |= {f"{name}_{key}": value for key, value in loop.run.arrays().items() if key != "message"}
+                arrays[f"{name}_predicted_rms"] = np.array([*self.predicted[name].values()])
+            arrays[f"{name}_end_rms"] = np.array([*loop.end_rms.values()])
+            arrays |= {f"{name}_{key}": value for key, value in loop.run.arrays().items() if key != "message"}
             for key in ("end_error", "end_angle", "peak_error", "least_tension", "end_tension"):
-                found[f"{name}_draws_{key}"] = getattr(loop, key)
-            found[f"{name}_draws_status"] = np.array([row.status for row in loop.measures])
-        return found
+                arrays[f"{name}_draws_{key}"] = getattr(loop, key)
+            arrays[f"{name}_draws_status"] = np.array([row.status for row in loop.measures])
+        return arrays
 
 
 # What the loops of a study show: status and warnings.
@@ -188,7 +347,7 @@ def judge_study(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[str,
     if any(loops[name].not_solved for name in closed):
         return "not_solved", message
     bound = np.inf if loops[OPEN].unstable else ends[OPEN]
-    bound = min(bound, 1e300) + LEAST_WORSE * tolerance
+    bound = min(bound, 1e300) + MIN_WORSE * tolerance
     return ("holds" if all(ends[name] <= bound for name in closed) else "does_not_hold"), message
 
 
@@ -203,40 +362,40 @@ def count_worse(loops: Mapping[str, LoopResult], name: str) -> int:
 
 def find_time_constants(gains: Gains, estimator: Estimator | None) -> list[float]:
     """Return the times in which the slowest errors of gains and estimator fall to 1/e [s], or infinity."""
-    parts = [gains.E] if estimator is None else [gains.E, estimator.E]
-    slowest = np.array([np.abs(values).max(initial=1e-300) for values in parts])
+    eigenvalues = [gains.E] if estimator is None else [gains.E, estimator.E]
+    slowest = np.array([np.abs(values).max(initial=1e-300) for values in eigenvalues])
     with np.errstate(divide="ignore"):
-        found: list[float] = (gains.sample / np.abs(np.log(np.minimum(slowest, 1.0)))).tolist()
-    return found
+        constants: list[float] = (gains.sample / np.abs(np.log(np.minimum(slowest, 1.0)))).tolist()
+    return constants
 
 
 def find_margin_warnings(
     margins: Mapping[str, Margins], bounds: ActuatorBounds, sample: float
 ) -> tuple[str, ...]:
     """Return a sentence for each linear loop that is unstable, or that one sample of more delay makes so."""
-    found = []
+    sentences = []
     for name, margin in margins.items():
         late = 1000 * float(bounds.delay.max(initial=0.0))
         if not margin.is_stable:
-            found.append(
+            sentences.append(
                 f"{LOOP_NAMES[name]}: the linear loop at the end of the motion is unstable"
                 + (f" with delays of up to {late:.3g} ms" if late else "")
                 + ": weaker feedback (a smaller effort) tolerates more"
             )
         elif margin.delay < sample:
-            found.append(
+            sentences.append(
                 f"{LOOP_NAMES[name]}: {1000 * margin.delay:.3g} ms more delay make the loop unstable, less "
                 f"than one sample ({1000 * sample:.3g} ms), which computing and sending a command may take: "
                 "state it as delay of the actuators, or choose weaker feedback (a smaller effort)"
             )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def find_low_tensions(loops: Mapping[str, LoopResult], limits: Limits) -> tuple[str, ...]:
     """Return a sentence for each loop with feedback whose cables are slack or below a limit on the way."""
     stated = limits.least_tension[np.isfinite(limits.least_tension)]
     bound = float(stated.max(initial=0.0))
-    found = []
+    sentences = []
     for name, loop in loops.items():
         values = loop.least_tension
         if name == OPEN or not np.isfinite(values).any() or "least_tension" in loop.broken:
@@ -244,35 +403,30 @@ def find_low_tensions(loops: Mapping[str, LoopResult], limits: Limits) -> tuple[
         draw = int(np.nanargmin(values))
         low = float(values[draw])
         if low <= 0.0 or low < bound:
-            found.append(
+            sentences.append(
                 f"{LOOP_NAMES[name]}: {loop.measures[draw].least_member} "
                 + ("goes slack" if low <= 0.0 else f"falls to {low:.3g} N")
                 + " on the way"
                 + (f", below the least tension of {bound:g} N" if low < bound else "")
             )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def find_warnings(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[str, ...]:
-    """Return a sentence for each loop with feedback whose commands are often cut, or that gains little.
-
-    loops: all loops.
-    tolerance [m]: displacement that the weights accept; smaller errors than a tenth of it are no reason to
-        warn.
-    """
-    found = []
+    """Return a sentence for each loop with feedback whose commands are often cut, or that gains little."""
+    texts = []
     without = float(loops[OPEN].end_error.max())
     for name, loop in loops.items():
         if name == OPEN or loop.unstable:
             continue
-        found += [f"{LOOP_NAMES[name]}: {text}" for text in describe_cuts(loop.steps)]
+        texts += [f"{LOOP_NAMES[name]}: {cut}" for cut in describe_cuts(loop.steps)]
         if loop.run.slip is not None and loop.run.warnings:
-            found.append(f"{LOOP_NAMES[name]}, worst draw: {loop.run.warnings[-1]}")
-        left = float(loop.end_error.max())
-        if not loops[OPEN].unstable and left > LITTLE_GAIN * without and left > LEAST_WORSE * tolerance:
-            kind = "makes the error larger" if left > without else "gains little"
-            found.append(
-                f"{LOOP_NAMES[name]}: feedback {kind}, {1000 * left:.3g} mm at the end, {1000 * without:.3g} "
-                "mm without feedback: look at weights, actuators and sensors"
+            texts.append(f"{LOOP_NAMES[name]}, worst draw: {loop.run.warnings[-1]}")
+        error = float(loop.end_error.max())
+        if not loops[OPEN].unstable and error > LITTLE_GAIN * without and error > MIN_WORSE * tolerance:
+            kind = "makes the error larger" if error > without else "gains little"
+            texts.append(
+                f"{LOOP_NAMES[name]}: feedback {kind}, {1000 * error:.3g} mm at the end, "
+                f"{1000 * without:.3g} mm without feedback: look at weights, actuators and sensors"
             )
-    return tuple(found)
+    return tuple(texts)

@@ -1,15 +1,14 @@
-"""The linear closed loop at the end of a motion: stability, covariance of its errors by noise."""
+"""The linear closed loop at the end of a motion: stability, margins, covariance of its errors by noise."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_lyapunov
+from scipy.linalg import schur, solve_discrete_lyapunov, solve_triangular
 
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import (
     compute_delayed_hold,
     linearise,
@@ -17,7 +16,7 @@ from tensegrity_codegen.control.feedback.design.linear_samples import (
 )
 from tensegrity_codegen.control.feedback.kalman import (
     DISTURBED_PART,
-    MOST_KNOTS,
+    MAX_KNOTS,
     design_kalman,
     find_usual_forces,
     linearise_estimate,
@@ -26,15 +25,25 @@ from tensegrity_codegen.control.feedback.study.stated_errors import find_default
 from tensegrity_codegen.control.feedback.study.tuning import Scales
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray
 
-MOST_ERROR = 0.005  # of the size of the structure: standard deviation of a displacement that is predicted
+MAX_ERROR = 0.005  # of the size of the structure: standard deviation of a displacement that is predicted
 ERROR_MARGIN = 4.0  # where this is exceeded: by which the deviation is to be smaller, for errors beside noise
-MOST_REDUCTIONS = 3
+MAX_REDUCTIONS = 3
 WORTHWHILE_PART = 0.8  # of the displacements by noise in the loop: less left is worth a slower estimate
 SETTLING_CONSTANTS = 5.0  # time constants of the estimate, up to the time from which errors are compared
+
+MAX_SAMPLES = 10  # of more delay that are tried
+FACTORS = tuple(1.5**k for k in range(1, 7))  # of the actuators' effect that are tried
+HALVINGS = 6
+FREQUENCIES = 200  # at which a loop is looked at, besides those of its eigenvalues
+LOWEST = 1e-4  # of the highest frequency
+OFFSETS = (-1.0, -0.5, 0.0, 0.5, 1.0)  # frequencies about an eigenvalue's, in multiples of its decay
+REFINED = 21  # frequencies between the neighbours of the worst one
+STEP = 1e-6  # of differences; coordinates are lengths of structures of a metre, or angles
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +79,8 @@ class LinearLoop:
         Returns F, G (n, n) and (n, n_y): s[k+1] = F s[k] + G v[k], s: state x, commands on their way,
             predicted estimate, sums of errors.
         """
-        whole, size, _, _ = self._build(more_delay, factor)
-        return whole[:, :size], whole[:, size:]
+        derivatives, size, _, _ = self._build(more_delay, factor)
+        return derivatives[:, :size], derivatives[:, size:]
 
     def open_at_inputs(self) -> tuple[FloatArray, list[FloatArray], FloatArray]:
         """Return the loop with another input d [m] beside the commands of the actuators.
@@ -80,9 +89,9 @@ class LinearLoop:
             D each (n, m) and C (m, n); the plant receives C s + d. The sensitivity at its inputs is
             1 + C (z - F)^-1 (D[0] + D[1] / z + ...).
         """
-        whole, size, command, push = self._build(0.0, 1.0)
-        rest = np.zeros((size - len(push[0]), len(self.delay)))
-        return whole[:, :size], [np.vstack([part, rest]) for part in push], command[:, :size]
+        derivatives, size, command, push = self._build(0.0, 1.0)
+        zeros = np.zeros((size - len(push[0]), len(self.delay)))
+        return derivatives[:, :size], [np.vstack([effect, zeros]) for effect in push], command[:, :size]
 
     def _build(
         self, more_delay: float, factor: float
@@ -98,11 +107,11 @@ class LinearLoop:
         sizes = np.cumsum([n, m * depth, n_e, n_z, len(self.noise)])
         # Each quantity is a matrix of its derivatives by all states and the noise.
         x, past, expected, sums, noise = np.split(np.eye(sizes[-1]), sizes[:-1])
-        known = x
+        estimate = x
         if n_e:
-            known = expected + self.correction @ (self.slope[:, :n] @ x + noise - self.slope @ expected)
+            estimate = expected + self.correction @ (self.slope[:, :n] @ x + noise - self.slope @ expected)
         gains = self.gains.K[-1]
-        command = -gains[:, :n] @ known[:n] - gains[:, n : n + n_z] @ sums
+        command = -gains[:, :n] @ estimate[:n] - gains[:, n : n + n_z] @ sums
         command -= _by_depth(gains[:, n + n_z :], counts[2], depth) @ past
         a, b, p = compute_delayed_hold(self.state_matrix, self.input_matrix, sample, late)
         late_push = _by_depth(p, counts[0], depth)
@@ -113,9 +122,9 @@ class LinearLoop:
         if n_e:
             padded = np.vstack([self.input_matrix, np.zeros((n_e - n, m))])
             a, b, p = compute_delayed_hold(self.estimate_rate, padded, sample, self.delay)
-            rows.append(a @ known + b @ command + _by_depth(p, counts[1], depth) @ past)
-        whole = np.vstack([*rows, sums + self.gains.integral_action @ known[:n]])
-        return whole, int(sizes[-2]), command, push
+            rows.append(a @ estimate + b @ command + _by_depth(p, counts[1], depth) @ past)
+        derivatives = np.vstack([*rows, sums + self.gains.integral_action @ estimate[:n]])
+        return derivatives, int(sizes[-2]), command, push
 
     def radius(self, more_delay: float = 0.0, factor: float = 1.0) -> float:
         """Return the largest modulus of an eigenvalue of the transition, below 1 for a stable loop."""
@@ -146,14 +155,7 @@ def build_linear_loop(
     estimator: Estimator | None,
     arguments: Mapping[str, Any],
 ) -> LinearLoop:
-    """Return the linear loop at the end of a motion.
-
-    model: compiled for ``"control"``.
-    gains: feedback.
-    delay (n_actuators,) [s]: delays of the actuators.
-    estimator: None: feedback of the true state.
-    arguments: run-time parameters where they differ from the scene; inputs as one array.
-    """
+    """Return the linear loop at the end of a motion."""
     state_matrix, input_matrix = linearise(model, motion, motion.duration, gains.actuators, arguments)
     estimate, slope, correction, noise = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0)
     if estimator is not None:
@@ -166,10 +168,10 @@ def build_linear_loop(
 
 def _by_depth(columns: FloatArray, count: NDArray[np.int64], depth: int) -> FloatArray:
     """Return columns of so many commands of each actuator among those of `depth` commands of each."""
-    found = np.zeros((len(columns), len(count), depth))
-    place = np.arange(depth) < count[:, None]
-    found[:, place] = columns
-    return found.reshape(len(columns), -1)
+    columns_by_depth = np.zeros((len(columns), len(count), depth))
+    is_used = np.arange(depth) < count[:, None]
+    columns_by_depth[:, is_used] = columns
+    return columns_by_depth.reshape(len(columns), -1)
 
 
 # Estimators whose disturbance forces are as large as noise of the sensors permits.
@@ -193,11 +195,11 @@ def design_slow_estimator(
     by a fifth less at least (Lyapunov's equation), if the estimate still settles before errors are compared;
     three times at most in all. The warning is None where they are the default.
     """
-    given = merge_inputs(model.manifest, arguments)
-    usual = DISTURBED_PART * find_usual_forces(model, motion, given)
+    parameters = merge_inputs(model.manifest, arguments)
+    usual = DISTURBED_PART * find_usual_forces(model, motion, parameters)
     settling = find_default_times(motion)[1] / SETTLING_CONSTANTS
 
-    def design(count: int, knots: int = MOST_KNOTS) -> Estimator:
+    def design(count: int, knots: int = MAX_KNOTS) -> Estimator:
         return design_kalman(
             model, motion, sample=gains.sample, disturbance=usual / 10.0**count if count else None,
             only_observable=only_observable, knots=knots if motion.velocity.any() else 2,
@@ -206,30 +208,30 @@ def design_slow_estimator(
 
     def move(estimator: Estimator) -> float:
         """Return by how much noise moves the nodes of the loop [m], infinite where it settles too late."""
-        loop = build_linear_loop(model, motion, gains, gains.delay, estimator, given)
+        loop = build_linear_loop(model, motion, gains, gains.delay, estimator, parameters)
         is_slow = np.abs(estimator.E).max() > np.exp(-gains.sample / settling)
         return np.inf if is_slow else float((loop.deviation() * scales.lever).max(initial=0.0))
 
     # Smaller forces while noise moves the estimate too far, or the loop by a fifth less.
-    found = [design(0)]
-    first, most = predict_displacement(found[0], scales), MOST_ERROR * scales.size
-    bound = most if first <= most else most / ERROR_MARGIN
-    while len(found) <= MOST_REDUCTIONS:
-        count = len(found)
-        is_loud = predict_displacement(found[-1], scales) > bound
-        if not is_loud and not move(design(count, 2)) < WORTHWHILE_PART * move(found[-1]):
+    designs = [design(0)]
+    default_displacement, tolerance = predict_displacement(designs[0], scales), MAX_ERROR * scales.size
+    bound = tolerance if default_displacement <= tolerance else tolerance / ERROR_MARGIN
+    while len(designs) <= MAX_REDUCTIONS:
+        count = len(designs)
+        is_loud = predict_displacement(designs[-1], scales) > bound
+        if not is_loud and not move(design(count, 2)) < WORTHWHILE_PART * move(designs[-1]):
             break
-        found.append(design(count))
-    if len(found) == 1:
-        return found[0], None
+        designs.append(design(count))
+    if len(designs) == 1:
+        return designs[0], None
     # What changed, in words.
-    divisor = 10 ** (len(found) - 1)
-    before, after = (predict_displacement(item, scales) for item in (found[0], found[-1]))
-    reason = f"more than {_show_length(most)}"
-    if first <= most:
-        before, after = move(found[0]), move(found[-1])
+    divisor = 10 ** (len(designs) - 1)
+    before, after = (predict_displacement(each, scales) for each in (designs[0], designs[-1]))
+    reason = f"more than {_show_length(tolerance)}"
+    if default_displacement <= tolerance:
+        before, after = move(designs[0]), move(designs[-1])
         reason = "in the linear loop"
-    return found[-1], (
+    return designs[-1], (
         "estimator: with disturbance forces of the default size, noise would move its nodes by "
         f"{_show_length(before)} (predicted standard deviation), {reason}. "
         f"Divided by {divisor:,}, to at most {usual.max() / divisor:.3g} N or N m in 1 s, "
@@ -249,3 +251,129 @@ def predict_displacement(estimator: Estimator, scales: Scales) -> float:
 
 def _show_length(length: float) -> str:
     return f"{1000 * length:.3g} mm"
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """What a linear loop stands before it becomes unstable.
+
+    is_stable: whether the loop itself is stable.
+    delay [s]: largest further delay of all actuators, infinite where ten samples more are not too many.
+    gain: largest factor of the effect of all actuators, infinite where 11 is not too much.
+    radius: largest modulus of an eigenvalue of the transition of one sample, below 1 for a stable loop.
+    disk: disk margin where the effects of all actuators change at once, each by its own factor: at least
+        this.
+    actuator_disk (n_actuators,): disk margin where the effect of this actuator alone changes.
+
+    With a disk margin d the loop stands each factor f = (2 + e) / (2 - e) of the effect of the actuators, e
+    any complex number with abs(e) < d: gains from (2 - d) / (2 + d) to (2 + d) / (2 - d) or phases of up to
+    2 arctan(d / 2), and both at the same time where f stays in the disk (P. Seiler, A. Packard, P. Gahinet,
+    An introduction to disk margins, IEEE Control Systems Magazine 40, 2020).
+    """
+
+    is_stable: bool
+    delay: float
+    gain: float
+    radius: float
+    disk: float
+    actuator_disk: FloatArray
+
+    def __post_init__(self) -> None:
+        freeze_fields(self)
+
+
+def find_gain_range(disk: float) -> tuple[float, float]:
+    """Return the least and the largest factor of the actuators' effect in a disk; infinite from 2 on."""
+    return max((2.0 - disk) / (2.0 + disk), 0.0), (2.0 + disk) / (2.0 - disk) if disk < 2.0 else np.inf
+
+
+def find_phase(disk: float) -> float:
+    """Return the phase by which the actuators may lag in a disk [rad]."""
+    return 2.0 * float(np.arctan(0.5 * disk))
+
+
+def find_margins(loop: LinearLoop) -> Margins:
+    """Return what a loop stands: delay and gain to about 1 %, disks at its worst frequencies."""
+    radius = loop.radius()
+    if not radius < 1.0:
+        return Margins(False, 0.0, 1.0, radius, 0.0, np.zeros(len(loop.delay)))
+    sample = loop.gains.sample
+    delays = [sample * count for count in range(1, MAX_SAMPLES + 1)]
+    return Margins(
+        True,
+        _find_first(lambda more: loop.radius(more_delay=more), 0.0, delays),
+        _find_first(lambda factor: loop.radius(factor=factor), 1.0, FACTORS),
+        radius,
+        *find_disks(loop),
+    )
+
+
+def _find_first(radius: Callable[[float], float], stable: float, values: Sequence[float]) -> float:
+    """Return the largest value below which loops are stable, infinite where all values are."""
+    for value in values:
+        if radius(value) < 1.0:
+            stable = value
+            continue
+        above = value
+        for _ in range(HALVINGS):
+            middle = 0.5 * (stable + above)
+            stable, above = (middle, above) if radius(middle) < 1.0 else (stable, middle)
+        return stable
+    return float("inf")
+
+
+# Disk margins: the loop is broken where the commands enter the plant.
+
+
+def find_disks(loop: LinearLoop) -> tuple[float, FloatArray]:
+    """Return the disk margins of all actuators at once (at least), and of each one alone (n_actuators,).
+
+    With S the sensitivity at the inputs of the plant, the disk of one actuator is 1 over the largest modulus
+    of its diagonal entry of S - 1/2, that of all together at least 1 over the largest singular value.
+    """
+    transition, push, command = loop.open_at_inputs()
+    triangle, vectors = schur(transition, output="complex")
+    right, m = vectors.conj().T, len(loop.delay)
+
+    def measure(angle: float) -> FloatArray:
+        """Return the size of S - 1/2 at an angle of z [rad]: of each actuator alone, and of all."""
+        z = np.exp(1j * angle)
+        effect = sum((z ** (-k) * matrix for k, matrix in enumerate(push)), np.zeros(push[0].shape))
+        states = solve_triangular(z * np.eye(len(triangle)) - triangle, right @ effect)
+        sensitivity = 0.5 * np.eye(m) + (command @ vectors) @ states
+        return np.append(np.abs(np.diag(sensitivity)), np.linalg.norm(sensitivity, 2))
+
+    # Frequencies: a grid, those of all eigenvalues, then between the neighbours of the worst ones.
+    values = np.diag(triangle)
+    values = values[np.abs(values) > LOWEST]
+    about_eigenvalues = [
+        np.abs(np.angle(values)) + offset * np.abs(np.log(np.abs(values))) for offset in OFFSETS
+    ]
+    grid = np.geomspace(LOWEST, 1.0, FREQUENCIES) * np.pi
+    angles = np.unique(np.clip(np.concatenate([grid, *about_eigenvalues]), 0.0, np.pi))
+    sizes = np.array([measure(angle) for angle in angles])
+    for k in np.unique(sizes.argmax(axis=0)):
+        low, high = angles[max(k - 1, 0)], angles[min(k + 1, len(angles) - 1)]
+        between = [measure(angle) for angle in np.linspace(low, high, REFINED)]
+        sizes = np.vstack([sizes, between])
+    largest = sizes.max(axis=0)
+    return float(1.0 / largest[-1]), 1.0 / largest[:-1]
+
+
+# Errors that noise causes, before anything is simulated.
+
+
+def predict_errors(loop: LinearLoop, model: CompiledModel, coordinate: FloatArray) -> dict[str, float]:
+    """Return the distance of each node from its place that noise of the sensors causes, by its name [m].
+
+    Root of its mean square in the stationary loop, infinite where the loop is unstable; 0 without an
+    estimator.
+    """
+    covariance, names = loop.covariance(), model.manifest.node_name
+    if not np.isfinite(covariance).all():
+        return dict.fromkeys(names, float("inf"))
+    steps = STEP * np.eye(len(coordinate))
+    ends = [(place_nodes(model, coordinate + step), place_nodes(model, coordinate - step)) for step in steps]
+    slope = np.array([(plus - minus) / (2.0 * STEP) for plus, minus in ends])
+    squares = np.maximum(np.einsum("aix,ab,bix->i", slope, covariance, slope), 0.0)
+    return dict(zip(names, np.sqrt(squares).tolist(), strict=True))

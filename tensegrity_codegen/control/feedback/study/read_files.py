@@ -16,14 +16,7 @@ REAL = "fiu"  # kinds of NumPy: floating, signed and unsigned integers
 
 
 def read_path(path: str | Path, model: CompiledModel) -> EquilibriumPath:
-    """Read the path of a plan that `write_plan` wrote.
-
-    path: ``.npz`` file.
-    model: the structure that it must be a plan of.
-    Returns: inputs, coordinates (where the file has them), progress and actuators.
-    Raises SceneSyntaxError: the file cannot be read, or is no plan.
-    Raises InvalidValueError: the plan was not found, has no steps, or belongs to another structure.
-    """
+    """Read the path of a plan that `write_plan` wrote."""
     needed = ("change", "progress", "actuator_name", "member_name", "status")
     data = _read(path, needed, "that the verb plan wrote", optional=("coordinate",))
     status = str(data["status"])
@@ -50,10 +43,7 @@ def read_path(path: str | Path, model: CompiledModel) -> EquilibriumPath:
 
 
 def read_weights(path: str | Path) -> tuple[FloatArray, FloatArray]:
-    """Read the weights Q and R of `design_lqr` from an ``.npz`` file.
-
-    Raises SceneSyntaxError if it has none, or others than of real numbers.
-    """
+    """Read the weights Q and R of `design_lqr` from an ``.npz`` file."""
     data = _read(path, ("Q", "R"), "with arrays Q and R")
     for name in ("Q", "R"):
         kind = data[name].dtype
@@ -68,15 +58,15 @@ def read_weights(path: str | Path) -> tuple[FloatArray, FloatArray]:
 
 
 def _read(
-    path: str | Path, names: tuple[str, ...], what: str, optional: tuple[str, ...] = ()
+    path: str | Path, names: tuple[str, ...], source: str, optional: tuple[str, ...] = ()
 ) -> dict[str, NDArray[Any]]:
     try:
         data = read_arrays(Path(path), (*names, *optional))
         for name in names:
             data[name]
     except UNREADABLE as error:
-        given = f"no array {error}" if isinstance(error, KeyError) else describe_reason(error)
+        reason = f"no array {error}" if isinstance(error, KeyError) else describe_reason(error)
         raise SceneSyntaxError(
-            "the file cannot be read", where=str(path), given=given, allowed=f"an .npz file {what}"
+            "the file cannot be read", where=str(path), given=reason, allowed=f"an .npz file {source}"
         ) from error
     return data

@@ -30,7 +30,7 @@ HELD_TIME = 2.0  # [s], of an equilibrium
 SIMULATED_PART = 3.0  # simulated time over that of the motion
 # Time constants of the slowest error, from the end of the motion until errors are compared.
 COMPARED_CONSTANTS = 3.0
-MOST_EXTENSION = 10.0  # times the usual simulated time, for slow errors
+MAX_EXTENSION = 10.0  # times the usual simulated time, for slow errors
 COMPARED_PART = 6.0  # simulated time over that at whose end errors are compared
 ROUNDING = 1e-9  # of a sample
 
@@ -105,41 +105,37 @@ class Draws:
     warn: Callable[[str], None] | None = None
 
 
-MOST_DRAWS = 10_000
+MAX_DRAWS = 10_000
 
 
 def read_draws(draws: int | Draws) -> Draws:
     """Return the draws, also of their number alone; raises InvalidValueError for values out of range."""
-    found = draws if isinstance(draws, Draws) else Draws(draws)
-    check_whole(found.number, "draws", 1, MOST_DRAWS)
-    check_whole(found.seed, "seed", 0)
-    check_callback(found.batch, "batch")
-    check_callback(found.warn, "warn")
-    return found
+    stated = draws if isinstance(draws, Draws) else Draws(draws)
+    check_whole(stated.number, "draws", 1, MAX_DRAWS)
+    check_whole(stated.seed, "seed", 0)
+    check_callback(stated.batch, "batch")
+    check_callback(stated.warn, "warn")
+    return stated
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnErrors:
-    """The errors of one draw.
+    """The errors of one draw."""
 
-    coordinate (n_coordinates,): added to the start; arguments: run-time parameters of the simulated model;
-    gusts: forces; stiffness: factor of each cable by its name.
-    """
-
-    coordinate: FloatArray
-    arguments: Mapping[str, Any]
-    gusts: tuple[Gust, ...]
-    stiffness: Mapping[str, float]
+    coordinate: FloatArray  # (n_coordinates,): added to the start
+    arguments: Mapping[str, Any]  # run-time parameters of the simulated model
+    gusts: tuple[Gust, ...]  # forces
+    stiffness: Mapping[str, float]  # factor of each cable by its name
 
 
 def check_errors(model: CompiledModel, stated: StatedErrors) -> None:
     """Raise InvalidValueError for a value out of range, UnknownNameError for a pattern without nodes."""
     for name, unit in (("start_error", "m"), ("start_angle", "rad"), ("stiffness_error", "1")):
         value = getattr(stated, name)
-        most = 1.0 if name == "stiffness_error" else np.inf
+        limit = 1.0 if name == "stiffness_error" else np.inf
         is_default = value is None and name != "stiffness_error"
-        if not is_default and not (is_number(value) and 0.0 <= value < most):
-            allowed = f"a number >= 0{' and < 1' if most == 1.0 else ''} [{unit}]"
+        if not is_default and not (is_number(value) and 0.0 <= value < limit):
+            allowed = f"a number >= 0{' and < 1' if limit == 1.0 else ''} [{unit}]"
             raise InvalidValueError("out of range", where=name, given=value, allowed=allowed)
     if stated.start_angle is not None and not find_angles(model.manifest).any():
         raise InvalidValueError(
@@ -147,18 +143,18 @@ def check_errors(model: CompiledModel, stated: StatedErrors) -> None:
             allowed="a displacement [m]",
         )  # fmt: skip
     check_instance(stated.gusts, (list, tuple), "errors.gusts", "a list of Gust or RandomGust")
-    for item in stated.gusts:
-        check_instance(item, (Gust, RandomGust), "errors.gusts", "a Gust or RandomGust")
-        check_span(item.start, item.duration)
-        if isinstance(item, RandomGust):
-            check_instance(item.nodes, str, "gust.node", "the name or pattern of nodes")
-            _find_nodes(model, item)
-            sizes = to_doubles(item.force, "gust.force", "a finite number, or three [N]")
+    for gust in stated.gusts:
+        check_instance(gust, (Gust, RandomGust), "errors.gusts", "a Gust or RandomGust")
+        check_span(gust.start, gust.duration)
+        if isinstance(gust, RandomGust):
+            check_instance(gust.nodes, str, "gust.node", "the name or pattern of nodes")
+            _find_nodes(model, gust)
+            sizes = to_doubles(gust.force, "gust.force", "a finite number, or three [N]")
             if sizes.shape not in ((), (3,)) or not np.isfinite(sizes).all():
                 raise InvalidValueError(
                     "not a force",
                     where="gust.force",
-                    given=item.force,
+                    given=gust.force,
                     allowed="a finite number, or three [N]",
                 )
 
@@ -166,14 +162,7 @@ def check_errors(model: CompiledModel, stated: StatedErrors) -> None:
 def draw_errors(
     model: CompiledModel, stated: StatedErrors, scales: Scales, seed: int, draw: int
 ) -> DrawnErrors:
-    """Return the errors of a draw, the same for the same seed and number.
-
-    model: compiled for ``"control"``.
-    stated: what disturbs.
-    scales: lengths of the structure.
-    seed, draw: seed of the study, number of the draw from 0.
-    Returns: errors as `simulate_control` takes them.
-    """
+    """Return the errors of a draw, the same for the same seed and number."""
     rng = np.random.default_rng([seed, draw])
     length = 0.01 * scales.size if stated.start_error is None else stated.start_error
     error = length / scales.lever
@@ -183,65 +172,65 @@ def draw_errors(
             error = np.where(scales.is_angle, error, 0.0)
     error = error * rng.choice([-1.0, 1.0], len(error))
     arguments, factors = _draw_stiffness(model, stated.stiffness_error, rng, draw)
-    gusts = tuple(_draw_gust(model, item, rng) for item in stated.gusts)
+    gusts = tuple(_draw_gust(model, gust, rng) for gust in stated.gusts)
     return DrawnErrors(error, arguments, gusts, factors)
 
 
 def _draw_stiffness(
-    model: CompiledModel, part: float, rng: np.random.Generator, draw: int
+    model: CompiledModel, error: float, rng: np.random.Generator, draw: int
 ) -> tuple[dict[str, FloatArray], dict[str, float]]:
     manifest = model.manifest
-    specs = [item for item in manifest.arguments if item.name in STIFFNESSES]
-    cables = sorted({name for item in specs for name in item.over}, key=manifest.member_name.index)
+    specs = [argument for argument in manifest.arguments if argument.name in STIFFNESSES]
+    cables = sorted({name for argument in specs for name in argument.over}, key=manifest.member_name.index)
     alternating = np.where(np.arange(len(cables)) % 2 == 0, -1.0, 1.0)
     sign = rng.choice([-1.0, 1.0], len(cables))
     if draw == 0 or abs(sign.sum()) == len(cables):  # equal factors of all cables change hardly any shape
         sign = alternating
-    factor = dict(zip(cables, (1.0 + part * sign).tolist(), strict=True))
-    if part == 0.0:
+    factor = dict(zip(cables, (1.0 + error * sign).tolist(), strict=True))
+    if error == 0.0:
         return {}, factor
-    given = {
-        item.name: np.asarray(model.nominal(item.name), dtype=float).ravel()
-        * np.array([factor[name] for name in item.over])
-        for item in specs
+    stiffness = {
+        argument.name: np.asarray(model.nominal(argument.name), dtype=float).ravel()
+        * np.array([factor[name] for name in argument.over])
+        for argument in specs
     }
-    return given, factor
+    return stiffness, factor
 
 
-def _draw_gust(model: CompiledModel, item: Gust | RandomGust, rng: np.random.Generator) -> Gust:
-    if isinstance(item, Gust):
-        return item
-    node = str(rng.choice(_find_nodes(model, item)))
+def _draw_gust(model: CompiledModel, gust: Gust | RandomGust, rng: np.random.Generator) -> Gust:
+    if isinstance(gust, Gust):
+        return gust
+    node = str(rng.choice(_find_nodes(model, gust)))
     axes = list(model.manifest.axes)
     drawn = rng.normal(size=len(axes))
     force = np.zeros(3)
-    if np.ndim(item.force) == 0:
-        force[axes] = float(item.force) * drawn / np.linalg.norm(drawn)  # type: ignore[arg-type]
+    if np.ndim(gust.force) == 0:
+        force[axes] = float(gust.force) * drawn / np.linalg.norm(drawn)  # type: ignore[arg-type]
     else:
-        force[:] = item.force
+        force[:] = gust.force
     x, y, z = force.tolist()
-    return Gust(node, (x, y, z), item.start, item.duration)
+    return Gust(node, (x, y, z), gust.start, gust.duration)
 
 
-def _find_nodes(model: CompiledModel, item: RandomGust) -> list[str]:
+def _find_nodes(model: CompiledModel, gust: RandomGust) -> list[str]:
     """Return the nodes of a pattern whose loads can change and that are not anchored."""
     manifest = model.manifest
     spec = next((argument for argument in manifest.arguments if argument.name == NODE_LOAD), None)
-    known = () if spec is None else spec.over
-    found = [name for name in known if fnmatchcase(name, item.nodes)]
+    nodes = () if spec is None else spec.over
+    matching = [name for name in nodes if fnmatchcase(name, gust.nodes)]
     # Nodes that no coordinate moves.
     q = np.asarray(model.nominal("coordinate"), dtype=float)
     change = PROBE * np.random.default_rng(0).normal(size=q.shape)
     moved = np.linalg.norm(place_nodes(model, q + change) - place_nodes(model, q), axis=1)
     held = {name for name, way in zip(manifest.node_name, moved.tolist(), strict=True) if way < HELD_WITHIN}
-    free = [name for name in found if name not in held]
+    free = [name for name in matching if name not in held]
     if not free:
         raise UnknownNameError(
-            "no free node has this name" if not found else "only anchored nodes have this name",
+            "no free node has this name" if not matching else "only anchored nodes have this name",
             where="gust.node",
-            given=item.nodes,
+            given=gust.nodes,
             allowed="a free node of the scene, or a pattern such as 't*'",
-            hint=suggest(item.nodes, [name for name in known if name not in held]),
+            hint=suggest(gust.nodes, [name for name in nodes if name not in held]),
         )
     return free
 
@@ -256,10 +245,7 @@ def check_times(
     t_end: float | None = None,
     last: float | None = None,
 ) -> None:
-    """Raise InvalidValueError for a time that is no finite number > 0, or for times that do not fit.
-
-    duration: of the motion. None: not known yet, or chosen by default.
-    """
+    """Raise InvalidValueError for a time that is no finite number > 0, or for times that do not fit."""
     for name, value in (("sample", sample), ("duration", duration), ("t_end", t_end), ("last", last)):
         if value is not None:
             check_positive(value, name, "[s]")
@@ -284,7 +270,7 @@ def find_default_times(motion: Motion, *time_constants: float) -> tuple[float, f
     """
     usual = (SIMULATED_PART if motion.velocity.any() else 1.0) * motion.duration
     needed = [find_needed_time(motion, constant) for constant in time_constants]
-    end = max([usual, *(time for time in needed if time <= MOST_EXTENSION * usual)])
+    end = max([usual, *(time for time in needed if time <= MAX_EXTENSION * usual)])
     return end, end * (1.0 - 1.0 / COMPARED_PART)
 
 
@@ -295,10 +281,7 @@ def find_needed_time(motion: Motion, time_constant: float) -> float:
 
 
 def read_times(sample: float, default: float, t_end: float | None, last: float | None) -> tuple[float, float]:
-    """Return the simulated time, and that before its end in which errors are compared [s].
-
-    default: simulated time where none is given. Raises InvalidValueError as check_times.
-    """
+    """Return the simulated time, and that before its end in which errors are compared [s]."""
     check_times(t_end=t_end, last=last)
     end = default if t_end is None else t_end
     if not _is_a_sample(end, sample):
@@ -334,12 +317,12 @@ def _check_window(sample: float, end: float, t_end: float | None) -> None:
 
 def check_gust_times(gusts: Sequence[Gust | RandomGust], end: float) -> None:
     """Raise InvalidValueError for a gust that begins at the end of the simulated time or after it."""
-    for item in gusts:
-        if not item.start < end:
+    for gust in gusts:
+        if not gust.start < end:
             raise InvalidValueError(
                 "the gust begins after the simulated time",
                 where="gust.start",
-                given=item.start,
+                given=gust.start,
                 allowed=f"a number >= 0 and < {end:g} [s]",
                 hint="an earlier start, or a larger `t_end`",
             )

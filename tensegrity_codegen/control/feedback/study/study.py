@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
@@ -17,23 +16,22 @@ from tensegrity_codegen.control.feedback.loop.tension_distribution import Tensio
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.control.feedback.study.control_study import (
+    LOOPS,
+    OPEN,
     ControlStudy,
+    LoopResult,
+    RunMeasures,
     find_margin_warnings,
     find_time_constants,
     judge_study,
+    measure_run,
 )
 from tensegrity_codegen.control.feedback.study.linear_loop import (
     build_linear_loop,
     design_slow_estimator,
+    find_margins,
+    predict_errors,
 )
-from tensegrity_codegen.control.feedback.study.loop_result import (
-    LOOPS,
-    OPEN,
-    LoopResult,
-    RunMeasures,
-    measure_run,
-)
-from tensegrity_codegen.control.feedback.study.margins import find_margins, predict_errors
 from tensegrity_codegen.control.feedback.study.stated_errors import (
     HELD_TIME,
     DrawnErrors,
@@ -137,18 +135,22 @@ def study_control(
     ('holds', ['open', 'true_state'])
     """
     require_model(model)
-    wanted = read_draws(draws)
-    check_times(t_end=t_end, last=wanted.last)
+    requested = read_draws(draws)
+    check_times(t_end=t_end, last=requested.last)
     check_positive(sample, "sample", "[s]")
     check_instance(tuning, (Tuning, type(None)), "tuning", "a Tuning of choose_weights, or None")
     check_instance(errors, (StatedErrors, type(None)), "errors", "StatedErrors, or None")
     check_instance(gains, (Gains, Mpc, type(None)), "gains", "Gains of design_lqr, an Mpc, or None")
     mpc, gains = (gains, None) if isinstance(gains, Mpc) else (None, gains)
-    _check_batch(mpc, wanted)
+    if mpc is not None and requested.batch is None:
+        raise InvalidValueError(
+            "model-predictive control runs in C only", where="draws.batch", given="None",
+            allowed="Draws(..., batch=simulate_control_batch)",
+        )  # fmt: skip
     check_callback(progress, "progress")
     held = HELD_TIME if t_end is None else t_end
     reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
-    given = merge_inputs(model.manifest, arguments)
+    parameters = merge_inputs(model.manifest, arguments)
     chosen = tuning or choose_weights(model, reference, sample=sample, arguments=arguments)
     stated = errors or StatedErrors()
     check_errors(model, stated)
@@ -161,11 +163,23 @@ def study_control(
         )  # fmt: skip
     senses, note = _find_estimator(model, reference, estimator, gains, chosen, arguments)
     default = find_default_times(reference, *find_time_constants(gains, senses))[0]
-    end, window = read_times(gains.sample, default, t_end, wanted.last)
+    end, window = read_times(gains.sample, default, t_end, requested.last)
     check_gust_times(stated.gusts, end)
     notes = () if note is None else (note,)
     work = _Work(
-        model, reference, gains, mpc, senses, distribution, chosen, stated, given, end, window, wanted, notes
+        model,
+        reference,
+        gains,
+        mpc,
+        senses,
+        distribution,
+        chosen,
+        stated,
+        parameters,
+        end,
+        window,
+        requested,
+        notes,
     )
     return work.study(progress)
 
@@ -203,33 +217,33 @@ class _Work:
         }  # fmt: skip
         margins = {name: find_margins(loop) for name, loop in linear.items()}
         if self.draws.warn is not None:
-            for text in find_margin_warnings(margins, bounds, self.gains.sample):
-                self.draws.warn(text)
+            for warning in find_margin_warnings(margins, bounds, self.gains.sample):
+                self.draws.warn(warning)
         end = self.motion.coordinate[-1]
         predicted = {name: predict_errors(loop, self.model, end) for name, loop in linear.items()}
         # All loops over all draws, some of them at once; the runs of the worst draw are kept.
         rows: dict[str, list[RunMeasures]] = {name: [] for name in names}
-        worst, kept, number = -np.inf, {}, 0
+        worst, worst_runs, number = -np.inf, {}, 0
         scales, draws = self.tuning.scales, self.draws.number
         drawn = [draw_errors(self.model, self.stated, scales, self.draws.seed, k) for k in range(draws)]
         size = 1 if self.draws.batch is None else CHUNK
-        for first in range(0, draws, size):
-            some = range(first, min(first + size, draws))
+        for start in range(0, draws, size):
+            some = range(start, min(start + size, draws))
             runs = {}
             for k, name in enumerate(names):
-                runs[name] = self.run(name, [drawn[draw] for draw in some], first)
+                runs[name] = self.run(name, [drawn[draw] for draw in some], start)
                 rows[name] += [measure_run(self.model, run, self.last) for run in runs[name]]
                 if progress is not None:
-                    progress((first + len(some) * (k + 1) / len(names)) / draws)
+                    progress((start + len(some) * (k + 1) / len(names)) / draws)
             for draw in some:
                 # The error at the end, above all where a run stopped.
                 row = rows[names[-1]][draw]
                 rank = np.finfo(float).max if row.is_unstable else row.end_error
                 if rank > worst:
                     worst, number = rank, draw
-                    kept = {name: runs[name][draw - first] for name in names}
+                    worst_runs = {name: runs[name][draw - start] for name in names}
         # What the loops show.
-        loops = {name: LoopResult(name, tuple(rows[name]), kept[name]) for name in names}
+        loops = {name: LoopResult(name, tuple(rows[name]), worst_runs[name]) for name in names}
         status, message = judge_study(loops, self.tuning.tolerance)
         return ControlStudy(
             status=status,
@@ -254,40 +268,31 @@ class _Work:
             seed=self.draws.seed,
         )
 
-    def run(self, name: str, drawn: Sequence[DrawnErrors], first: int) -> Sequence[ControlRun]:
+    def run(self, name: str, drawn: Sequence[DrawnErrors], start: int) -> Sequence[ControlRun]:
         """Simulate one loop for some draws, the first of this number."""
         is_open = name == OPEN
         feedback = None if is_open else self.mpc or self.gains
         spread = None if is_open else self.distribution
-        parts: dict[str, Any] = {"t_end": self.t_end, "sample": self.gains.sample, "compare": False}
-        parts["estimator"] = self.estimator if name == LOOPS[2] else None
+        options: dict[str, Any] = {"t_end": self.t_end, "sample": self.gains.sample, "compare": False}
+        options["estimator"] = self.estimator if name == LOOPS[2] else None
         states = [
             Disturbance(
-                coordinate_error=item.coordinate,
-                arguments={**self.given, **item.arguments},
-                gust=item.gusts or None,
-                seed=int(np.random.SeedSequence([self.draws.seed, first + k]).generate_state(1)[0]),
+                coordinate_error=errors.coordinate,
+                arguments={**self.given, **errors.arguments},
+                gust=errors.gusts or None,
+                seed=int(np.random.SeedSequence([self.draws.seed, start + k]).generate_state(1)[0]),
             )
-            for k, item in enumerate(drawn)
+            for k, errors in enumerate(drawn)
         ]
         if self.draws.batch is not None and spread is None:
-            return self.draws.batch(self.model, self.motion, feedback, draws=states, **parts)
+            return self.draws.batch(self.model, self.motion, feedback, draws=states, **options)
         gains = feedback if isinstance(feedback, Gains) else None
         return [
-            simulate_control(self.model, self.motion, gains, distribution=spread, disturbance=state, **parts)
+            simulate_control(
+                self.model, self.motion, gains, distribution=spread, disturbance=state, **options
+            )
             for state in states
         ]
-
-
-def _check_batch(mpc: Mpc | None, draws: Draws) -> None:
-    """Raise InvalidValueError for model-predictive control that is not simulated in C."""
-    if mpc is not None and draws.batch is None:
-        raise InvalidValueError(
-            "model-predictive control runs in C only",
-            where="draws.batch",
-            given="None",
-            allowed="Draws(..., batch=simulate_control_batch)",
-        )
 
 
 def _find_estimator(

@@ -1,17 +1,27 @@
-"""Weights of the regulator from the scene: each quantity over the largest value that is accepted of it."""
+"""Weights of the regulator from the scene: each quantity over the largest value that is accepted of it.
 
+And feedback of these weights with a distribution of tensions, or model-predictive control.
+"""
+
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import (
     check_independent,
     check_motion,
     linearise,
 )
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
+from tensegrity_codegen.control.feedback.loop.tension_distribution import (
+    TensionDistribution,
+    design_distribution,
+)
+from tensegrity_codegen.control.feedback.mpc import Mpc, design_mpc
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.placement import place_nodes
@@ -21,34 +31,28 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_positive
-from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.tables.manifest import Manifest
 
 TOLERANCE = 0.05  # of the size of the structure: displacement that is accepted for a moment
 EFFORT = 0.05  # of this displacement: change of a rest length
 SUMMED_TIMES = 1.0  # response times for which the displacement is accepted
 SHORTEST_RESPONSE, LONGEST_RESPONSE = 2.0, 0.05  # response time: samples at least, part of the motion at most
-LEAST_GAIN = 0.02  # of the largest static gain: outputs that actuators change less are not summed
+MIN_GAIN = 0.02  # of the largest static gain: outputs that actuators change less are not summed
 STEP = 1e-6  # of an angle [rad], of a central difference
 NO_STIFFNESS = 1e-9  # of the largest squared frequency: below it a motion has no stiffness
 
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """Lengths and times of a structure, for weights with consistent units.
+    """Lengths and times of a structure, for weights with consistent units."""
 
-    size [m]: longest side of the box around the nodes.
-    lever (n_coordinates,) [m/rad or 1]: the most that a unit of each coordinate moves a node.
-    is_angle (n_coordinates,): which coordinates are angles.
-    frequency [rad/s]: lowest natural frequency, without damping; 0 where no motion has stiffness.
-    static_gain (n_coordinates, n_actuators) [m/m]: by how much a unit of each actuator's input moves each
-        coordinate at rest, times its lever.
-    """
-
-    size: float
-    lever: FloatArray
-    is_angle: BoolArray
-    frequency: float
+    size: float  # [m]: longest side of the box around the nodes
+    lever: FloatArray  # (n_coordinates,) [m/rad or 1]: the most that a unit of each coordinate moves a node
+    is_angle: BoolArray  # (n_coordinates,): which coordinates are angles
+    frequency: float  # [rad/s]: lowest natural frequency, without damping; 0 where no motion has stiffness
+    # (n_coordinates, n_actuators) [m/m]: by how much a unit of each actuator's input moves each coordinate at
+    # rest, times its lever
     static_gain: FloatArray
 
     def __post_init__(self) -> None:
@@ -56,12 +60,7 @@ class Scales:
 
 
 def find_scales(model: CompiledModel, motion: Motion, arguments: Mapping[str, Any]) -> Scales:
-    """Return lengths at the start of a motion, and times at its end.
-
-    model: with `state_jacobian` and `input_jacobian`.
-    arguments: run-time parameters where they differ from the scene; inputs as one array.
-    Returns: size, levers, angles, lowest natural frequency, static gain.
-    """
+    """Return lengths at the start of a motion, and times at its end."""
     q = motion.coordinate[0]
     n = len(q)
     position = place_nodes(model, q, arguments=_without_input(arguments))
@@ -260,16 +259,56 @@ def _choose_outputs(
     model: CompiledModel, scales: Scales, effort: FloatArray, names: Sequence[str] | None
 ) -> tuple[tuple[str, ...] | FloatArray, FloatArray]:
     """Return the outputs whose errors are summed, and how many metres a unit of each one is."""
-    known = name_states(model.manifest)[: len(scales.lever)]
+    coordinates = name_states(model.manifest)[: len(scales.lever)]
     if names is not None:
         check_instance(names, (list, tuple), "integral_action", "a list of names of coordinates")
         chosen = tuple(str(name) for name in names)
-        place = [known.index(name) for name in chosen if name in known]  # design_lqr refuses others
-        return chosen, scales.lever[place]
+        columns = [
+            coordinates.index(name) for name in chosen if name in coordinates
+        ]  # design_lqr refuses others
+        return chosen, scales.lever[columns]
     moved = scales.static_gain * effort
-    left, size, _ = np.linalg.svd(moved)
-    rank = int((size > LEAST_GAIN * size[0]).sum()) if len(size) and size[0] > 0.0 else 0
-    if rank == len(known):
-        return known, scales.lever
-    rows = left[:, :rank].T * scales.lever
+    directions, size, _ = np.linalg.svd(moved)
+    rank = int((size > MIN_GAIN * size[0]).sum()) if len(size) and size[0] > 0.0 else 0
+    if rank == len(coordinates):
+        return coordinates, scales.lever
+    rows = directions[:, :rank].T * scales.lever
     return np.hstack([rows, np.zeros_like(rows)]), np.ones(rank)
+
+
+def read_least_tension(text: str | None) -> float | None:
+    """Return the least tension [N] of an option, None for that of the scene; raises InvalidValueError."""
+    if text is None or text == "scene":
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or value < 0.0:
+        raise InvalidValueError(
+            "not a least tension", where="least_tension", given=text, allowed="a number >= 0 [N], or scene"
+        )
+    return value
+
+
+def design_limited(
+    model: CompiledModel,
+    motion: Motion,
+    tuning: Tuning,
+    gains: Gains,
+    *,
+    least_tension: str | None,
+    mpc: bool,
+    horizon: int,
+    arguments: Mapping[str, Any] | None = None,
+) -> tuple[Gains | Mpc, TensionDistribution | None]:
+    """Return the gains with a distribution of tensions, or model-predictive control of the same weights."""
+    tension = read_least_tension(least_tension)
+    if mpc:
+        return design_mpc(
+            model, motion, tuning.Q, tuning.R, sample=gains.sample, horizon=horizon,
+            integral_action=tuning.integral_action, least_tension=tension, arguments=arguments,
+        ), None  # fmt: skip
+    if least_tension is None:
+        return gains, None
+    return gains, design_distribution(model, motion, least_tension=tension, arguments=arguments)

@@ -16,8 +16,7 @@ from tensegrity_codegen import (
     simulate_control,
     study_control,
 )
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.kalman import DISTURBED_PART, find_usual_forces
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
@@ -25,9 +24,9 @@ from tensegrity_codegen.control.feedback.study.linear_loop import (
     LinearLoop,
     build_linear_loop,
     design_slow_estimator,
+    find_margins,
     predict_displacement,
 )
-from tensegrity_codegen.control.feedback.study.margins import find_margins
 from tensegrity_codegen.control.feedback.study.tuning import find_scales
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion

@@ -17,11 +17,11 @@ from tensegrity_codegen import (
     simulate_control_batch,
     study_control,
 )
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
-from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
-from tensegrity_codegen.control.feedback.study.linear_loop import LinearLoop, build_linear_loop
-from tensegrity_codegen.control.feedback.study.margins import (
+from tensegrity_codegen.control.feedback.study.linear_loop import (
+    LinearLoop,
+    build_linear_loop,
     find_disks,
     find_gain_range,
     find_margins,
