@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tensegrity_codegen.control.embedded.build_controller import ControllerBundle, build_controller
+    from tensegrity_codegen.control.embedded.closed_loop import simulate_control_batch
     from tensegrity_codegen.control.embedded.loaded import LoadedController, load_controller
     from tensegrity_codegen.control.embedded.parts import ControllerCode
-    from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
     from tensegrity_codegen.control.feedback.closed_loop import simulate_control
     from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
     from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
@@ -268,7 +268,7 @@ _HOME = {
     "symbolic_functions": "pipeline.scene_functions",
     "time_motion": "control.feedback.time_motion",
     "simulate_control": "control.feedback.closed_loop",
-    "simulate_control_batch": "control.embedded.simulate_batch",
+    "simulate_control_batch": "control.embedded.closed_loop",
     "study_control": "control.feedback.study.study",
     "view": "live.live_page",
 }

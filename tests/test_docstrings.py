@@ -21,7 +21,7 @@ MODULES = (
     "pipeline.build_library",
     "pipeline.compile_source",
     "control.embedded.build_controller",
-    "control.embedded.simulate_batch",
+    "control.embedded.closed_loop",
     "control.embedded.loaded",
     "export.export_acados",
     "export.export_fmu",

@@ -15,7 +15,6 @@ from tensegrity_codegen.codegen.print.instructions import read_instructions
 from tensegrity_codegen.codegen.print.operations import print_operation
 from tensegrity_codegen.codegen.print.printer import print_number
 from tensegrity_codegen.codegen.print.render import BANNER, render, wrap_lines
-from tensegrity_codegen.control.embedded.calls import write_calls
 from tensegrity_codegen.control.embedded.parts import (
     ControllerCode,
     ControllerParts,
@@ -25,6 +24,7 @@ from tensegrity_codegen.control.embedded.parts import (
 )
 from tensegrity_codegen.control.embedded.prediction import tabulate_derivatives
 from tensegrity_codegen.control.embedded.tables import TablePrinter
+from tensegrity_codegen.control.embedded.write import write_calls
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits
 from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.export.exporter import Exported, Exporter

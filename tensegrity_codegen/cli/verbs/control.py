@@ -116,8 +116,8 @@ def _study(
     output: Output, options: StudyOptions, model: Any, motion: Any, *, compiler: str | None, **parts: Any
 ) -> "ControlStudy":
     """Simulate all loops: many draws at once in C, by this compiler, or one after the other in Python."""
+    from tensegrity_codegen.control.embedded.closed_loop import simulate_control_batch
     from tensegrity_codegen.control.embedded.parts import ControllerCode
-    from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
     from tensegrity_codegen.control.feedback.study.stated_errors import Draws
     from tensegrity_codegen.control.feedback.study.study import study_control
 

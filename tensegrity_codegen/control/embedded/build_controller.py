@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, compile_library
+from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.control.embedded.loaded import (
@@ -21,7 +21,7 @@ from tensegrity_codegen.control.embedded.parts import (
     find_motion,
     read_code,
 )
-from tensegrity_codegen.control.embedded.write import ControllerFiles, write_files
+from tensegrity_codegen.control.embedded.write import write_files
 from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import MOVED_TO_LIMITS, ActuatorLimits
 from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
@@ -165,19 +165,13 @@ def build_controller(
     contents = {file: text.encode("utf-8") for file, text in files.texts.items()}
     description = files.description
     if written.library:
-        artifact = _compile(files, written.compiler)
+        artifact = compile_library(
+            files.sources(), name=f"{description.name}_control", compiler=find_compiler(written.compiler),
+            flags=find_flags("reference"),
+        )  # fmt: skip
         contents[artifact.file_name] = artifact.library
         description = replace(description, library=artifact.file_name)
     contents["manifest.json"] = description.to_json().encode("utf-8")
-    taken = [*read, *([Path(scene)] if isinstance(scene, str | Path) else [])]
-    folder = write_folder(out, contents, inputs=taken, overwrite=overwrite, listed=True)
+    protected = [*read, *([Path(scene)] if isinstance(scene, str | Path) else [])]
+    folder = write_folder(out, contents, inputs=protected, overwrite=overwrite, listed=True)
     return ControllerBundle(folder, tuple(sorted(contents)), description)
-
-
-def _compile(files: ControllerFiles, compiler: str | None) -> CompiledArtifact:
-    return compile_library(
-        files.sources(),
-        name=f"{files.description.name}_control",
-        compiler=find_compiler(compiler),
-        flags=find_flags("reference"),
-    )

@@ -87,24 +87,12 @@ TAIL = """\
 
 
 def find_daqp_archive(file: str | Path | None = None) -> bytes:
-    """Return the source archive of DAQP, of the pinned version and SHA-256.
-
-    file: the archive; by default the copy in the cache of this package, else pip downloads it from the index
-        that pip is configured for, and it is kept in the cache.
-    Raises MissingSourceError: the file cannot be read, is another one, or pip cannot download it.
-    """
+    """Return the source archive of DAQP, of the pinned version and SHA-256."""
     return DAQP.find(file)
 
 
 def emit_daqp(archive: bytes, *, single: bool = False, soft: bool = False) -> str:
-    """Return DAQP's solver as one C file of static functions.
-
-    archive: as of find_daqp_archive.
-    single: single precision, without any double.
-    soft: with soft constraints.
-    Returns: a file to include, with DAQP's licence and what was changed in its head.
-    Raises MissingSourceError: the archive does not hold the expected text.
-    """
+    """Return DAQP's solver as one C file of static functions."""
     files = _read(archive)
     lines = [f" * {line.replace('*/', '* /')}".rstrip() for line in files["LICENSE"].strip().splitlines()]
     head = HEAD.format(
@@ -125,10 +113,10 @@ def emit_daqp(archive: bytes, *, single: bool = False, soft: bool = False) -> st
     text = OUTER.sub("static ", text)
     if single:
         # Literals of single precision, comments as they are.
-        parts = COMMENT.split(text)
-        for k in range(0, len(parts), 2):
-            parts[k] = DOUBLE.sub(r"\1f", parts[k]).replace("DBL_EPSILON", "FLT_EPSILON")
-        text = "".join(parts)
+        pieces = COMMENT.split(text)
+        for k in range(0, len(pieces), 2):
+            pieces[k] = DOUBLE.sub(r"\1f", pieces[k]).replace("DBL_EPSILON", "FLT_EPSILON")
+        text = "".join(pieces)
     return f"{head}{_tidy(text)}\n{TAIL}"
 
 
@@ -140,17 +128,17 @@ def read_daqp_licence(archive: bytes) -> str:
 def _read(archive: bytes) -> dict[str, str]:
     """Return the files that are used, by their paths in the archive."""
     names = ("LICENSE", *(f"csrc/{name}" for name in PARTS))
-    found = {}
+    contents = {}
     try:
         with tarfile.open(fileobj=io.BytesIO(archive), mode="r:gz") as tar:
             for name in names:
                 stream = tar.extractfile(f"{ROOT}/{name}")
-                found[name] = b"" if stream is None else stream.read()
+                contents[name] = b"" if stream is None else stream.read()
     except (KeyError, tarfile.TarError, OSError, EOFError) as error:
         raise MissingSourceError(
             "the archive of DAQP is damaged", where=DAQP_ARCHIVE, given=str(error)
         ) from error
-    return {name: data.decode("utf-8").replace("\r\n", "\n") for name, data in found.items()}
+    return {name: data.decode("utf-8").replace("\r\n", "\n") for name, data in contents.items()}
 
 
 def _join(text: str) -> str:

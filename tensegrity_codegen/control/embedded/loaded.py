@@ -101,11 +101,11 @@ class ControllerDescription:
                 hint="build it again with this version of tensegrity_codegen",
             )
         try:
-            given: dict[str, Any] = {item.name: data[item.name] for item in fields(cls)}
+            values: dict[str, Any] = {field.name: data[field.name] for field in fields(cls)}
         except KeyError as error:
             raise LibraryError("the manifest is damaged", where=str(path), hint="build it again") from error
-        given = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
-        return cls(**given)
+        values = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
+        return cls(**values)
 
 
 class LoadedController:
@@ -146,10 +146,8 @@ class LoadedController:
 
     def __repr__(self) -> str:
         """Name, precision and how many actuators there are."""
-        known = self.description
-        return (
-            f"<LoadedController {known.name}: {len(known.actuators)} actuators, {known.precision} precision>"
-        )
+        of = self.description
+        return f"<LoadedController {of.name}: {len(of.actuators)} actuators, {of.precision} precision>"
 
     def init(self, coordinate: ArrayLike | None = None) -> str:
         """Begin at the start of the motion; return the status.
@@ -159,10 +157,10 @@ class LoadedController:
         coordinate : array_like, shape (n_coordinates,), optional
             Where the structure is; by default at the start of the motion.
         """
-        given = self._ffi.NULL
+        pointer = self._ffi.NULL
         if coordinate is not None:
-            given = self._pointer(to_sized(coordinate, (len(self.description.coordinates),), "coordinate"))
-        return self._word(self._call("init")(self._memory, given))
+            pointer = self._pointer(to_sized(coordinate, (len(self.description.coordinates),), "coordinate"))
+        return self._word(self._call("init")(self._memory, pointer))
 
     def step(self, time: float, measured: ArrayLike | None) -> tuple[str, FloatArray]:
         """Return the status and the rest lengths (n_actuators,) [m] of a step from measurements (n_y,)."""
@@ -189,14 +187,14 @@ class LoadedController:
         of tensions ``"distribution.yields"``: members that actuators pull whose least tension yields,
         ``"distribution.iterations"``: most iterations of the solver in one program of the last step, ().
         """
-        found = self._memory
-        for part in str(field).split("."):
-            found = getattr(found, part, None)
-        if found is None:
+        value = self._memory
+        for name in str(field).split("."):
+            value = getattr(value, name, None)
+        if value is None:
             names = ", ".join(dir(self._memory))
             raise UnknownNameError("no such field", where="field", given=field, allowed=names)
-        is_array = isinstance(found, self._ffi.CData)
-        return np.array(self._ffi.unpack(found, len(found)) if is_array else found)
+        is_array = isinstance(value, self._ffi.CData)
+        return np.array(self._ffi.unpack(value, len(value)) if is_array else value)
 
     def status_text(self, number: int) -> str:
         """Return the sentence of a status."""
@@ -217,8 +215,8 @@ class LoadedController:
         return self._word(status), self._command.copy()
 
     def _pointer(self, values: FloatArray) -> Any:
-        kept = values if values is self._command else np.ascontiguousarray(values, self._real.dtype)
-        return self._ffi.from_buffer(f"{self._real.c_type}[]", kept)
+        array = values if values is self._command else np.ascontiguousarray(values, self._real.dtype)
+        return self._ffi.from_buffer(f"{self._real.c_type}[]", array)
 
     def _word(self, status: int) -> str:
         return self.description.statuses[status]

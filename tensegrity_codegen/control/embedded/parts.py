@@ -64,7 +64,7 @@ QP_ITERATIONS = 100  # of the solver in one quadratic program, at least
 ITERATIONS_A_CONSTRAINT = 3  # of it, where these are more
 START_TOLERANCE = 1e-9  # [m], by which the start may be outside of the range of an actuator
 DESCRIBED_QUANTITIES = ("member_length",)  # of a model that is described and not compiled
-MOST_QP_ITERATIONS = 10_000  # that may be stated
+MAX_QP_ITERATIONS = 10_000  # that may be stated
 SIMULATED_LOOP_NAME = "loop"  # of a controller that is simulated in C
 
 
@@ -114,7 +114,7 @@ def read_code(code: ControllerCode | None) -> ControllerCode:
     check_switch(stated.library, "library")
     check_instance(stated.compiler, (str, type(None)), "compiler", "the name of a compiler, or None")
     if stated.qp_iterations is not None:
-        check_whole(stated.qp_iterations, "qp_iterations", 1, MOST_QP_ITERATIONS)
+        check_whole(stated.qp_iterations, "qp_iterations", 1, MAX_QP_ITERATIONS)
     return stated
 
 
@@ -125,32 +125,21 @@ def limit_iterations(stated: int | None, n_constraints: int) -> int:
 
 @dataclass(frozen=True)
 class ControllerParts:
-    """What a controller in C is made from.
+    """What a controller in C is made from."""
 
-    name: first word of all names in C.
-    subject: the scene; its feet stick where they stand.
-    manifest: of a model of the scene.
-    gains: feedback, at the stored knots.
-    estimator: estimates the state from measurements.
-    distribution: distributes tensions.
-    mpc: plans ahead, in place of gains and distribution.
-    bounds: rates, ranges and delays.
-    sample [s]: time between two commands.
-    qp_iterations: most iterations of the solver in one quadratic program; None: as `limit_iterations`.
-    daqp_sdist: source package of DAQP, for a quadratic program; None: the usual one.
-    """
-
-    name: str
-    subject: Subject
-    manifest: Manifest
+    name: str  # first word of all names in C
+    subject: Subject  # the scene; its feet stick where they stand
+    manifest: Manifest  # of a model of the scene
     motion: Motion
-    gains: Gains | None
-    estimator: Estimator | None
-    distribution: TensionDistribution | None
-    bounds: ActuatorBounds
-    sample: float
-    mpc: Mpc | None = None
+    gains: Gains | None  # feedback, at the stored knots
+    estimator: Estimator | None  # estimates the state from measurements
+    distribution: TensionDistribution | None  # distributes tensions
+    bounds: ActuatorBounds  # rates, ranges and delays
+    sample: float  # [s]: time between two commands
+    mpc: Mpc | None = None  # plans ahead, in place of gains and distribution
+    # most iterations of the solver in one quadratic program; None: as `limit_iterations`
     qp_iterations: int | None = None
+    # source package of DAQP, for a quadratic program; None: the usual one
     daqp_sdist: str | Path | None = None
 
     @property
@@ -211,12 +200,15 @@ def collect_parts(
         check_still_feet(described, motion, "a controller that predicts")
     assert described.structure is not None  # find_model_and_request refuses models without
     _check_gains(described.structure)
+    stored = None if mpc is not None else regulator
+    if stored is not None and code.knots is not None:
+        stored = stored.at_knots(code.knots)
     parts = ControllerParts(
         name=manifest.name if code.name is None else code.name,
         subject=hold_feet(described.structure, described, motion),
         manifest=manifest,
         motion=motion,
-        gains=_store_gains(None if mpc is not None else regulator, code.knots),
+        gains=stored,
         estimator=estimator,
         distribution=distribution,
         bounds=find_bounds(described, motion, limits, may_lag=mpc is not None),
@@ -227,10 +219,6 @@ def collect_parts(
     )
     check_start(parts)
     return parts
-
-
-def _store_gains(gains: Gains | None, knots: int | None) -> Gains | None:
-    return gains if gains is None or knots is None else gains.at_knots(knots)
 
 
 def _check_mpc(mpc: Mpc | None, distribution: TensionDistribution | None) -> None:
@@ -248,8 +236,8 @@ def _check_mpc(mpc: Mpc | None, distribution: TensionDistribution | None) -> Non
 def _check_gains(structure: Subject) -> None:
     """Raise InvalidValueError for an input that changes rest lengths by other gains than 1."""
     inputs: Sequence[RestLengthGains] = structure.inputs
-    for number, item in enumerate(inputs):
-        if any(gain != 1.0 for gain in item.rest_length_gain.values()):
+    for number, scene_input in enumerate(inputs):
+        if any(gain != 1.0 for gain in scene_input.rest_length_gain.values()):
             raise InvalidValueError(
                 "a controller in C does not know inputs of temperature, nor of cables in segments",
                 where=f"{structure.name}: inputs.{number}",
@@ -261,19 +249,19 @@ def _check_gains(structure: Subject) -> None:
 
 def find_quantities(parts: ControllerParts) -> tuple[str, ...]:
     """Return the quantities of the model that the controller calls."""
-    found: list[str] = []
+    quantities: list[str] = []
     if parts.estimator is not None:
-        found.append("acceleration")
-        found += ["mass_matrix"] if len(parts.disturbed) else []
+        quantities.append("acceleration")
+        quantities += ["mass_matrix"] if len(parts.disturbed) else []
         # Places of nodes are coordinates themselves in some models.
         in_nodes = bool(parts.manifest.coordinate_node_axis)
         kinds = [sensor.kind for sensor in parts.sensors]
-        found += [kind for kind in kinds if not (in_nodes and kind.startswith("node_"))]
+        quantities += [kind for kind in kinds if not (in_nodes and kind.startswith("node_"))]
     if parts.mpc is not None:
-        found += ["acceleration", "state_jacobian", "input_jacobian"]
+        quantities += ["acceleration", "state_jacobian", "input_jacobian"]
     if parts.distribution is not None or (parts.mpc is not None and len(parts.mpc.cables.limited)):
-        found += ["member_length", "equilibrium_matrix"]
-    return tuple(dict.fromkeys(found))
+        quantities += ["member_length", "equilibrium_matrix"]
+    return tuple(dict.fromkeys(quantities))
 
 
 def check_start(parts: ControllerParts) -> None:
@@ -285,12 +273,12 @@ def check_start(parts: ControllerParts) -> None:
         return
     k = int(np.argmax(outside))
     structure = parts.subject
-    rest = np.array([structure.rest_length[e] for e in bounds.members[k]])
+    length = np.array([structure.rest_length[e] for e in bounds.members[k]])
     raise InvalidValueError(
         "the motion starts outside of the range of an actuator",
         where=f"actuators.{bounds.names[k]}.range",
-        given=f"rest lengths of {(rest + start[k]).min():.6g} to {(rest + start[k]).max():.6g} m",
-        allowed=f"{rest.min() + bounds.least[k]:.6g} to {rest.max() + bounds.most[k]:.6g} m",
+        given=f"rest lengths of {(length + start[k]).min():.6g} to {(length + start[k]).max():.6g} m",
+        allowed=f"{length.min() + bounds.least[k]:.6g} to {length.max() + bounds.most[k]:.6g} m",
         hint="a larger range, or another motion",
     )
 
@@ -299,13 +287,13 @@ def check_same_motion(distribution: TensionDistribution | None, motion: Motion) 
     """Raise InvalidValueError for a distribution that prefers the tensions of another motion."""
     if distribution is None:
         return
-    other = distribution.motion
+    preferred = distribution.motion
     names = ("time", "input", "member_tension")
-    if not all(np.array_equal(getattr(other, name), getattr(motion, name)) for name in names):
+    if not all(np.array_equal(getattr(preferred, name), getattr(motion, name)) for name in names):
         raise InvalidValueError(
             "designed for another motion",
             where="distribution",
-            given=f"a motion of {other.duration:g} s with {len(other.time)} knots",
+            given=f"a motion of {preferred.duration:g} s with {len(preferred.time)} knots",
             allowed=f"the motion of the controller, of {motion.duration:g} s with {len(motion.time)} knots",
             hint="design_distribution(model, motion, ...) with this motion",
         )
@@ -325,10 +313,7 @@ class _Description:
 def find_model_and_request(
     scene: str | Path | CompiledModel, motion: Motion | Equilibrium
 ) -> tuple[Described, ModelRequest]:
-    """Return the model of a scene or a compiled one, and the request for nothing of it but its formulation.
-
-    Raises what `load_scene` raises; LibraryError for a library that was loaded without its structure.
-    """
+    """Return the model of a scene or a compiled one, and the request for its formulation alone."""
     if isinstance(scene, CompiledModel):
         if scene.structure is None:
             raise LibraryError(
@@ -353,15 +338,11 @@ def find_model_and_request(
 def find_motion(
     model: Described, motion: Motion | Equilibrium, arguments: Mapping[str, Any] | None = None
 ) -> Motion:
-    """Return the motion; an equilibrium as a motion that stays there. Raises what `build_rest` raises.
-
-    arguments: inputs of an equilibrium; InvalidValueError for other parameters, which are constants in C, and
-    for those of a motion, which has its own inputs.
-    """
-    given = merge_inputs(model.manifest, arguments)
-    if isinstance(motion, Motion) and not given:
+    """Return the motion; an equilibrium as a motion that stays there. Raises what `build_rest` raises."""
+    merged = merge_inputs(model.manifest, arguments)
+    if isinstance(motion, Motion) and not merged:
         return motion
-    if isinstance(motion, Motion) or set(given) - {INPUT}:
+    if isinstance(motion, Motion) or set(merged) - {INPUT}:
         raise InvalidValueError(
             "these arguments have no place in a controller",
             where="arguments",
@@ -373,4 +354,4 @@ def find_motion(
         raise InvalidValueError(
             "not a motion", where="motion", given=type(motion).__name__, allowed="a Motion or an Equilibrium"
         )
-    return build_rest(model, motion, arguments=given)
+    return build_rest(model, motion, arguments=merged)

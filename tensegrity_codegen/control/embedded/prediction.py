@@ -20,26 +20,17 @@ ROOT_TOLERANCE = 1e-14  # of the largest eigenvalue of a weight, below which it 
 
 @dataclass(frozen=True)
 class PredictionTables:
-    """Sizes and tables of model-predictive control.
+    """Sizes and tables of model-predictive control."""
 
-    sizes: sizes that the header states, by their names in C.
-    constants: enumerators of the source alone.
-    tables: constant arrays.
-    """
-
-    sizes: dict[str, int]
-    constants: dict[str, int]
-    tables: list[Table]
+    sizes: dict[str, int]  # sizes that the header states, by their names in C
+    constants: dict[str, int]  # enumerators of the source alone
+    tables: list[Table]  # constant arrays
 
 
 def build_prediction_tables(
     parts: ControllerParts, mpc: Mpc, model: Manifest, precision: Precision
 ) -> PredictionTables:
-    """Return the numbers of model-predictive control as the C of a controller needs them.
-
-    model: of the functions that the controller calls.
-    precision: of the numbers.
-    """
+    """Return the numbers of model-predictive control as the C of a controller needs them."""
     printer = TablePrinter(precision)
     functions = {spec.quantity: spec for spec in model.functions}
     n, m = len(mpc.coordinate_range), len(mpc.R)

@@ -20,18 +20,15 @@ from tensegrity_codegen.tables.precision import Precision
 UNLIMITED = {"double": 1e300, "single": 1e30}  # in place of infinite bounds
 INT = "int"
 # With smaller weights rounding in single precision hides which bounds depend on each other.
-LEAST_WEIGHT = {"double": 0.0, "single": 1e-4}
+MIN_WEIGHT = {"double": 0.0, "single": 1e-4}
 
 
 @dataclass(frozen=True)
 class Knots:
-    """Rows of numbers at rising times, two rows at least.
+    """Rows of numbers at rising times, two rows at least."""
 
-    time (n_knots,) [s]; row (n_knots, n): numbers at each.
-    """
-
-    time: FloatArray
-    row: FloatArray
+    time: FloatArray  # (n_knots,) [s]
+    row: FloatArray  # (n_knots, n): numbers at each time
 
 
 def tabulate_states(motion: Motion) -> Knots:
@@ -55,8 +52,8 @@ def tabulate_inputs(motion: Motion) -> Knots:
     value, slope = pieces.coefficient[:, 0], pieces.coefficient[:, 1]
     h = pieces.time[-1] - pieces.time[-2]
     powers = np.arange(1, pieces.coefficient.shape[1])
-    last = (powers * h ** (powers - 1)) @ pieces.coefficient[-1, 1:]
-    ends = np.vstack([value, motion.input[-1]]), np.vstack([slope, last])
+    end_slope = (powers * h ** (powers - 1)) @ pieces.coefficient[-1, 1:]
+    ends = np.vstack([value, motion.input[-1]]), np.vstack([slope, end_slope])
     return Knots(pieces.time, np.hstack(ends))
 
 
@@ -89,8 +86,8 @@ class TablePrinter:
 
     def real(self, name: str, values: ArrayLike, comment: str) -> Table:
         """Return a table of numbers, row by row; infinite ones become very large."""
-        most = UNLIMITED[self.precision.name]
-        numbers = np.clip(np.asarray(values, dtype=np.float64).ravel(), -most, most)
+        limit = UNLIMITED[self.precision.name]
+        numbers = np.clip(np.asarray(values, dtype=np.float64).ravel(), -limit, limit)
         texts = print_numbers(numbers, self.precision, name)
         return Table(name, self.precision.c_type, texts or ["0"], comment)
 
@@ -107,20 +104,20 @@ class TablePrinter:
 def count_knots(parts: ControllerParts) -> dict[str, int]:
     """Return the numbers of knots by the names that the C files have for them."""
     gains, estimator = parts.gains, parts.estimator
-    found = {"N_MOTION": len(parts.motion.time)}
+    counts = {"N_MOTION": len(parts.motion.time)}
     if gains is not None:
-        found["N_GAIN"] = max(len(gains.time), 2)
+        counts["N_GAIN"] = max(len(gains.time), 2)
     if estimator is not None:
-        found["N_FILTER"] = max(len(estimator.time), 2)
-    return found
+        counts["N_FILTER"] = max(len(estimator.time), 2)
+    return counts
 
 
 def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
     """Return all tables but those of the mass matrix."""
     printer = TablePrinter(precision)
     states, inputs = tabulate_states(parts.motion), tabulate_inputs(parts.motion)
-    text = "coordinates, velocities, accelerations, and by how much the next coordinates leave a parabola"
-    tables = printer.knots("MOTION_TIME", "MOTION_STATE", states, text)
+    comment = "coordinates, velocities, accelerations, and by how much the next coordinates leave a parabola"
+    tables = printer.knots("MOTION_TIME", "MOTION_STATE", states, comment)
     tables.append(printer.real("MOTION_INPUT", inputs.row, "values and slopes of all inputs at each knot"))
     tables += _tabulate_actuators(parts, printer)
     if parts.gains is not None:
@@ -138,8 +135,8 @@ def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
         tables.append(printer.real("STRETCH_START", stretches, "times in a sample when commands arrive [s]"))
         tables += printer.knots("FILTER_TIME", "FILTER_GAIN", knots, "gains of the estimator at each knot")
         weight = tabulate_gains(parts.estimator.time, 1.0 / parts.estimator.innovation, parts.sample).row
-        text = "1 over the standard deviations of measurements minus their predictions"
-        tables.append(printer.real("FILTER_WEIGHT", weight, text))
+        comment = "1 over the standard deviations of measurements minus their predictions"
+        tables.append(printer.real("FILTER_WEIGHT", weight, comment))
         if len(parts.disturbed):
             tables.append(printer.whole("DISTURBED", parts.disturbed, "coordinates with a disturbance force"))
     return tables
@@ -147,10 +144,10 @@ def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
 
 def _tabulate_actuators(parts: ControllerParts, printer: TablePrinter) -> list[Table]:
     bounds, delays = parts.bounds, parts.delays()
-    first = [members[0] for members in bounds.members]
+    leading = [members[0] for members in bounds.members]
     inputs: Sequence[ActuatedInput | BodyInput] = parts.subject.inputs
-    kept = [(k, item.rest_length_gain) for k, item in enumerate(inputs)]
-    pulls = [[k for k, targets in kept if member in targets] for member in first]
+    gains = [(k, scene_input.rest_length_gain) for k, scene_input in enumerate(inputs)]
+    pulls = [[k for k, targets in gains if member in targets] for member in leading]
     starts = np.concatenate([[0], np.cumsum([len(row) for row in pulls])])
     return [
         printer.whole("ACTUATOR_PLACE", bounds.place, "input of each actuator"),
@@ -160,7 +157,7 @@ def _tabulate_actuators(parts: ControllerParts, printer: TablePrinter) -> list[T
         printer.whole("DELAY_SAMPLES", delays.back, "whole samples of the delay of each"),
         printer.real("DELAY_REST", delays.offset, "rest of the delay of each [s]"),
         printer.real(
-            "REST_LENGTH", parts.subject.rest_length[first], "rest length of the first member of each [m]"
+            "REST_LENGTH", parts.subject.rest_length[leading], "rest length of the first member of each [m]"
         ),
         printer.whole("REST_START", starts, "where the inputs that change it begin"),
         printer.whole("REST_INPUT", [k for row in pulls for k in row], "these inputs"),
@@ -172,18 +169,12 @@ def _tabulate_actuators(parts: ControllerParts, printer: TablePrinter) -> list[T
 
 @dataclass(frozen=True)
 class DistributionTables:
-    """Sizes and tables of a distribution.
+    """Sizes and tables of a distribution."""
 
-    sizes: sizes that the header states, by their names in C.
-    constants: enumerators of the source alone.
-    tables: constant arrays.
-    has_others: whether inputs that are not the actuators' change rest lengths of driven members.
-    """
-
-    sizes: dict[str, int]
-    constants: dict[str, int]
-    tables: list[Table]
-    has_others: bool
+    sizes: dict[str, int]  # sizes that the header states, by their names in C
+    constants: dict[str, int]  # enumerators of the source alone
+    tables: list[Table]  # constant arrays
+    has_others: bool  # whether inputs that are not the actuators' change rest lengths of driven members
 
 
 def build_distribution_tables(
@@ -194,15 +185,7 @@ def build_distribution_tables(
     *,
     iterations: int | None = None,
 ) -> DistributionTables:
-    """Return the numbers of a distribution as the C of a controller needs them.
-
-    distribution: as of design_distribution.
-    motion: the motion of the controller, whose knots are those of the preferred tensions.
-    matrix: the equilibrium matrix as the model computes it.
-    precision: of the numbers.
-    iterations: most iterations of DAQP in one quadratic program, as of `limit_iterations`.
-    Returns: sizes and tables by their names in C.
-    """
+    """Return the numbers of a distribution as the C of a controller needs them."""
     # Driven members, by which actuators, with which limits and preferred tensions.
     cables, driven = distribution.cables, distribution.cables.driven
     pulls, others = cables.incidence[driven] != 0.0, cables.other_incidence[driven] != 0.0
@@ -211,7 +194,7 @@ def build_distribution_tables(
     places = find_places(matrix, driven)
     preferred = distribution.preferred
     table = (motion.member_tension if preferred is None else preferred[None])[:, driven]
-    printer, weight = TablePrinter(precision), max(distribution.weight, LEAST_WEIGHT[precision.name])
+    printer, weight = TablePrinter(precision), max(distribution.weight, MIN_WEIGHT[precision.name])
     tables = [
         printer.whole("DRIVEN_MEMBER", driven, "members that actuators pull"),
         printer.whole("IS_LIMITED", limited, "whether they have a least tension"),
@@ -269,21 +252,23 @@ def _find_sizes(
     }
 
 
-def find_places(matrix: FunctionSpec, chosen: IntArray, first_row: int = 0) -> IntArray:
-    """Return where each entry of a matrix belongs in its chosen columns, stored row by row; -1: nowhere.
+def list_entries(matrix: FunctionSpec) -> tuple[IntArray, IntArray]:
+    """Return row and column of each entry that a model computes of a matrix, sparse or dense."""
+    if matrix.pattern is None:
+        rows, columns = np.indices(matrix.shape)
+        return rows.ravel(), columns.ravel()
+    columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.pattern.column_start))
+    return matrix.pattern.row.astype(np.int64), columns
 
-    first_row: row of the matrix that is stored first; rows above it are not.
-    """
-    if matrix.pattern is not None:
-        rows = matrix.pattern.row.astype(np.int64)
-        columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.pattern.column_start))
-    else:
-        rows, columns = (part.ravel() for part in np.indices(matrix.shape))
-    place = np.full(matrix.shape[1], -1)
-    place[chosen] = np.arange(len(chosen))
-    is_stored = (rows >= first_row) & (place[columns] >= 0)
-    found: IntArray = np.where(is_stored, (rows - first_row) * len(chosen) + place[columns], -1)
-    return found
+
+def find_places(matrix: FunctionSpec, chosen: IntArray, first_row: int = 0) -> IntArray:
+    """Return where each entry of a matrix belongs in its chosen columns, stored row by row; -1: nowhere."""
+    rows, columns = list_entries(matrix)
+    column_of = np.full(matrix.shape[1], -1)
+    column_of[chosen] = np.arange(len(chosen))
+    is_stored = (rows >= first_row) & (column_of[columns] >= 0)
+    index: IntArray = np.where(is_stored, (rows - first_row) * len(chosen) + column_of[columns], -1)
+    return index
 
 
 def tabulate_lists(

@@ -1,18 +1,19 @@
-"""All texts of a controller: header, source, example, build files, those of its model, its description."""
+"""All texts of a controller: calls of its model, header, source, example, build files, its description."""
 
 import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from tensegrity_codegen.codegen.build_manifest import find_program_versions
 from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.codegen.integrators.work_memory import count_entries
 from tensegrity_codegen.codegen.print.printer import print_number, print_numbers
 from tensegrity_codegen.codegen.print.render import BANNER, render, wrap_lines
-from tensegrity_codegen.control.embedded.calls import Calls, find_measured, write_calls
 from tensegrity_codegen.control.embedded.daqp_source import emit_daqp, find_daqp_archive, read_daqp_licence
 from tensegrity_codegen.control.embedded.loaded import ControllerDescription
 from tensegrity_codegen.control.embedded.parts import CONTROL_STATUS, ControllerParts, find_quantities
@@ -22,9 +23,12 @@ from tensegrity_codegen.control.embedded.tables import (
     build_distribution_tables,
     build_tables,
     count_knots,
+    list_entries,
 )
 from tensegrity_codegen.runtime.model.state_names import name_moving_states
-from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.structure.actuators import Sensor
+from tensegrity_codegen.system.arrays import IntArray
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.precision import Precision
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -32,6 +36,123 @@ SPAN_TOLERANCE = {"double": 1e-6, "single": 1e-3}  # of a sample
 COMMAND_TOLERANCE = {"double": 1e-12, "single": 1e-7}  # [m]
 ITEM_BYTES = {"int": 4, "unsigned char": 1, "float": 4, "double": 8}
 SPANS = re.compile(r"/\*.*?\*/|#ifdef __cplusplus\n.*?#endif|^#[^\n]*", re.DOTALL | re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class MeasuredNumber:
+    """One measured number."""
+
+    source: str  # a quantity of the model, ``"coordinate"``, ``"velocity"``, or ``""`` for a constant
+    index: int = 0  # place in the source
+    value: float = 0.0
+    is_length: bool = False  # whether it is a length, above 0
+
+
+def find_measured(sensors: tuple[Sensor, ...], manifest: Manifest) -> tuple[MeasuredNumber, ...]:
+    """Return the numbers that sensors measure, in their order."""
+    return tuple(number for sensor in sensors for number in _measure(sensor, manifest))
+
+
+def _measure(sensor: Sensor, manifest: Manifest) -> list[MeasuredNumber]:
+    if sensor.kind in ("member_length", "member_tension"):
+        is_length = sensor.kind == "member_length"
+        return [MeasuredNumber(sensor.kind, e, is_length=is_length) for e in sensor.targets]
+    axes, coordinates = manifest.axes, [tuple(row) for row in manifest.coordinate_node_axis]
+    moves = sensor.kind == "node_velocity"
+    numbers = []
+    for node in sensor.targets:
+        for column, axis in enumerate(axes):
+            if not coordinates:
+                numbers.append(MeasuredNumber(sensor.kind, node * len(axes) + column))
+            elif (node, axis) in coordinates:
+                source = "velocity" if moves else "coordinate"
+                numbers.append(MeasuredNumber(source, coordinates.index((node, axis))))
+            else:
+                value = 0.0 if moves else float(manifest.stated_position[node, axis])
+                numbers.append(MeasuredNumber("", value=value))
+    return numbers
+
+
+# The lower half of a symmetric matrix, row by row from the first entry of each row to the diagonal.
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Where a matrix is stored."""
+
+    first: IntArray  # (n,): first column of each row
+    row: IntArray  # (n,): place of the first entry of each row
+    place: IntArray  # (n_entries,): place of each entry that the model computes, -1 for one of the upper half
+    size: int  # number of stored entries
+
+
+def find_envelope(spec: FunctionSpec) -> Envelope:
+    """Return the envelope of a symmetric matrix that a model computes, sparse or dense."""
+    n = spec.shape[0]
+    rows, columns = list_entries(spec)
+    start = np.arange(n)
+    lower = rows >= columns
+    np.minimum.at(start, rows[lower], columns[lower])
+    width = np.arange(n) - start + 1
+    row = np.concatenate([[0], np.cumsum(width)[:-1]])
+    index = np.where(lower, row[rows] + columns - start[rows], -1)
+    return Envelope(start, row, index, int(width.sum()))
+
+
+@dataclass(frozen=True)
+class Calls:
+    """Statements of the functions that call the model, and sizes of their memory."""
+
+    acceleration: str  # C statements
+    measure: list[str]
+    mass: str
+    length: str
+    equilibrium: str
+    state_jacobian: str
+    input_jacobian: str
+    envelope: Envelope | None  # of the mass matrix, None without one
+    size_measured: int  # numbers of memory
+    size_entries: int
+
+
+def write_calls(model: Manifest | None, measured: tuple[MeasuredNumber, ...], precision: Precision) -> Calls:
+    """Return the statements with which a controller calls its model."""
+    functions = {} if model is None else {spec.quantity: spec for spec in model.functions}
+    mass = functions.get("mass_matrix")
+    sources = {number.source for number in measured} & set(functions)
+    return Calls(
+        acceleration=_call(functions.get("acceleration"), "acceleration"),
+        measure=write_measure(functions, measured, precision),
+        mass=_call(mass, "memory"),
+        length=_call(functions.get("member_length"), "length"),
+        equilibrium=_call(functions.get("equilibrium_matrix"), "entry"),
+        state_jacobian=_call(functions.get("state_jacobian"), "by_state"),
+        input_jacobian=_call(functions.get("input_jacobian"), "by_input"),
+        envelope=None if mass is None else find_envelope(mass),
+        size_measured=max((count_entries(functions[source]) for source in sources), default=1),
+        size_entries=1 if mass is None else count_entries(mass),
+    )
+
+
+def _call(spec: FunctionSpec | None, result: str) -> str:
+    return "" if spec is None else f"{spec.symbol}({', '.join((*spec.arguments, result))})"
+
+
+def write_measure(
+    functions: dict[str, FunctionSpec], measured: tuple[MeasuredNumber, ...], precision: Precision
+) -> list[str]:
+    """Return the lines that read the numbers, one call for each run of numbers of one source."""
+    lines, ready = [], ""
+    rows = list(enumerate(measured))
+    for source, run in groupby(rows, key=lambda row: row[1].source):
+        if source in functions and source != ready:
+            lines += [f"if ({_call(functions[source], 'memory')} != 0) {{", "  return 1;", "}"]
+            ready = source
+        for k, number in run:
+            memory = "memory" if source in functions else source
+            value = f"{memory}[{number.index}]" if source else print_number(number.value, precision)
+            lines.append(f"measured[{k}] = {value};")
+    return lines
 
 
 def write_controller(context: dict[str, Any]) -> dict[str, str]:
@@ -49,12 +170,7 @@ def write_controller(context: dict[str, Any]) -> dict[str, str]:
 
 
 def build_context(parts: ControllerParts, model: Manifest | None, precision: Precision) -> dict[str, Any]:
-    """Return what the templates of a controller need.
-
-    model: of the model that the controller calls; None where it calls none.
-    precision: of all numbers.
-    Returns: sizes, tables as C text, functions of the model.
-    """
+    """Return what the templates of a controller need; model: None where the controller calls none."""
     measured = find_measured(parts.sensors, parts.manifest)
     calls = write_calls(model, measured, precision)
     name, tensions = precision.name, _distribute(parts, model, precision)
@@ -68,7 +184,7 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
         "real": precision.c_type,
         "suffix": precision.suffix,
         "precision": name,
-        "made_by": ", ".join(f"{what} {release}" for what, release in find_program_versions().items()),
+        "made_by": ", ".join(f"{program} {release}" for program, release in find_program_versions().items()),
         "settings": _find_settings(parts, name)
         | {
             "WITH_OTHERS": tensions is not None and tensions.has_others,
@@ -92,7 +208,7 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
         "prediction": predicted,
         "calls": calls,
         "daqp": _write_daqp(parts, precision),
-        "is_length": [int(item.is_length) for item in measured],
+        "is_length": [int(number.is_length) for number in measured],
         "start": _print_start(parts, precision),
     }
 
@@ -121,8 +237,8 @@ def _write_daqp(parts: ControllerParts, precision: Precision) -> dict[str, str]:
     if parts.distribution is None and parts.mpc is None:
         return {}
     archive = find_daqp_archive(parts.daqp_sdist)
-    text = emit_daqp(archive, single=precision.name == "single", soft=parts.mpc is not None)
-    return {f"{parts.name}_control_daqp.h": text, "LICENSE-DAQP.txt": read_daqp_licence(archive)}
+    source = emit_daqp(archive, single=precision.name == "single", soft=parts.mpc is not None)
+    return {f"{parts.name}_control_daqp.h": source, "LICENSE-DAQP.txt": read_daqp_licence(archive)}
 
 
 def _find_settings(parts: ControllerParts, precision: str) -> dict[str, bool]:
@@ -174,11 +290,11 @@ def _print_start(parts: ControllerParts, precision: Precision) -> dict[str, list
     """Return the state at the start of the motion, and the measurements there."""
     point = parts.motion.at(0.0)
     state = np.concatenate([point.coordinate, point.velocity])
-    found = {"state": print_numbers(state, precision, "the start")}
+    start = {"state": print_numbers(state, precision, "the start")}
     if parts.estimator is not None:
         at = {"coordinate": point.coordinate, "velocity": point.velocity, "input": point.input}
-        found["measured"] = print_numbers(parts.estimator.sensing.measure(at), precision, "the start")
-    return found
+        start["measured"] = print_numbers(parts.estimator.sensing.measure(at), precision, "the start")
+    return start
 
 
 @dataclass(frozen=True)
@@ -231,5 +347,5 @@ def write_files(parts: ControllerParts, request: ModelRequest, precision: Precis
 
 def read_declarations(header: str) -> str:
     """Return types and functions of the header as C that cffi reads, with the enumerations of sizes."""
-    text = re.sub(r"\b\w+_API ", "", SPANS.sub("", header))
-    return re.sub(r"\s+", " ", text).replace("; ", ";\n").strip()
+    declarations = re.sub(r"\b\w+_API ", "", SPANS.sub("", header))
+    return re.sub(r"\s+", " ", declarations).replace("; ", ";\n").strip()

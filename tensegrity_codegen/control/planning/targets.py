@@ -8,13 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from tensegrity_codegen.control.planning.shape_targets import BoundShape, bind_shape, turn_near
-from tensegrity_codegen.control.planning.target_text import (
-    ANGLES,
-    LENGTHS,
-    TargetText,
-    parse_shape,
-    rewrite,
-)
+from tensegrity_codegen.control.planning.target_text import ANGLES, LENGTHS, TargetText, parse_shape, rewrite
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.condition import Expression, build_expression, find_quantities
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem

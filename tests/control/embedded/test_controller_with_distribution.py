@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.control.embedded.build_controller import ControllerBundle, build_controller
+from tensegrity_codegen.control.embedded.closed_loop import simulate_control_batch
 from tensegrity_codegen.control.embedded.parts import ControllerCode
-from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.control.embedded.build_controller import build_controller
+from tensegrity_codegen.control.embedded.closed_loop import simulate_control_batch
 from tensegrity_codegen.control.embedded.loaded import LoadedController
 from tensegrity_codegen.control.embedded.parts import ControllerCode
-from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.control.feedback.kalman import design_kalman
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorLimits, find_bounds

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.control.embedded.build_controller import build_controller
-from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
+from tensegrity_codegen.control.embedded.closed_loop import simulate_control_batch
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, hold_feet
 from tensegrity_codegen.control.feedback.kalman import design_kalman
