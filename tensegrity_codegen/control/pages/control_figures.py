@@ -24,8 +24,8 @@ TIME = "time [s]"
 SHAPES = 3  # pictures of the motion
 FRAMES = 48  # of the film
 FILM = 6.0  # [s], that the film takes at most; at least half
-MOST_LINES = 6  # in a diagram
-MOST_POINTS = 600  # of a line
+MAX_LINES = 6  # in a diagram
+MAX_POINTS = 600  # of a line
 # Colour and style of each loop, everywhere on the page, in the order in which they are drawn.
 LOOKS: dict[str, tuple[int, Literal["line", "dashed"]]] = {
     "open": (1, "line"),
@@ -43,8 +43,8 @@ def build_motion(study: ControlStudy, model: CompiledModel, structure: Structure
         np.array([place_nodes(model, q) for q in table[rows]])
         for table in (run.coordinate, run.coordinate - run.error)
     )
-    more = structure.n_members - run.member_tension.shape[1]
-    tension = np.pad(run.member_tension[rows], ((0, 0), (0, more)), constant_values=np.nan)
+    n_undrawn = structure.n_members - run.member_tension.shape[1]
+    tension = np.pad(run.member_tension[rows], ((0, 0), (0, n_undrawn)), constant_values=np.nan)
     figures = []
     for k in np.unique(np.linspace(0, len(rows) - 1, SHAPES).round().astype(int)).tolist():
         caption = f"At {run.time[rows[k]]:.3g} s, with the {LOOP_NAMES[name]}."
@@ -56,9 +56,9 @@ def build_motion(study: ControlStudy, model: CompiledModel, structure: Structure
     span = float(run.time[-1])
     slow = float(np.clip(span, FILM / 2, FILM)) / max(span, 1e-9)
     film = draw_film(structure, run.time[rows], position, tension, planned, slow_down=slow)
-    text = f"the worst draw with the {LOOP_NAMES[name]}; dotted: the motion as planned"
-    figures.append(Figure(film, f"Film: {text}.", f"Film of {text}", {"time": run.time[rows].tolist()}))
-    return Section("motion", "motion", "The motion", "plain", text, tuple(figures))
+    summary = f"the worst draw with the {LOOP_NAMES[name]}; dotted: the motion as planned"
+    figures.append(Figure(film, f"Film: {summary}.", f"Film of {summary}", {"time": run.time[rows].tolist()}))
+    return Section("motion", "motion", "The motion", "plain", summary, tuple(figures))
 
 
 def build_errors(study: ControlStudy, model: CompiledModel) -> Section:
@@ -71,13 +71,8 @@ def build_errors(study: ControlStudy, model: CompiledModel) -> Section:
     figures = [diagram_figure("distance", diagram, caption, caption)]
     angles = study.tuning.scales.is_angle
     if angles.any():
-        series = _draw_loops(
-            study,
-            {
-                name: np.degrees(np.abs(loop.run.error[:, angles]).max(axis=1))
-                for name, loop in study.loops.items()
-            },
-        )
+        largest = {name: np.abs(loop.run.error[:, angles]).max(axis=1) for name, loop in study.loops.items()}
+        series = _draw_loops(study, {name: np.degrees(values) for name, values in largest.items()})
         caption = "Largest error of an angle."
         diagram = Diagram(TIME, "error [deg]", series, log_y=_is_positive(series), vertical=marks)
         figures.append(diagram_figure("angle", diagram, caption, caption))
@@ -95,15 +90,17 @@ def build_commands(study: ControlStudy) -> Section:
     use = find_actuator_use(study)
     time = run.time[:-1]
     # Rest lengths, and what feedback adds to them.
-    asked = np.array([motion.at(now + 0.5 * study.gains.sample).input[bounds.place] for now in time.tolist()])
-    asked = asked.reshape(len(time), len(bounds.place))
-    added = 1000 * (run.command - asked)
-    order = sorted(np.argsort(-np.ptp(run.command, axis=0), kind="stable")[:MOST_LINES].tolist())
-    rest = motion.rest_length[0] - motion.input[0, bounds.place]
-    loud = sorted(np.argsort(-np.abs(added).max(axis=0, initial=0.0), kind="stable")[:MOST_LINES].tolist())
+    planned = np.array(
+        [motion.at(now + 0.5 * study.gains.sample).input[bounds.place] for now in time.tolist()]
+    )
+    planned = planned.reshape(len(time), len(bounds.place))
+    added = 1000 * (run.command - planned)
+    order = sorted(np.argsort(-np.ptp(run.command, axis=0), kind="stable")[:MAX_LINES].tolist())
+    rest_length = motion.rest_length[0] - motion.input[0, bounds.place]
+    loud = sorted(np.argsort(-np.abs(added).max(axis=0, initial=0.0), kind="stable")[:MAX_LINES].tolist())
     looks = choose_looks(bounds.names[k] for k in sorted({*order, *loud}))
     lines = [
-        _series(bounds.names[k], time, 1000 * (rest[k] + run.command[:, k]), looks[bounds.names[k]])
+        _series(bounds.names[k], time, 1000 * (rest_length[k] + run.command[:, k]), looks[bounds.names[k]])
         for k in order
     ]
     caption = f"Rest lengths of the {len(order)} actuators that move most, with the {LOOP_NAMES[name]}."
@@ -133,17 +130,17 @@ def build_commands(study: ControlStudy) -> Section:
     rows = tuple(
         (
             text_cell(who),
-            *(number_cell(value, ".4f") for value in (item["rest_length"] or (None, None))),
-            text_cell("" if item["range"] is None else f"{item['range'][0]:g} to {item['range'][1]:g}"),
-            number_cell(item["peak_rate"], ".4f"), number_cell(item["rate"], "g"),
+            *(number_cell(value, ".4f") for value in (entry["rest_length"] or (None, None))),
+            text_cell("" if entry["range"] is None else f"{entry['range'][0]:g} to {entry['range'][1]:g}"),
+            number_cell(entry["peak_rate"], ".4f"), number_cell(entry["rate"], "g"),
         )
-        for who, item in use.items()
+        for who, entry in use.items()
     )  # fmt: skip
-    text = f"largest change by feedback {format_short(float(np.abs(added).max(initial=0.0)))} mm"
+    summary = f"largest change by feedback {format_short(float(np.abs(added).max(initial=0.0)))} mm"
     fast = sorted(range(len(rows)), key=lambda k: -float(rows[k][4].value or 0.0))[:8]
     caption = "Actuators: rest lengths and rates, with their limits"
     table = Table(caption, columns, rows, head=tuple(fast), head_note="the fastest")
-    return Section("commands", "actuators", "Commands", "plain", text, (*figures, table))
+    return Section("commands", "actuators", "Commands", "plain", summary, (*figures, table))
 
 
 def build_tensions(study: ControlStudy, model: CompiledModel) -> Iterator[Section]:
@@ -153,22 +150,22 @@ def build_tensions(study: ControlStudy, model: CompiledModel) -> Iterator[Sectio
         return
     structure = model.structure
     assert structure is not None
-    least = structure.limits.least_tension[cables]
+    limit = structure.limits.least_tension[cables]
     stated = study.mpc or study.distribution
     if stated is not None:
-        least = np.maximum(least, stated.least_tension[cables])
-    values = np.unique(least[np.isfinite(least)])[:2].tolist()
+        limit = np.maximum(limit, stated.least_tension[cables])
+    values = np.unique(limit[np.isfinite(limit)])[:2].tolist()
     figures = []
-    for word, pick in (("least", np.min), ("largest", np.max)):
-        series = _draw_loops(
-            study,
-            {name: pick(loop.run.member_tension[:, cables], axis=1) for name, loop in study.loops.items()},
-        )
-        bounds = values if word == "least" else []
+    for extreme, pick in (("least", np.min), ("largest", np.max)):
+        picked = {
+            name: pick(loop.run.member_tension[:, cables], axis=1) for name, loop in study.loops.items()
+        }
+        series = _draw_loops(study, picked)
+        bounds = values if extreme == "least" else []
         marks = tuple((float(value), f"limit: least tension {value:g} N") for value in bounds)
-        diagram = Diagram(TIME, f"{word} tension [N]", series, horizontal=marks, vertical=_marks(study))
-        caption = f"The {word} tension of the cables."
-        figures.append(diagram_figure(f"tension-{word}", diagram, caption, caption))
+        diagram = Diagram(TIME, f"{extreme} tension [N]", series, horizontal=marks, vertical=_marks(study))
+        caption = f"The {extreme} tension of the cables."
+        figures.append(diagram_figure(f"tension-{extreme}", diagram, caption, caption))
     ends = ", ".join(
         f"{LOOP_NAMES[name]} {format_short(float(np.min(loop.end_tension)))} N"
         for name, loop in study.loops.items()
@@ -194,16 +191,16 @@ def build_estimate(study: ControlStudy) -> Iterator[Section]:
     figures = [diagram_figure("estimate", diagram, caption, caption)]
     if np.any(forces):
         pushed = forces / scales.lever
-        order = sorted(np.argsort(-np.abs(pushed).max(axis=0), kind="stable")[:MOST_LINES].tolist())
+        order = sorted(np.argsort(-np.abs(pushed).max(axis=0), kind="stable")[:MAX_LINES].tolist())
         names = study.gains.state_name
         looks = choose_looks(names[k] for k in order)
         lines = [_series(names[k], time, pushed[:, k], looks[names[k]]) for k in order]
         diagram = Diagram(TIME, "disturbance force [N]", lines, vertical=_marks(study), legend_columns=2)
         caption = "Estimated disturbance forces; those on angles over the lever of the angle."
         figures.append(diagram_figure("forces", diagram, caption, caption))
-    last = missed[time >= time[-1] - study.last]
-    text = f"largest error at the end {float(last.max()):.3g} mm"
-    yield Section("estimate", "worst draw", "Estimate", "plain", text, tuple(figures))
+    at_end = missed[time >= time[-1] - study.last]
+    summary = f"largest error at the end {float(at_end.max()):.3g} mm"
+    yield Section("estimate", "worst draw", "Estimate", "plain", summary, tuple(figures))
 
 
 def _marks(study: ControlStudy) -> tuple[tuple[float, str], ...]:
@@ -211,7 +208,7 @@ def _marks(study: ControlStudy) -> tuple[tuple[float, str], ...]:
     marks = [(study.motion.duration, "end of motion")] if np.any(study.motion.velocity) else []
     for gust in study.drawn[study.worst_draw].gusts[:2]:
         marks.append((gust.start, "gust"))
-    return tuple((time, text) for time, text in marks if 0.0 < time < study.t_end)
+    return tuple((time, label) for time, label in marks if 0.0 < time < study.t_end)
 
 
 def _draw_loops(study: ControlStudy, values: Mapping[str, FloatArray]) -> list[Series]:
@@ -224,9 +221,9 @@ def _draw_loops(study: ControlStudy, values: Mapping[str, FloatArray]) -> list[S
 
 
 def _series(name: str, time: FloatArray, values: FloatArray, look: Look) -> Series:
-    """Return a line of at most MOST_POINTS points: of the others the extremes stay."""
-    if len(time) > MOST_POINTS:
-        edges = np.linspace(0, len(time), MOST_POINTS // 2 + 1).round().astype(int)
+    """Return a line of at most MAX_POINTS points: of the others the extremes stay."""
+    if len(time) > MAX_POINTS:
+        edges = np.linspace(0, len(time), MAX_POINTS // 2 + 1).round().astype(int)
         keep = {int(a + f(values[a:b])) for a, b in pairwise(edges.tolist()) for f in (np.argmin, np.argmax)}
         rows = sorted(keep)
         time, values = time[rows], values[rows]
@@ -235,4 +232,4 @@ def _series(name: str, time: FloatArray, values: FloatArray, look: Look) -> Seri
 
 
 def _is_positive(series: list[Series]) -> bool:
-    return all(bool(np.all(np.asarray(item.y) > 0)) for item in series)
+    return all(bool(np.all(np.asarray(line.y) > 0)) for line in series)

@@ -61,15 +61,12 @@ LOOPS = (
     "Open loop: without feedback. True state: feedback on the exact state, as if everything were measured "
     "without noise. Estimator: feedback on the state estimated from the sensors."
 )
+TOLERANCE_ROW = "tolerance: displacement of a node that is accepted for a moment"
 LOWER_PART = 0.95  # of the smallest tension at the end: less before it is stated too
 
 
 def build_control_page(study: ControlStudy, model: CompiledModel, structure: Structure, command: str) -> Page:
-    """Return the page of a study.
-
-    structure: what is drawn, its members first those of the model (then edges of bodies); command: the
-    command line that makes the page.
-    """
+    """Return the page of a study."""
     bound, count = -np.inf, len(study.drawn)
     if model.structure is not None:
         bound = find_least_bound(model.structure.limits.least_tension[find_cables(model)])
@@ -122,8 +119,8 @@ def _outcome(study: ControlStudy) -> Section:
         "Loops", tuple(columns[k] for k in shown), tuple(tuple(row[k] for k in shown) for row in rows), note
     )
     blocks: list[Block] = [table]
-    blocks += [Remark("differs", as_sentence(text)) for text in study.warnings]
-    blocks += [Paragraph(as_sentence(text)) for text in describe_facts(study)]
+    blocks += [Remark("differs", as_sentence(sentence)) for sentence in study.warnings]
+    blocks += [Paragraph(as_sentence(sentence)) for sentence in describe_facts(study)]
     return Section("outcome", "all", "Outcome", "plain", study.message, tuple(blocks))
 
 
@@ -143,38 +140,32 @@ def _outcome_row(name: str, loop: LoopResult) -> tuple[Cell, ...]:
 
 
 def _limits(study: ControlStudy) -> Section:
-    columns = (
-        Column("loop", numeric=False),
-        Column("limit", numeric=False),
-        Column("exceeded at the end", numeric=False),
-    )
+    columns = tuple(Column(title, numeric=False) for title in ("loop", "limit", "exceeded at the end"))
     rows = tuple(
         (text_cell(LOOP_NAMES[name]), text_cell(LIMIT_NAMES[limit]), text_cell(", ".join(who)))
         for name, loop in study.loops.items()
         for limit, who in loop.broken.items()
     )
     bad = [LOOP_NAMES[name] for name, loop in study.loops.items() if loop.broken]
-    text = f"exceeded at the end: {', '.join(bad)}" if bad else "none is exceeded at the end, in any loop"
+    summary = f"exceeded at the end: {', '.join(bad)}" if bad else "none is exceeded at the end, in any loop"
     if not has_limits(study):
-        text = "the scene states no limits of tensions or clearance"
+        summary = "the scene states no limits of tensions or clearance"
     blocks: list[Block] = [Table("Limits of the scene", columns, rows)] if rows else []
     heads = (
-        Column("loop", numeric=False),
-        Column("commands", numeric=False),
-        Column("number"),
-        Column("share", "%"),
-    )
+        Column("loop", numeric=False), Column("commands", numeric=False),
+        Column("number"), Column("share", "%"),
+    )  # fmt: skip
     counts = tuple(
         (
-            text_cell(LOOP_NAMES[name]), text_cell(STEP_NAMES.get(word, word)),
+            text_cell(LOOP_NAMES[name]), text_cell(STEP_NAMES.get(status, status)),
             number_cell(float(count), ".0f"),
             number_cell(100 * count / max(sum(loop.steps.values()), 1), ".2f"),
         )
         for name, loop in study.loops.items()
-        for word, count in loop.steps.items()
+        for status, count in loop.steps.items()
     )  # fmt: skip
     blocks.append(Table("Commands of all draws", heads, counts))
-    return Section("limits", "limits", "Limits", "plain", text, tuple(blocks))
+    return Section("limits", "limits", "Limits", "plain", summary, tuple(blocks))
 
 
 def _draws(study: ControlStudy) -> Section:
@@ -193,8 +184,8 @@ def _draws(study: ControlStudy) -> Section:
         cells += [number_cell(study.loops[name].measures[k].end_tension, ".4g") for name in names]
         rows.append(tuple(cells))
     note = "Largest distance of a node from the motion, and least tension of the cables, at the end."
-    last = study.loops[names[-1]].end_error
-    worst = tuple(np.argsort(-np.nan_to_num(last, nan=np.inf), kind="stable")[:8].tolist())
+    end_error = study.loops[names[-1]].end_error
+    worst = tuple(np.argsort(-np.nan_to_num(end_error, nan=np.inf), kind="stable")[:8].tolist())
     table = Table("Draws", tuple(columns), tuple(rows), note, head=worst, head_note="the largest errors")
     return Section("draws", "all", "Draws", "plain", f"{len(rows)} draws, seed {study.seed}", (table,))
 
@@ -202,12 +193,7 @@ def _draws(study: ControlStudy) -> Section:
 def _design(study: ControlStudy) -> Section:
     gains, tuning = study.gains, study.tuning
     facts: list[tuple[str, float, str, str]] = [
-        (
-            "tolerance: displacement of a node that is accepted for a moment",
-            1000 * tuning.tolerance,
-            "mm",
-            ".4g",
-        ),
+        (TOLERANCE_ROW, 1000 * tuning.tolerance, "mm", ".4g"),
         ("response time", 1000 * tuning.response_time, "ms", ".4g"),
         ("lowest natural frequency", tuning.scales.frequency / (2 * np.pi), "Hz", ".4g"),
         ("time between two commands", 1000 * gains.sample, "ms", ".4g"),
@@ -245,9 +231,9 @@ def _judge_loops(study: ControlStudy) -> Table:
             ("any actuator alone", float(margins.actuator_disk.min())),
             ("each actuator differently", margins.disk),
         ):
-            least, most = find_gain_range(disk)
-            add(f"{who}: least factor of the effect that it stands", "", ".3g", least)
-            add(f"{who}: largest", "", ".3g", most)
+            lower, upper = find_gain_range(disk)
+            add(f"{who}: least factor of the effect that it stands", "", ".3g", lower)
+            add(f"{who}: largest", "", ".3g", upper)
             add(f"{who}: phase", "deg", ".3g", float(np.degrees(find_phase(disk))))
     noise = find_noise_errors(study)
     if noise is not None:
@@ -276,33 +262,29 @@ def _judge_loops(study: ControlStudy) -> Table:
 
 
 def describe_control_finding(study: ControlStudy, least_bound: float = -math.inf) -> str:
-    """Return how far the structure ends from its motion with and without feedback, and the least tension.
-
-    study: the study; of all draws the worst values count.
-    least_bound: limit of the tension of the cables [N], -infinity without one.
-    """
+    """Return how far the structure ends from its motion with and without feedback, and the least tension."""
     closed = {name: loop for name, loop in study.loops.items() if name != OPEN}
     name, loop = list(closed.items())[-1]
     thing = "motion" if np.any(study.motion.velocity) else "equilibrium"
     if study.status in ("unstable", "not_solved"):
-        counts = {key: getattr(item, study.status) for key, item in closed.items()}
-        parts = [
+        counts = {key: getattr(closed_loop, study.status) for key, closed_loop in closed.items()}
+        failing = [
             f"the {LOOP_NAMES[key]} in {n} of {len(study.drawn)} draws" for key, n in counts.items() if n
         ]
-        what = study.status.replace("_", " ")
-        return f"Feedback is {what} with {' and with '.join(parts)}; {_without(study)}"
+        status = study.status.replace("_", " ")
+        return f"Feedback is {status} with {' and with '.join(failing)}; {_without(study)}"
     if study.status == "does_not_hold":
         return (
             f"Feedback does not keep the {thing}: {_error(study, loop)} from it at the end with the "
             f"{LOOP_NAMES[name]}, {_without(study)}"
         )
-    text = (
+    sentence = (
         f"Feedback with the {LOOP_NAMES[name]} keeps the {thing} within {_error(study, loop)} at the end, "
         f"{_without(study)}"
     )
     worse = count_worse(study.loops, name)
-    text += f", worse than that in {worse} of {len(study.drawn)} draws" if worse else ""
-    return f"{text}{_describe_limits(loop, least_bound)}"
+    sentence += f", worse than that in {worse} of {len(study.drawn)} draws" if worse else ""
+    return f"{sentence}{_describe_limits(loop, least_bound)}"
 
 
 def find_least_bound(limits: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
@@ -327,13 +309,13 @@ def _error(study: ControlStudy, loop: LoopResult) -> str:
 
 def _describe_limits(loop: LoopResult, least_bound: float) -> str:
     """Return the smallest tension at the end, and the limits that are not kept there."""
-    broken = [f"{LIMIT_NAMES[limit]} not kept by {join_names(who)}" for limit, who in loop.broken.items()]
-    least = float(np.min(loop.end_tension))
-    if not math.isfinite(least):
-        return "".join(f"; {text}" for text in broken)
-    way = float(np.min(loop.least_tension))
-    place = f" at the end, {format_short(way)} N on the way" if way < LOWER_PART * least else ""
-    bound = f", limit {format_short(least_bound)} N" if math.isfinite(least_bound) else ""
-    return f"; smallest cable tension {format_short(least)} N{place}{bound}" + "".join(
-        f"; {text}" for text in broken
+    broken = "".join(
+        f"; {LIMIT_NAMES[limit]} not kept by {join_names(who)}" for limit, who in loop.broken.items()
     )
+    smallest = float(np.min(loop.end_tension))
+    if not math.isfinite(smallest):
+        return broken
+    way = float(np.min(loop.least_tension))
+    on_the_way = f" at the end, {format_short(way)} N on the way" if way < LOWER_PART * smallest else ""
+    bound = f", limit {format_short(least_bound)} N" if math.isfinite(least_bound) else ""
+    return f"; smallest cable tension {format_short(smallest)} N{on_the_way}{bound}{broken}"

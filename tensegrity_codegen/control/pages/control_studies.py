@@ -92,8 +92,8 @@ def errors_table(study: ControlStudy, name: str) -> Table:
     if study.tuning.scales.is_angle.any():
         add_row(table, "error [deg]", *(_range(np.degrees(loop.end_angle)) for loop in loops.values()))
     if not all(np.isnan(loop.end_tension).all() for loop in loops.values()):
-        least = (f"{np.nanmin(loop.end_tension):.4g}" for loop in loops.values())
-        add_row(table, "least tension [N]", *least)
+        tensions = (f"{np.nanmin(loop.end_tension):.4g}" for loop in loops.values())
+        add_row(table, "least tension [N]", *tensions)
     add_row(table, "limits", *(_describe_limits(study, loop) for loop in loops.values()))
     table.add_section()
     add_row(table, "whole time", *("" for _ in loops))
@@ -116,13 +116,13 @@ def actuators_table(study: ControlStudy, name: str) -> LongTable:
             "" if use["rate"] is None else f"{use['rate']:g}",
         )  # fmt: skip
 
-    part = [-use["peak_rate"] / (use["rate"] or np.inf) for _, use in uses]
+    ratios = [-use["peak_rate"] / (use["rate"] or np.inf) for _, use in uses]
     heads = ("rest length\n[m]", "range\n[m]", "motion needs\n[m/s]", "commanded\n[m/s]", "rate\n[m/s]")
     return LongTable(
         f"{name}: actuators with feedback, draw {study.worst_draw}", ("actuator", *heads), "frrrrr",
         len(uses), describe, "actuators",
         (
-            ("nearest to their rate", rank_rows(part)),
+            ("nearest to their rate", rank_rows(ratios)),
             ("fastest", rank_rows([-use["peak_rate"] for _, use in uses])),
         ),
     )  # fmt: skip
@@ -171,18 +171,19 @@ def describe_delays(study: ControlStudy) -> str:
     """Return when commands act, and with what further delay the linear loops become unstable."""
     delay, sample = study.bounds.delay, study.gains.sample
     late = float(delay.max(initial=0.0))
-    text = "commands act at once"
+    sentence = "commands act at once"
     if late:
-        rest = "up to " if float(delay.min()) < late else ""
-        text = f"commands act {rest}{1000 * late:.3g} ms ({_count_samples(late / sample)}) later"
-        text += ", which the gains predict" if np.allclose(study.gains.delay, delay) else ""
+        prefix = "up to " if float(delay.min()) < late else ""
+        sentence = f"commands act {prefix}{1000 * late:.3g} ms ({_count_samples(late / sample)}) later"
+        sentence += ", which the gains predict" if np.allclose(study.gains.delay, delay) else ""
     stood = []
     for name, margins in study.margins.items():
         is_known = np.isfinite(margins.delay)
-        more = margins.delay if is_known else MAX_SAMPLES * sample
-        size = f"{'' if is_known else 'more than '}{1000 * more:.3g} ms ({_count_samples(more / sample)})"
+        further = margins.delay if is_known else MAX_SAMPLES * sample
+        above = "" if is_known else "more than "
+        size = f"{above}{1000 * further:.3g} ms ({_count_samples(further / sample)})"
         stood.append(f"{LOOP_NAMES[name]} {f'with {size} more' if margins.is_stable else 'at once'}")
-    return f"{text}; linear loops become unstable: {', '.join(stood)}"
+    return f"{sentence}; linear loops become unstable: {', '.join(stood)}"
 
 
 def _count_samples(count: float) -> str:
@@ -193,13 +194,13 @@ def find_actuator_use(study: ControlStudy) -> dict[str, dict[str, Any]]:
     """Return of each actuator in the worst draw of the last loop: rest lengths, rates, their limits."""
     run = list(study.loops.values())[-1].run
     motion, bounds = study.motion, study.bounds
-    found = {}
+    uses = {}
     for k, name in enumerate(motion.actuators):
         base = float(motion.rest_length[0, k] - motion.input[0, int(bounds.place[k])])
         command = run.command[:, k]
         rate = np.abs(np.diff(command)) / study.gains.sample
         limits = (float(base + bounds.least[k]), float(base + bounds.most[k]))
-        found[name] = {
+        uses[name] = {
             "rest_length": [base + float(command.min()), base + float(command.max())]
             if len(command)
             else None,
@@ -209,17 +210,14 @@ def find_actuator_use(study: ControlStudy) -> dict[str, dict[str, Any]]:
             "rate": float(bounds.rate[k]) if np.isfinite(bounds.rate[k]) else None,
             "delay": float(bounds.delay[k]),
         }
-    return found
+    return uses
 
 
 def _describe_loop(loop: LoopResult) -> dict[str, Any]:
+    errors = {"end_error": loop.end_error, "peak_error": loop.peak_error, "end_angle": loop.end_angle}
     data = {
         key: {"least": float(np.min(values)), "largest": float(np.max(values)), "draws": values.tolist()}
-        for key, values in (
-            ("end_error", loop.end_error),
-            ("peak_error", loop.peak_error),
-            ("end_angle", loop.end_angle),
-        )
+        for key, values in errors.items()
     }
     return {
         **data,
@@ -246,8 +244,8 @@ def _describe_margins(margins: Margins, actuators: Sequence[str]) -> dict[str, A
 
 
 def _describe_disk(disk: float) -> dict[str, Any]:
-    least, largest = find_gain_range(disk)
-    return {"disk": disk, "gain": [least, _finite(largest)], "phase": find_phase(disk)}
+    lower, largest = find_gain_range(disk)
+    return {"disk": disk, "gain": [lower, _finite(largest)], "phase": find_phase(disk)}
 
 
 def _finite(value: float) -> float | None:
@@ -264,11 +262,8 @@ def find_noise_errors(study: ControlStudy) -> dict[str, Any] | None:
         return None
     predicted, simulated = study.predicted["estimator"], study.loops["estimator"].end_rms
     node = max(predicted, key=lambda name: predicted[name])
-    return {
-        "node": node,
-        "predicted_rms": _finite(predicted[node]),
-        "simulated_rms": _finite(simulated[node]),
-    }
+    rms = {"predicted_rms": _finite(predicted[node]), "simulated_rms": _finite(simulated[node])}
+    return {"node": node, **rms}
 
 
 def _describe_estimator(study: ControlStudy) -> dict[str, Any] | None:
@@ -307,26 +302,26 @@ def _describe_errors(study: ControlStudy) -> dict[str, Any]:
     return {
         "start": dict(zip(names, start.tolist(), strict=True)),
         "stiffness": stated.stiffness_error,
-        "gusts": [[vars(gust) for gust in item.gusts] for item in study.drawn],
+        "gusts": [[vars(gust) for gust in errors.gusts] for errors in study.drawn],
     }
 
 
 def _describe_words(study: ControlStudy) -> str:
     start = np.abs(study.drawn[0].coordinate)
     angle = study.tuning.scales.is_angle
-    parts = []
+    clauses = []
     if angle.any() and start[angle].any():
-        parts.append(f"angles off by {_span(np.degrees(start[angle]))} deg at the start")
+        clauses.append(f"angles off by {_span(np.degrees(start[angle]))} deg at the start")
     if (~angle).any() and start[~angle].any():
-        parts.append(f"coordinates off by {_span(1000 * start[~angle])} mm at the start")
+        clauses.append(f"coordinates off by {_span(1000 * start[~angle])} mm at the start")
     if study.errors.stiffness_error:
-        parts.append(f"stiffness of cables off by {100 * study.errors.stiffness_error:.4g} %")
+        clauses.append(f"stiffness of cables off by {100 * study.errors.stiffness_error:.4g} %")
     for gust in study.drawn[0].gusts:
         size = float(np.linalg.norm(gust.force))
-        parts.append(f"{size:.4g} N on a node from {gust.start:g} to {gust.end:g} s")
+        clauses.append(f"{size:.4g} N on a node from {gust.start:g} to {gust.end:g} s")
     if study.estimator is not None:
-        parts.append("noise of the sensors")
-    return ", ".join(parts) or "none"
+        clauses.append("noise of the sensors")
+    return ", ".join(clauses) or "none"
 
 
 def _describe_cut(loop: LoopResult) -> str:

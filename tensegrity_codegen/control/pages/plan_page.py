@@ -32,7 +32,7 @@ from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
 
 N_SHAPES = 4  # pictures of the path
-MOST_LINES = 6  # in a diagram
+MAX_LINES = 6  # in a diagram
 LEAD = {
     "found": "Changes of rest lengths move the structure through stable equilibria to its target.",
     "blocked": "Changes of rest lengths move the structure through stable equilibria towards its target, "
@@ -44,129 +44,125 @@ STATUS = {"found": "target reached", "blocked": "path blocked", "infeasible": "t
 PROGRESS = "progress [%]"
 
 
-def build_plan_page(found: PlanResult, structure: Structure, limits: Limits, command: str = "") -> Page:
-    """Return the page of a plan.
-
-    structure: what is drawn, its members first those of the plan (then edges of bodies); limits: those of
-    the members of the plan; command: the command line that makes the page.
-    """
+def build_plan_page(plan: PlanResult, structure: Structure, limits: Limits, command: str = "") -> Page:
+    """Return the page of a plan."""
     path: list[Section] = []
-    if found.n_steps:
-        path = [_shapes(found, structure), _targets(found), _rest_lengths(found)]
-        path += build_limit_sections(found, limits)
+    if plan.n_steps:
+        path = [_shapes(plan, structure), _targets(plan), _rest_lengths(plan)]
+        path += build_limit_sections(plan, limits)
     sections = (
-        _outcome(found),
-        *_proof(found, structure),
+        _outcome(plan),
+        *_proof(plan, structure),
         *path,
         *([command_section(command)] if command else []),
     )
     counts = (
-        f"{describe_count(len(found.node_name), 'node')}, "
-        f"{describe_count(len(found.member_name), 'member')}, "
-        f"{describe_count(len(found.actuator_name), 'actuator')}"
+        f"{describe_count(len(plan.node_name), 'node')}, "
+        f"{describe_count(len(plan.member_name), 'member')}, "
+        f"{describe_count(len(plan.actuator_name), 'actuator')}"
     )
     return Page(
         subject=f"Plan of {structure.name}",
-        title=describe_plan_finding(found, limits),
-        lead=LEAD[found.status] + (POINTS if found.n_steps else ""),
-        chapters=(Chapter("plan", structure.name, STATUS[found.status], f"{counts}.", sections),),
+        title=describe_plan_finding(plan, limits),
+        lead=LEAD[plan.status] + (POINTS if plan.n_steps else ""),
+        chapters=(Chapter("plan", structure.name, STATUS[plan.status], f"{counts}.", sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/planning.md."),
         summary_heads=("part", "what", "result"),
     )
 
 
-def _outcome(found: PlanResult) -> Section:
+def _outcome(plan: PlanResult) -> Section:
     rows = tuple(
         (
             text_cell(name),
-            *(number_cell(value, ".6g") for value in (*_ends(found, k), float(found.goal[k]))),
-            text_cell(found.target_unit[k]),
+            *(number_cell(value, ".6g") for value in (*_ends(plan, k), float(plan.goal[k]))),
+            text_cell(plan.target_unit[k]),
         )
-        for k, name in enumerate(found.target_name)
+        for k, name in enumerate(plan.target_name)
     )
     heads = (Column("target", numeric=False), Column("start"), Column("reached"), Column("goal"))
-    blocks: list[Block] = [Paragraph(as_sentence(found.message))]
-    blocks += [Remark("differs", as_sentence(text)) for text in found.warnings]
+    blocks: list[Block] = [Paragraph(as_sentence(plan.message))]
+    blocks += [Remark("differs", as_sentence(sentence)) for sentence in plan.warnings]
     blocks.append(Table("Targets", (*heads, Column("unit", numeric=False)), rows))
-    blocks += [Paragraph(as_sentence(text)) for text in describe_extremes(found)]
-    if found.time is not None and found.n_steps:
-        blocks.append(Paragraph(f"The plan takes {format_short(float(found.time[-1]))} s."))
-    return Section("outcome", "all", "Outcome", "plain", STATUS[found.status], tuple(blocks))
+    blocks += [Paragraph(as_sentence(sentence)) for sentence in describe_extremes(plan)]
+    if plan.time is not None and plan.n_steps:
+        blocks.append(Paragraph(f"The plan takes {format_short(float(plan.time[-1]))} s."))
+    return Section("outcome", "all", "Outcome", "plain", STATUS[plan.status], tuple(blocks))
 
 
-def _ends(found: PlanResult, row: int) -> tuple[float | None, float | None]:
-    if not len(found.target):
+def _ends(plan: PlanResult, row: int) -> tuple[float | None, float | None]:
+    if not len(plan.target):
         return None, None
-    return float(found.target[0, row]), float(found.target[-1, row])
+    return float(plan.target[0, row]), float(plan.target[-1, row])
 
 
-def _shapes(found: PlanResult, structure: Structure) -> Section:
-    rows = np.unique(np.linspace(0, found.n_steps, min(N_SHAPES, found.n_steps + 1)).round().astype(int))
+def _shapes(plan: PlanResult, structure: Structure) -> Section:
+    rows = np.unique(np.linspace(0, plan.n_steps, min(N_SHAPES, plan.n_steps + 1)).round().astype(int))
     drawn = np.pad(
-        found.member_tension,
-        ((0, 0), (0, structure.n_members - found.member_tension.shape[1])),
+        plan.member_tension,
+        ((0, 0), (0, structure.n_members - plan.member_tension.shape[1])),
         constant_values=np.nan,
     )
-    among = (found.node_position[rows], drawn[rows])
+    among = (plan.node_position[rows], drawn[rows])
     figures = []
     for row in rows:
-        caption = f"Progress {format_short(100 * found.progress[row])} %: {_name_targets(found, int(row))}."
+        caption = f"Progress {format_short(100 * plan.progress[row])} %: {_name_targets(plan, int(row))}."
         picture = draw_tensions(
-            structure, found.node_position[row], drawn[row], "member tension [N]", among=among
+            structure, plan.node_position[row], drawn[row], "member tension [N]", among=among
         )
-        data = {"node_position": found.node_position[row].tolist()}
+        data = {"node_position": plan.node_position[row].tolist()}
         figures.append(Figure(draw_picture(picture, f"shape{row}"), caption, caption, data))
-    text = f"{len(figures)} of {found.n_steps + 1} points"
-    return Section("shapes", "path", "Shapes along the path", "plain", text, tuple(figures))
+    summary = f"{len(figures)} of {plan.n_steps + 1} points"
+    return Section("shapes", "path", "Shapes along the path", "plain", summary, tuple(figures))
 
 
-def _name_targets(found: PlanResult, row: int) -> str:
+def _name_targets(plan: PlanResult, row: int) -> str:
     shown = [
         f"{name} {format_short(float(value), 4)} {unit}".strip()
-        for name, value, unit in zip(found.target_name, found.target[row], found.target_unit, strict=True)
+        for name, value, unit in zip(plan.target_name, plan.target[row], plan.target_unit, strict=True)
     ]
     return ", ".join(shown[:3]) + (f" and {len(shown) - 3} more" if len(shown) > 3 else "")
 
 
-def _targets(found: PlanResult) -> Section:
+def _targets(plan: PlanResult) -> Section:
     figures: list[Figure] = []
-    for unit in dict.fromkeys(found.target_unit):
-        rows = [k for k, other in enumerate(found.target_unit) if other == unit][:MOST_LINES]
+    for unit in dict.fromkeys(plan.target_unit):
+        rows = [k for k, target_unit in enumerate(plan.target_unit) if target_unit == unit][:MAX_LINES]
         series = [
-            Series(found.target_name[k], 100 * found.progress, found.target[:, k], color=n)
+            Series(plan.target_name[k], 100 * plan.progress, plan.target[:, k], color=n)
             for n, k in enumerate(rows)
         ]
-        goals = dict.fromkeys(float(found.goal[k]) for k in rows)
+        goals = dict.fromkeys(float(plan.goal[k]) for k in rows)
         marks = tuple((goal, f"goal {format_short(goal, 4)} {unit}".rstrip()) for goal in goals)
         label = f"target [{unit}]" if unit else "target [SI]"
         diagram = Diagram(PROGRESS, label, series, horizontal=marks, legend_columns=2)
         caption = "Values of the targets along the path."
         figures.append(joined_figure(f"targets{len(figures)}", diagram, caption, caption))
-    count = len(found.target_name)
-    shown = _name_targets(found, -1)
-    text = f"{shown} at the end" if count <= 3 else f"{count} values"
-    return Section("targets", "targets", "Targets", "plain", text, tuple(figures))
+    count = len(plan.target_name)
+    shown = _name_targets(plan, -1)
+    summary = f"{shown} at the end" if count <= 3 else f"{count} values"
+    return Section("targets", "targets", "Targets", "plain", summary, tuple(figures))
 
 
-def _rest_lengths(found: PlanResult) -> Section:
-    moved = found.change - found.change[0]
-    order = np.argsort(-np.abs(moved).max(axis=0), kind="stable")[:MOST_LINES]
-    looks = choose_looks(found.actuator_name[k] for k in sorted(order))
+def _rest_lengths(plan: PlanResult) -> Section:
+    moved = plan.change - plan.change[0]
+    order = np.argsort(-np.abs(moved).max(axis=0), kind="stable")[:MAX_LINES]
+    looks = choose_looks(plan.actuator_name[k] for k in sorted(order))
     series = [
-        Series(name, 100 * found.progress, 1000 * moved[:, found.actuator_name.index(name)], style, color)
+        Series(name, 100 * plan.progress, 1000 * moved[:, plan.actuator_name.index(name)], style, color)
         for name, (color, style) in looks.items()
     ]
-    few = "" if len(found.actuator_name) <= MOST_LINES else f" of the {MOST_LINES} that move most"
+    few = "" if len(plan.actuator_name) <= MAX_LINES else f" of the {MAX_LINES} that move most"
     caption = f"Changes of rest lengths of the actuators{few}."
     diagram = Diagram(PROGRESS, "change of rest length [mm]", series)
     rows = tuple(
         (
             text_cell(name),
-            number_cell(float(found.rest_length[0, k]), ".6f"),
-            number_cell(float(found.rest_length[-1, k]), ".6f"),
+            number_cell(float(plan.rest_length[0, k]), ".6f"),
+            number_cell(float(plan.rest_length[-1, k]), ".6f"),
             number_cell(1000 * float(moved[-1, k]), "+.3f"),
         )
-        for k, name in enumerate(found.actuator_name)
+        for k, name in enumerate(plan.actuator_name)
     )
     columns = (
         Column("actuator", numeric=False),
@@ -174,18 +170,18 @@ def _rest_lengths(found: PlanResult) -> Section:
         Column("end", "m"),
         Column("change", "mm"),
     )
-    text = f"largest change {format_short(1000 * float(np.abs(moved).max()))} mm"
+    summary = f"largest change {format_short(1000 * float(np.abs(moved).max()))} mm"
     farthest = tuple(np.argsort(-np.abs(moved[-1]), kind="stable")[:8].tolist())
     table = Table("Rest lengths", columns, rows, head=farthest, head_note="those that change most")
-    blocks = (joined_figure("rest", diagram, caption, text), table)
-    return Section("rest-lengths", "actuators", "Rest lengths", "plain", text, blocks)
+    blocks = (joined_figure("rest", diagram, caption, summary), table)
+    return Section("rest-lengths", "actuators", "Rest lengths", "plain", summary, blocks)
 
 
-def _proof(found: PlanResult, structure: Structure) -> Iterator[Section]:
-    proof = found.certificate
+def _proof(plan: PlanResult, structure: Structure) -> Iterator[Section]:
+    proof = plan.certificate
     if not isinstance(proof, Certificate):
         return
-    text = f"{len(proof.shortening)} cables shorten, no cable lengthens, no bar changes its length"
+    summary = f"{len(proof.shortening)} cables shorten, no cable lengthens, no bar changes its length"
     why = Paragraph(
         "Tensions t that balance loads f satisfy t . e = f . d in all displacements d, where e = A^T d are "
         "the changes of length. In these displacements f . d is zero or positive, and t . e zero or negative "
@@ -193,102 +189,101 @@ def _proof(found: PlanResult, structure: Structure) -> Iterator[Section]:
         "are: so there are no such tensions at this shape."
     )
     blocks: list[Block] = [why]
-    if found.proof_position is not None and found.proof_displacement is not None:
-        picture = draw_motion(structure, found.proof_position, found.proof_displacement)
-        data = {"displacement": found.proof_displacement.tolist()}
-        blocks.append(Figure(draw_picture(picture, "proof"), f"The motion, enlarged: {text}.", text, data))
-    blocks.append(tabulate_elongation(proof, found.member_name, "+.9f"))
-    yield Section("proof", "proof", "Why there is no plan", "plain", text, tuple(blocks))
+    if plan.proof_position is not None and plan.proof_displacement is not None:
+        picture = draw_motion(structure, plan.proof_position, plan.proof_displacement)
+        data = {"displacement": plan.proof_displacement.tolist()}
+        blocks.append(
+            Figure(draw_picture(picture, "proof"), f"The motion, enlarged: {summary}.", summary, data)
+        )
+    blocks.append(tabulate_elongation(proof, plan.member_name, "+.9f"))
+    yield Section("proof", "proof", "Why there is no plan", "plain", summary, tuple(blocks))
 
 
 # Sections of the page of a plan about its limits: tensions, clearance, stability, what binds.
 
 
-def build_limit_sections(found: PlanResult, limits: Limits) -> Iterator[Section]:
+def build_limit_sections(plan: PlanResult, limits: Limits) -> Iterator[Section]:
     """Yield tensions, distances between bars where there are any, stability, and what binds."""
-    yield _tensions(found, limits)
-    if found.bar_distance.shape[1]:
-        yield _clearance(found, limits)
-    yield _stiffness(found, limits)
-    yield _binding(found)
+    yield _tensions(plan, limits)
+    if plan.bar_distance.shape[1]:
+        yield _clearance(plan, limits)
+    yield _stiffness(plan, limits)
+    yield _binding(plan)
 
 
-def _tensions(found: PlanResult, limits: Limits) -> Section:
-    cables = np.flatnonzero(found.is_cable)
-    names = [name for name in _binding_members(found) if found.is_cable[found.member_name.index(name)]]
+def _tensions(plan: PlanResult, limits: Limits) -> Section:
+    cables = np.flatnonzero(plan.is_cable)
+    names = [name for name in _binding_members(plan) if plan.is_cable[plan.member_name.index(name)]]
     series = []
     if len(cables):
         series = [
-            _line(found, "least of the cables", found.member_tension[:, cables].min(axis=1), 0),
-            _line(found, "largest of the cables", found.member_tension[:, cables].max(axis=1), 1),
+            _line(plan, "least of the cables", plan.member_tension[:, cables].min(axis=1), 0),
+            _line(plan, "largest of the cables", plan.member_tension[:, cables].max(axis=1), 1),
         ]
-    for name in names[: MOST_LINES - len(series)]:
+    for name in names[: MAX_LINES - len(series)]:
         series.append(
-            _line(found, name, found.member_tension[:, found.member_name.index(name)], len(series), "dashed")
+            _line(plan, name, plan.member_tension[:, plan.member_name.index(name)], len(series), "dashed")
         )
     bounds = (("least", limits.least_tension), ("largest", limits.most_tension))
     marks = [
-        (value, f"limit: {word} tension {format_short(value)} N")
-        for word, values in bounds
+        (value, f"limit: {bound} tension {format_short(value)} N")
+        for bound, values in bounds
         for value in np.unique(values[cables][np.isfinite(values[cables])])[:3].tolist()
     ]
     diagram = Diagram(PROGRESS, "tension [N]", series, horizontal=tuple(marks), legend_columns=2)
-    text = describe_extremes(found)[0] if len(cables) else "no cables"
+    summary = describe_extremes(plan)[0] if len(cables) else "no cables"
     caption = "Tensions of the cables, with their limits; dashed: cables that limit a step."
-    return Section(
-        "tensions", "limits", "Tensions", "plain", text, (joined_figure("tension", diagram, caption, text),)
-    )
+    figure = joined_figure("tension", diagram, caption, summary)
+    return Section("tensions", "limits", "Tensions", "plain", summary, (figure,))
 
 
-def _clearance(found: PlanResult, limits: Limits) -> Section:
-    nearest = np.argsort(found.bar_distance.min(axis=0), kind="stable")[:MOST_LINES]
+def _clearance(plan: PlanResult, limits: Limits) -> Section:
+    nearest = np.argsort(plan.bar_distance.min(axis=0), kind="stable")[:MAX_LINES]
     series = [
-        _line(found, found.bar_pair_name[k], 1000 * found.bar_distance[:, k], n)
+        _line(plan, plan.bar_pair_name[k], 1000 * plan.bar_distance[:, k], n)
         for n, k in enumerate(sorted(nearest.tolist()))
     ]
     bound = 1000 * limits.clearance
     marks = ((bound, f"limit: clearance {format_short(bound)} mm"),) if math.isfinite(bound) else ()
     diagram = Diagram(PROGRESS, "distance between bars [mm]", series, horizontal=marks, legend_columns=2)
-    text = f"least distance {format_short(1000 * float(found.bar_distance.min()))} mm"
+    summary = f"least distance {format_short(1000 * float(plan.bar_distance.min()))} mm"
     caption = "Distances between the surfaces of the nearest bars."
-    return Section(
-        "clearance", "limits", "Clearance", "plain", text, (joined_figure("clear", diagram, caption, text),)
-    )
+    figure = joined_figure("clear", diagram, caption, summary)
+    return Section("clearance", "limits", "Clearance", "plain", summary, (figure,))
 
 
-def _stiffness(found: PlanResult, limits: Limits) -> Section:
+def _stiffness(plan: PlanResult, limits: Limits) -> Section:
     bound = limits.least_stiffness
     marks = ((bound, f"limit {format_short(bound)} N/m"),) if math.isfinite(bound) else ()
-    series = [_line(found, "", found.smallest_eigenvalue, 0)]
+    series = [_line(plan, "", plan.smallest_eigenvalue, 0)]
     diagram = Diagram(PROGRESS, "smallest eigenvalue [N/m]", series, horizontal=marks)
-    text = f"stable: smallest eigenvalue {format_short(float(found.smallest_eigenvalue.min()))} N/m"
+    summary = f"stable: smallest eigenvalue {format_short(float(plan.smallest_eigenvalue.min()))} N/m"
     caption = "Smallest eigenvalue of the tangent stiffness without rigid motions: positive where stable."
-    return Section(
-        "stiffness", "limits", "Stability", "plain", text, (joined_figure("stiff", diagram, caption, text),)
-    )
+    figure = joined_figure("stiff", diagram, caption, summary)
+    return Section("stiffness", "limits", "Stability", "plain", summary, (figure,))
 
 
-def _binding(found: PlanResult) -> Section:
+def _binding(plan: PlanResult) -> Section:
     columns = (Column("progress", "%"), Column("limit", numeric=False), Column("of", numeric=False))
     rows = []
-    for step, items in enumerate(found.binding):
-        for limit, names in _group(items).items():
-            value = number_cell(100 * float(found.progress[step]), ".2f")
+    for step, bindings in enumerate(plan.binding):
+        for limit, names in _group(bindings).items():
+            value = number_cell(100 * float(plan.progress[step]), ".2f")
             rows.append((value, text_cell(LIMIT_WORDS[limit]), text_cell(names)))
     blocks: list[Block] = []
-    text = "no limit binds along the path"
+    summary = "no limit binds along the path"
     if rows:
-        text = f"limits bind in {sum(1 for items in found.binding if items)} of {found.n_steps} steps"
+        summary = f"limits bind in {sum(1 for bindings in plan.binding if bindings)} of {plan.n_steps} steps"
         blocks.append(Table("Limits that bind in the step to a point", columns, tuple(rows)))
-    if found.block is not None:
+    if plan.block is not None:
         gained = tuple(
             (
-                text_cell(LIMIT_WORDS[item.limit]),
-                text_cell(item.name),
-                text_cell(f"{item.bound:.6g} {item.unit}"),
-                number_cell(100 * item.multiplier, ".4g"),
+                text_cell(LIMIT_WORDS[binding.limit]),
+                text_cell(binding.name),
+                text_cell(f"{binding.bound:.6g} {binding.unit}"),
+                number_cell(100 * binding.multiplier, ".4g"),
             )
-            for item in found.block.binding
+            for binding in plan.block.binding
         )
         heads = (
             Column("limit", numeric=False),
@@ -296,32 +291,26 @@ def _binding(found: PlanResult) -> Section:
             Column("value"),
             Column("progress for a unit", "% per N, m or N/m"),
         )
-        text = f"blocked at {format_short(100 * found.block.progress)} % of the way"
+        summary = f"blocked at {format_short(100 * plan.block.progress)} % of the way"
         blocks.append(Table("Where the path is blocked", heads, gained))
-    return Section(
-        "binding",
-        "limits",
-        "What binds",
-        "plain",
-        text,
-        tuple(blocks) or (Paragraph(as_sentence(text)),),
-    )
+    shown = tuple(blocks) or (Paragraph(as_sentence(summary)),)
+    return Section("binding", "limits", "What binds", "plain", summary, shown)
 
 
-def _line(found: PlanResult, name: str, values: FloatArray, color: int, style: str = "line") -> Series:
-    return Series(name, 100 * found.progress, values, "dashed" if style == "dashed" else "line", color)
+def _line(plan: PlanResult, name: str, values: FloatArray, color: int, style: str = "line") -> Series:
+    return Series(name, 100 * plan.progress, values, "dashed" if style == "dashed" else "line", color)
 
 
-def _binding_members(found: PlanResult) -> list[str]:
+def _binding_members(plan: PlanResult) -> list[str]:
     """Return the members whose tensions limit steps, those of the end first."""
     kinds = ("least_tension", "most_tension", "yield", "buckling")
-    items = [item for step in reversed(found.binding) for item in step]
-    items = [*(found.block.binding if found.block else ()), *items]
-    return list(dict.fromkeys(item.name for item in items if item.limit in kinds))
+    bindings = [binding for step in reversed(plan.binding) for binding in step]
+    bindings = [*(plan.block.binding if plan.block else ()), *bindings]
+    return list(dict.fromkeys(binding.name for binding in bindings if binding.limit in kinds))
 
 
-def _group(items: tuple[Binding, ...]) -> dict[str, str]:
+def _group(bindings: tuple[Binding, ...]) -> dict[str, str]:
     names: dict[str, list[str]] = {}
-    for item in items:
-        names.setdefault(item.limit, []).append(item.name)
+    for binding in bindings:
+        names.setdefault(binding.limit, []).append(binding.name)
     return {limit: ", ".join(name for name in of if name) for limit, of in names.items()}
