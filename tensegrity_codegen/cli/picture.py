@@ -326,7 +326,7 @@ def play_live(
 
 def form_live(found: "Form", density: Mapping[str, float], out: Path, overwrite: bool) -> None:
     """Write a page in which sliders move the force densities of a shape."""
-    from tensegrity_codegen.live.forming import add_forming
+    from tensegrity_codegen.live.engine import add_forming
     from tensegrity_codegen.live.live_page import render_live
     from tensegrity_codegen.live.live_scene import build_live_scene
     from tensegrity_codegen.live.three_module import find_three

@@ -34,7 +34,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST_COORDINATES = 1000  # of structures whose modes are found; the analysis takes dense matrices
+MAX_COORDINATES = 1000  # of structures whose modes are found; the analysis takes dense matrices
 
 
 def find_modes(
@@ -63,15 +63,15 @@ def find_modes(
     if count == 0:
         return None, ""
     size = subject.n_coordinates
-    if size > MOST_COORDINATES:
-        return None, f"No modes: more than {MOST_COORDINATES} coordinates ({size})."
+    if size > MAX_COORDINATES:
+        return None, f"No modes: more than {MAX_COORDINATES} coordinates ({size})."
     if size == 0:
         return None, "No modes: no node can move."
     try:
-        near, _ = move_near_origin(subject, request)
-        statics = with_statics(near, request)
-        wanted = find_needs("analyse", near, statics).alone(statics)
-        return analyse(build_library(near, wanted, calls=FEW_CALLS).load(), n_modes=count), ""
+        centred, _ = move_near_origin(subject, request)
+        statics = with_statics(centred, request)
+        needs = find_needs("analyse", centred, statics).alone(statics)
+        return analyse(build_library(centred, needs, calls=FEW_CALLS).load(), n_modes=count), ""
     except TensegrityError as error:
         warn(f"the page has no modes: {error.problem}")
         return None, f"No modes: {error.problem}."
@@ -87,12 +87,9 @@ def check_follow(follow: bool, subject: Any) -> None:
 
 
 def settle_drawable(subject: Any) -> tuple[Subject, Equilibrium]:
-    """Return a scene, structure or model at its equilibrium, and the equilibrium.
-
-    Raises InvalidValueError for anything else, ConvergenceError where there is no stable equilibrium.
-    """
-    found, request = find_request(subject)
-    return find_settled(found, request)
+    """Return a scene, structure or model at its equilibrium, and the equilibrium."""
+    structure, request = find_request(subject)
+    return find_settled(structure, request)
 
 
 def find_request(subject: Any) -> tuple[Subject, ModelRequest]:
@@ -201,6 +198,6 @@ def draw(
     )  # fmt: skip
     if not check_switch(settle, "settle"):
         return draw_shot(find_shot(subject, time, sample), choices, title)[0]
-    settled, found = settle_drawable(subject)
-    shot: Shot = find_shot(found, time, sample)
+    settled, equilibrium = settle_drawable(subject)
+    shot: Shot = find_shot(equilibrium, time, sample)
     return draw_shot(replace(shot, subject=settled), choices, title)[0]

@@ -1,20 +1,28 @@
-"""The compiled model inside a page: a WebAssembly module, and what calls it needs to know."""
+"""The interactive content of a page: a compiled model, a WebAssembly module, with what its calls need.
+
+Or a net whose force densities are moved by sliders, and whose shape is found in the page.
+"""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from tensegrity_codegen.live.channels import pack
-from tensegrity_codegen.live.live_scene import LiveScene
+from tensegrity_codegen.live.live_scene import LiveScene, pack
+from tensegrity_codegen.pipeline.forming.force_density import static_load
+from tensegrity_codegen.pipeline.forming.formed import Form
+from tensegrity_codegen.pipeline.forming.statements import find_members
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.summaries import count_names
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR, find_row
 from tensegrity_codegen.tables.manifest import STATUS, STATUS_TEXT, ArgumentSpec, Manifest
 from tensegrity_codegen.tables.quantities.arguments import INPUT_UNITS
@@ -30,6 +38,11 @@ GRAVITY = 20.0  # [m/s2]
 DAMPED = 0.2  # part of critical damping of one cable with one node, the end of a slider that starts at none
 TEMPERATURE_REACH = 100.0  # of inputs of temperature, up and down [K]
 LENGTH_PART = 0.15  # part of the rest length by which an input without a range changes it
+
+FACT = (
+    "The shape follows from the force densities, tension over length, by linear equations that this page "
+    "solves (Schek 1974). Rest lengths are those that give each member its tension."
+)
 
 
 @dataclass(frozen=True)
@@ -53,11 +66,11 @@ def find_scales(subject: Structure | BodySystem, structure: Structure) -> Scales
     cable = structure.tension_only & (structure.mu > 0)
     usual = float(np.median(structure.mu[cable])) if cable.any() else 1.0
     force = max(tension, weight) or 0.1 * usual * size
-    least = float(carried.min()) if carried.size else 0.0
+    lightest = float(carried.min()) if carried.size else 0.0
     if isinstance(subject, BodySystem):
         moving = [body.mass for body in subject.bodies if isinstance(body, Bar | RigidBody)]
-        least = min(moving, default=0.0)
-    return Scales(size, force, least, usual)
+        lightest = min(moving, default=0.0)
+    return Scales(size, force, lightest, usual)
 
 
 class Sliders:
@@ -67,7 +80,7 @@ class Sliders:
         self, subject: Structure | BodySystem, structure: Structure, manifest: Manifest, scales: Scales
     ) -> None:
         self.subject, self.structure, self.scales = subject, structure, scales
-        self.arguments = {item.name: item for item in manifest.arguments}
+        self.arguments = {argument.name: argument for argument in manifest.arguments}
         self.axes = manifest.axes
 
     def build(self) -> list[dict[str, Any]]:
@@ -81,9 +94,19 @@ class Sliders:
         ranges = {actuator.name: actuator for actuator in self.subject.actuators}
         rows = []
         inputs: Sequence[ActuatedInput | BodyInput] = self.subject.inputs
-        for k, item in enumerate(inputs):
-            low, high = self._input_range(item, ranges.get(item.name))
-            rows.append(_row(item.name, "input", [k], low, high, float(nominal[k]), INPUT_UNITS[item.kind]))
+        for k, scene_input in enumerate(inputs):
+            low, high = self._input_range(scene_input, ranges.get(scene_input.name))
+            rows.append(
+                _row(
+                    scene_input.name,
+                    "input",
+                    [k],
+                    low,
+                    high,
+                    float(nominal[k]),
+                    INPUT_UNITS[scene_input.kind],
+                )
+            )
         return rows
 
     def _input_range(self, item: ActuatedInput | BodyInput, actuator: Actuator | None) -> tuple[float, float]:
@@ -93,21 +116,21 @@ class Sliders:
         if item.kind != "rest_length":
             reach = self.scales.force * (self.scales.size if item.kind == "torque" else 1.0)
             return -reach, reach
-        rest = self.subject.rest_length[list(item.targets)]
+        rest_length = self.subject.rest_length[list(item.targets)]
         if actuator is not None and np.isfinite(actuator.range).all():
-            return float(actuator.range[0] - rest.max()), float(actuator.range[1] - rest.min())
-        reach = LENGTH_PART * float(rest.min())
+            return float(actuator.range[0] - rest_length.max()), float(actuator.range[1] - rest_length.min())
+        reach = LENGTH_PART * float(rest_length.min())
         return -reach, reach
 
     def _gravity(self) -> list[dict[str, Any]]:
         if "gravity" not in self.arguments:
             return []
         up = 2 if 2 in self.axes else max(self.axes)
-        place = self.axes.index(up)
-        value = float(self.arguments["gravity"].nominal[place])
+        index = self.axes.index(up)
+        value = float(self.arguments["gravity"].nominal[index])
         label = f"gravity {'xyz'[up]}"
         reach = max(GRAVITY, 2 * abs(value))
-        return [_row(label, "gravity", [place], -reach, reach, value, "m/s²")]
+        return [_row(label, "gravity", [index], -reach, reach, value, "m/s²")]
 
     def _damping(self) -> list[dict[str, Any]]:
         if "damping" not in self.arguments:
@@ -152,7 +175,7 @@ DAMPED_OUT = (
     "rk54 does not."
 )
 
-MOST_WORK = 1e6  # members times explicit steps a simulated second above which implicit ones are considered
+MAX_WORK = 1e6  # members times explicit steps a simulated second above which implicit ones are considered
 STIFFER = 20.0  # bars to cables, as frequencies, from which implicit steps are so much longer that they pay
 PULL = 0.2  # of the structure's size: displacement at which a pull of strength 1 has the usual force
 STATE = ("coordinate", "velocity", "internal")
@@ -169,33 +192,23 @@ def add_engine(
     method: str = "auto",
     profile: Profile | None = None,
 ) -> LiveScene:
-    """Return a live scene with a compiled model inside.
-
-    scene: what the page shows at the start.
-    subject: the structure.
-    manifest: that of the library, with its integrators with error control.
-    module: the library for the target wasm32.
-    rtol: relative tolerance of each step.
-    method: integrator with which the page starts; "auto" is that of `choose_method`.
-    profile: inputs over time, linear between knots, which have no sliders then; they stay at their last
-        values.
-    """
+    """Return a live scene with a compiled model inside."""
     structure = outline_bodies(subject)
-    methods = {item.name: item for item in manifest.integrators}
+    methods = {spec.name: spec for spec in manifest.integrators}
     method = choose_method(structure, methods) if method == "auto" else method
-    sizes = {item.name: len(item.nominal) for item in manifest.arguments}
+    sizes = {argument.name: len(argument.nominal) for argument in manifest.arguments}
     scales = find_scales(subject, structure)
     engine: dict[str, Any] = {
         "methods": [
             {
-                "name": item.name,
-                "symbol": item.symbol,
-                "arguments": item.arguments,
-                "work_size": item.work_size,
-                "is_stiff": find_row(item.name, manifest.needs_state_jacobian).kind == "implicit",
-                "tensions": item.tensions,
+                "name": spec.name,
+                "symbol": spec.symbol,
+                "arguments": spec.arguments,
+                "work_size": spec.work_size,
+                "is_stiff": find_row(spec.name, manifest.needs_state_jacobian).kind == "implicit",
+                "tensions": spec.tensions,
             }
-            for item in manifest.integrators
+            for spec in manifest.integrators
         ],
         "method": method,
         "rtol": rtol,
@@ -232,14 +245,14 @@ def add_engine(
         engine["sliders"] = [
             row for row in engine["sliders"] if row["argument"] != "input" or row["places"][0] not in inputs
         ]
-    places = [3 * node + axis for node, axis in manifest.coordinate_node_axis]
-    channels = {name: item for name, item in scene.channels.items() if name not in UNSHOWN}
+    coordinates = [3 * node + axis for node, axis in manifest.coordinate_node_axis]
+    channels = {name: channel for name, channel in scene.channels.items() if name not in UNSHOWN}
     channels |= {
-        f"nominal_{item.name}": pack(np.asarray(item.nominal, dtype=float).ravel(), "float64")
-        for item in manifest.arguments
+        f"nominal_{argument.name}": pack(np.asarray(argument.nominal, dtype=float).ravel(), "float64")
+        for argument in manifest.arguments
     }
     channels |= {
-        "coordinate_place": pack(np.asarray(places), "int32"),
+        "coordinate_place": pack(np.asarray(coordinates), "int32"),
         "stated_position": pack(manifest.stated_position.ravel(), "float64"),
         "module": pack(np.frombuffer(module, dtype=np.uint8), "uint8"),
     }
@@ -248,7 +261,7 @@ def add_engine(
         f"tolerance {rtol:g} of each step. A pull is a spring and a damper between node and pointer, in the "
         "equations of motion.",
         *((f"Inputs follow their profile until {profile.t_end:g} s, then stand still.",) if profile else ()),
-        *((DAMPED_OUT,) if any(item["is_stiff"] for item in engine["methods"]) else ()),
+        *((DAMPED_OUT,) if any(row["is_stiff"] for row in engine["methods"]) else ()),
         *(fact for fact in scene.facts if not fact.startswith("Reactions")),
     )
     return replace(scene, data={**scene.data, "engine": engine}, channels=channels, facts=facts)
@@ -256,8 +269,6 @@ def add_engine(
 
 def choose_method(structure: Structure, methods: Collection[str]) -> str:
     """Return the integrator with which a page starts: implicit where stiff bars keep rk54 from real time.
-
-    structure: the structure, or the outline of bodies; methods: the integrators of the library.
 
     The largest frequency is at most the root of the largest sum of 2 k / m over the members of a node
     (Gershgorin), with spring constants k and the mass m of the node; rk54 takes 0.5 to 3 steps a radian of it
@@ -268,7 +279,7 @@ def choose_method(structure: Structure, methods: Collection[str]) -> str:
     steps = 1.5 * _bound_frequency(structure)
     slow = 1.5 * _bound_frequency(structure, structure.tension_only)
     work = structure.n_members * steps
-    return STIFF_INTEGRATOR if work > MOST_WORK and steps > STIFFER * slow else EXPLICIT
+    return STIFF_INTEGRATOR if work > MAX_WORK and steps > STIFFER * slow else EXPLICIT
 
 
 def _bound_frequency(structure: Structure, chosen: NDArray[np.bool_] | None = None) -> float:
@@ -282,3 +293,45 @@ def _bound_frequency(structure: Structure, chosen: NDArray[np.bool_] | None = No
     np.add.at(total, ends.ravel(), np.repeat(2.0 * spring, 2))
     moving = (mass > 0) & ~structure.node_anchored.all(axis=1)
     return float(np.sqrt((total[moving] / mass[moving]).max(initial=0.0)))
+
+
+def add_forming(scene: LiveScene, form: Form, density: Mapping[str, float]) -> LiveScene:
+    """Return a live scene of a shape whose force densities, loads and heights of supports have sliders."""
+    structure = form.structure
+    group, rank = np.full(structure.n_members, -1), np.full(structure.n_members, 9)
+    for k, name in enumerate(density):
+        members, order = find_members(structure, name, "density")
+        chosen = [e for e in members if order < rank[e]]
+        group[chosen], rank[chosen] = k, order
+    if (group < 0).any():
+        raise InvalidValueError(
+            "a page of shapes needs the force density of every member",
+            where=structure.name,
+            given=f"none of {count_names([structure.member_name[e] for e in np.flatnonzero(group < 0)])}",
+            allowed="a force density of each member",
+            hint="--density cables=100; shapes of stated forces and lengths are written as scenes (.toml)",
+        )
+    forming = {
+        "groups": [{"label": name, "density": value} for name, value in density.items()],
+        "document": form.document,
+    }
+    linear = structure.is_linear
+    channels = {name: channel for name, channel in scene.channels.items() if name != "use"} | {
+        "form_order": pack(_order_nodes(structure), "int32"),
+        "form_group": pack(group, "int32"),
+        "form_position": pack(structure.node_position.ravel(), "float64"),
+        "form_weight": pack((static_load(structure) - structure.node_load).ravel(), "float64"),
+        "axial_stiffness": pack(structure.axial_stiffness, "float64"),
+        "spring_constant": pack(np.where(linear, structure.spring_constant, np.nan), "float64"),
+    }
+    return replace(
+        scene, data={**scene.data, "forming": forming}, channels=channels, facts=(FACT, *scene.facts)
+    )
+
+
+def _order_nodes(structure: Structure) -> Any:
+    """Return the nodes in an order in which neighbours are near to each other (Cuthill and McKee)."""
+    i, j = structure.connectivity.T
+    n = structure.n_nodes
+    graph = scipy.sparse.csr_array((np.ones(len(i)), (i, j)), shape=(n, n))
+    return scipy.sparse.csgraph.reverse_cuthill_mckee(scipy.sparse.csr_array(graph + graph.T), True)

@@ -3,7 +3,6 @@
 import html
 import json
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,9 @@ from typing import Any
 from markupsafe import Markup
 
 from tensegrity_codegen.codegen.print.render import template_folder
-from tensegrity_codegen.live.channels import pack_text
-from tensegrity_codegen.live.draw import check_follow, find_modes, find_request
-from tensegrity_codegen.live.live_scene import LiveScene, LiveStart, build_live_scene
+from tensegrity_codegen.live.draw import check_follow, find_modes, find_request, settle_drawable
+from tensegrity_codegen.live.live_scene import LiveScene, LiveStart, build_live_scene, pack_text
 from tensegrity_codegen.live.three_module import find_three
-from tensegrity_codegen.pipeline.settle import find_settled
 from tensegrity_codegen.report.pages.page import html_template
 from tensegrity_codegen.report.pictures.choices import Labels, read_labels, read_view
 from tensegrity_codegen.report.pictures.draw import Drawable, find_shot
@@ -55,7 +52,10 @@ def render_live(scene: LiveScene, three: str, licence: str) -> str:
     folder = live_folder()
     texts = {path.stem: path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.js"))}
     channels = [{"name": name, "data": channel.data} for name, channel in scene.channels.items()]
-    data = {**scene.data, "channels": {name: item.describe() for name, item in scene.channels.items()}}
+    data = {
+        **scene.data,
+        "channels": {name: array.describe() for name, array in scene.channels.items()},
+    }
     is_running = "engine" in scene.data
     return html_template("live", "page.html.j2").render(
         title=scene.title,
@@ -63,10 +63,13 @@ def render_live(scene: LiveScene, three: str, licence: str) -> str:
         facts=scene.facts,
         warnings=scene.warnings,
         style=_raw((folder / "style.css").read_text(encoding="utf-8")),
-        scene=_raw(_as_json(data)),
+        # JSON that ends no script element.
+        scene=_raw(json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")),
         channels=channels,
         modules=[
-            {"name": name, "text": _raw(text)} for name, text in texts.items() if name not in (FIRST, WORKER)
+            {"name": name, "text": _raw(script)}
+            for name, script in texts.items()
+            if name not in (FIRST, WORKER)
         ],
         worker=_raw(texts[WORKER]) if is_running else "",
         hint=PULL_HINT if is_running else HINT,
@@ -74,11 +77,6 @@ def render_live(scene: LiveScene, three: str, licence: str) -> str:
         three=pack_text(three),
         licence=licence,
     )
-
-
-def _as_json(data: Mapping[str, Any]) -> str:
-    """Return JSON that ends no script element."""
-    return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _raw(text: str) -> Markup:
@@ -205,30 +203,26 @@ def view(
     is_settled = check_switch(settle, "settle")
     check_follow(follow, subject)
     module, licence = find_three(three)
-    shown, motion, more = _find_shown(subject, is_settled)
+    shown, motion, arrays = _find_shown(subject, is_settled)
     analysis, note = None, ""
     if check_whole(modes, "modes", 0):
         _, request = find_request(shown)
         analysis, note = find_modes(shown, request, modes, lambda text: warnings.warn(text, stacklevel=3))
-    scene = build_live_scene(shown, motion, analysis, modes_note=note, start=start, **more)
+    scene = build_live_scene(shown, motion, analysis, modes_note=note, start=start, **arrays)
     return LivePage(render_live(scene, module, licence), scene.title, height)
 
 
 def _find_shown(subject: Any, settle: bool) -> tuple[Subject, Trajectory | None, dict[str, Any]]:
     """Return structure, motion, and tensions or rigid members, of what a page shows."""
     if settle:
-        found, request = find_request(subject)
-        settled, equilibrium = find_settled(found, request)
+        settled, equilibrium = settle_drawable(subject)
         return settled, None, {"tension": equilibrium.member_tension}
     shot = find_shot(subject)
     if isinstance(subject, Trajectory):
         return shot.subject, subject, {}
     if isinstance(subject, Equilibrium):
-        return (
-            _place(shot.subject, subject),
-            None,
-            {"tension": subject.member_tension, "load": shot.node_load},
-        )
+        arrays = {"tension": subject.member_tension, "load": shot.node_load}
+        return _place(shot.subject, subject), None, arrays
     if shot.node_position is not None:
         raise InvalidValueError(
             f"a {type(subject).__name__} has no live page",
@@ -239,8 +233,8 @@ def _find_shown(subject: Any, settle: bool) -> tuple[Subject, Trajectory | None,
     return shot.subject, None, {"rigid": shot.rigid}
 
 
-def _place(subject: Subject, found: Equilibrium) -> Subject:
+def _place(subject: Subject, equilibrium: Equilibrium) -> Subject:
     """Return the structure or bodies at an equilibrium."""
     if isinstance(subject, Structure):
-        return subject.with_changes(node_position=found.node_position)
-    return subject.with_changes(coordinate=found.coordinate)
+        return subject.with_changes(node_position=equilibrium.node_position)
+    return subject.with_changes(coordinate=equilibrium.coordinate)

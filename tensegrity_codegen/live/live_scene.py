@@ -1,14 +1,18 @@
-"""The content of a live page: a structure, and a motion, modes and reactions where they are known."""
+"""The content of a live page: a structure, and a motion, modes and reactions where they are known.
 
+Arrays are compressed, in base64, in the shortest type that keeps the stated rounding.
+"""
+
+import base64
+import gzip
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.live.channels import Channel, pack, pack_rounded
 from tensegrity_codegen.report.loads import compute_loads, compute_reactions
 from tensegrity_codegen.report.pictures.choices import (
     NAMED_VIEWS,
@@ -32,17 +36,70 @@ from tensegrity_codegen.system.summaries import describe_count
 
 MAX_USE = 1000.0  # of a use that is infinite, such as a tension where none is allowed
 
+MAX_FLOATS = 1_500_000  # numbers of an array that are kept in single precision; more take 16 bit each
+STEPS = 32000  # of a 16-bit number, to each side of zero
+UNKNOWN = -32768
+
+
+@dataclass(frozen=True)
+class Channel:
+    """An array as a page holds it."""
+
+    kind: str  # type of the numbers: ``"float64"``, ``"float32"``, ``"int32"``, ``"int16"`` or ``"uint8"``
+    shape: tuple[int, ...]  # shape; the first axis runs over rows
+    data: str  # the numbers, little-endian, compressed by gzip, in base64
+    # scale, offset of 16-bit numbers: value = number * scale + offset; one entry, or one for each place of
+    # the last axis
+    scale: tuple[float, ...] = ()
+    offset: tuple[float, ...] = ()
+    rounding: float = 0.0  # largest difference from the given array
+
+    def describe(self) -> dict[str, Any]:
+        """Return all but the data, in JSON's types."""
+        return {"kind": self.kind, "shape": self.shape, "scale": self.scale, "offset": self.offset}
+
+
+def pack(values: ArrayLike, kind: str) -> Channel:
+    """Return an array as it is, in the type `kind`."""
+    array = np.ascontiguousarray(values, dtype=np.dtype(kind).newbyteorder("<"))
+    return Channel(kind, array.shape, _compress(array.tobytes()))
+
+
+def pack_rounded(values: NDArray[np.float64], *, by_place: bool = False) -> Channel:
+    """Return an array in single precision, a large one as 16-bit numbers of equal steps."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.size <= MAX_FLOATS:
+        single = array.astype("<f4")
+        rounding = float(np.nanmax(np.abs(single - array), initial=0.0))
+        return Channel("float32", array.shape, _compress(single.tobytes()), rounding=rounding)
+    flat = array.reshape(-1, array.shape[-1]) if by_place else array.reshape(-1, 1)
+    low, high = (np.nan_to_num(end.reduce(flat, axis=0)) for end in (np.fmin, np.fmax))
+    offset = (low + high) / 2 if by_place else np.zeros(1)
+    reach = np.maximum(np.abs(low - offset), np.abs(high - offset))
+    scale = np.where(reach > 0, reach / STEPS, 1.0)
+    number = np.rint((flat - offset) / scale)
+    if not by_place:
+        number = np.where((number == 0) & (flat != 0), np.sign(flat), number)
+    rounding = float(np.nanmax(np.abs(number * scale + offset - flat), initial=0.0))
+    integers = np.where(np.isnan(number), UNKNOWN, number).astype("<i2").reshape(array.shape[0], -1)
+    steps = np.diff(integers, axis=0, prepend=np.zeros((1, integers.shape[1]), dtype="<i2"))  # modulo 2^16
+    data = _compress(np.ascontiguousarray(steps, dtype="<i2").tobytes())
+    return Channel("int16", array.shape, data, tuple(scale.tolist()), tuple(offset.tolist()), rounding)
+
+
+def pack_text(text: str) -> str:
+    """Return text compressed, in base64."""
+    return _compress(text.encode("utf-8"))
+
+
+def _compress(data: bytes) -> str:
+    return base64.b64encode(gzip.compress(data, compresslevel=9, mtime=0)).decode("ascii")
+
 
 def compute_uses(
     subject: Structure | BodySystem, structure: Structure, position: FloatArray, tension: FloatArray
 ) -> FloatArray | None:
-    """Return the largest part of a limit that each member uses; above 1 the limit is exceeded.
-
-    subject: what has the limits; structure: its outline, whose first members are those of the subject;
-    position (n_t, n_nodes, 3) [m]: positions; tension (n_t, n_members) [N]: tensions; NaN where unknown.
-    Returns (n_t, n_members): uses, NaN for members without a limit or with an unknown tension; None where no
-    member has a limit.
-    """
+    """Return the largest part of a limit that each member uses; above 1 the limit is exceeded."""
     limits = subject.limits.for_members(subject.n_members)
     if not any(np.any(getattr(limits, name) != none) for name, none in MEMBER_LIMITS.items()):
         return None
@@ -64,21 +121,18 @@ def choose_view(
     """Return direction to the observer, upward axis, the two axes of the grid, and its distance below.
 
     Named views (top, iso ...) and those of planar scenes are parallel projections (is_flat), as in pictures.
-
-    axes: modelled axes; is_supported: whether supports are drawn below nodes; direction: chosen by a reader.
-    Raises InvalidValueError for a planar scene that is seen from elsewhere than along its normal.
     """
-    found = tuple(axes)
-    if len(found) >= 3:
+    axes_of_scene = tuple(axes)
+    if len(axes_of_scene) >= 3:
         gap = GROUND_GAP if is_supported else 0.0
         eye = SPACE if direction is None else _find_eye(direction)
         is_flat = direction is not None and direction.name in NAMED_VIEWS
         return _describe(eye, 2, (0, 1), is_planar=False, gap=gap) | {"is_flat": is_flat}
     if direction is not None:
-        check_planar_direction(found, direction)
-    if found == (0, 1):
+        check_planar_direction(axes_of_scene, direction)
+    if axes_of_scene == (0, 1):
         return _describe((0.0, 0.0, 1.0), 1, (0, 1), is_planar=True)
-    if 1 in found:
+    if 1 in axes_of_scene:
         return _describe((1.0, 0.0, 0.0), 2, (1, 2), is_planar=True)
     return _describe((0.0, -1.0, 0.0), 2, (0, 2), is_planar=True)
 
@@ -105,15 +159,11 @@ MOST_NAMES = 160  # of nodes or of members that a page writes at once
 
 @dataclass(frozen=True)
 class LiveStart:
-    """What a page shows at first; readers can change all of it.
+    """What a page shows at first; readers can change all of it."""
 
-    view: from where the structure is seen; labels: names of ``"nodes"``, ``"members"`` or both; follow:
-    whether the camera moves with the structure.
-    """
-
-    view: Direction | None = None
-    labels: tuple[str, ...] = ()
-    follow: bool = False
+    view: Direction | None = None  # from where the structure is seen
+    labels: tuple[str, ...] = ()  # names of ``"nodes"``, ``"members"`` or both
+    follow: bool = False  # whether the camera moves with the structure
 
     def describe(self) -> dict[str, Any]:
         """Return labels and follow, as the page's controls call them."""
@@ -123,21 +173,14 @@ class LiveStart:
 
 @dataclass(frozen=True)
 class LiveScene:
-    """All that a live page shows.
+    """All that a live page shows."""
 
-    title, headline: name of the structure, and a line of facts.
-    facts: sentences on roundings and on what is left out.
-    data: names, axes and other short things in JSON's types.
-    channels: arrays by name.
-    warnings: what looks like a slip in the scene.
-    """
-
-    title: str
+    title: str  # name of the structure, and a line of facts
     headline: str
-    facts: tuple[str, ...]
-    data: Mapping[str, Any]
-    channels: Mapping[str, Channel] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    facts: tuple[str, ...]  # sentences on roundings and on what is left out
+    data: Mapping[str, Any]  # names, axes and other short things in JSON's types
+    channels: Mapping[str, Channel] = field(default_factory=dict)  # arrays by name
+    warnings: tuple[str, ...] = ()  # what looks like a slip in the scene
 
 
 AS_USUAL = LiveStart()
@@ -154,23 +197,12 @@ def build_live_scene(
     rigid: NDArray[np.bool_] | None = None,
     load: FloatArray | None = None,
 ) -> LiveScene:
-    """Return what a page of a structure shows.
-
-    subject: the structure.
-    motion: a motion of it; by default it stands at its stated positions.
-    analysis: an analysis at the stated positions, for natural modes and mechanisms.
-    modes_note: why there are no modes.
-    start: what the page shows at first.
-    tension (n_members,) [N]: tensions without a motion, where they are known; by default those that follow
-        from the positions.
-    rigid (n_members,): members that the formulation keeps rigid, by default those without a stiffness.
-    load (n_nodes, 3) [N]: loads without a motion, by default those of the structure.
-    """
+    """Return what a page of a structure shows."""
     structure = outline_bodies(subject)
     if motion is None:
         time, position = np.zeros(1), structure.node_position[None]
-        known = find_rest_tension(subject, rigid) if tension is None else pad_tension(tension, structure)
-        tension = known[None]
+        tensions = find_rest_tension(subject, rigid) if tension is None else pad_tension(tension, structure)
+        tension = tensions[None]
     else:
         moved = outline_motion(motion, structure)
         check_trajectory(structure, moved)
@@ -265,9 +297,9 @@ def _list_modes(analysis: Analysis | None) -> tuple[FloatArray, list[dict[str, A
     if analysis.modes is not None:
         for k, frequency in enumerate(analysis.modes.frequency.tolist()):
             rate = float(analysis.modes.growth_rate[k])
-            text = f"grows at {rate:.4g} 1/s" if rate > 0 else f"{frequency:.4g} Hz"
+            rate_text = f"grows at {rate:.4g} 1/s" if rate > 0 else f"{frequency:.4g} Hz"
             shapes.append(analysis.modes.shape[:, :, k])
-            labels.append({"label": f"mode {k + 1}: {text}", "kind": "mode", "frequency": frequency})
+            labels.append({"label": f"mode {k + 1}: {rate_text}", "kind": "mode", "frequency": frequency})
     for k in range(analysis.mechanism.shape[2]):
         shapes.append(analysis.mechanism[:, :, k])
         labels.append({"label": f"mechanism {k + 1}", "kind": "mechanism"})
@@ -291,13 +323,13 @@ def _describe_modes(analysis: Analysis | None) -> str:
 def _headline(structure: Structure, motion: Trajectory | None) -> str:
     bars = int(structure.is_bar.sum())
     counts = {"node": structure.n_nodes, "bar": bars, "cable": structure.n_members - bars}
-    parts = [describe_count(count, word) for word, count in counts.items()]
+    clauses = [describe_count(count, noun) for noun, count in counts.items()]
     if motion is not None:
         samples = describe_count(len(motion.time), "sample")
-        parts.append(f"{motion.time[-1] - motion.time[0]:.6g} s in {samples}")
+        clauses.append(f"{motion.time[-1] - motion.time[0]:.6g} s in {samples}")
         if motion.status != "ok":
-            parts.append(f"status {motion.status}")
-    return ", ".join(parts)
+            clauses.append(f"status {motion.status}")
+    return ", ".join(clauses)
 
 
 def _list_facts(
@@ -311,10 +343,10 @@ def _list_facts(
     ]
     if motion is not None and motion.status != "ok":
         facts.append(f"The simulation ended with status {motion.status}: {motion.message}.")
-    for bars, word in ((True, "Bars"), (False, "Cables")):
+    for bars, noun in ((True, "Bars"), (False, "Cables")):
         chosen = structure.is_bar == bars
         if chosen.any() and not structure.radius[chosen].all():
-            facts.append(f"{word} without a radius have one that suits the picture and their largest force.")
+            facts.append(f"{noun} without a radius have one that suits the picture and their largest force.")
     held: NDArray[np.bool_] = np.asarray(structure.node_anchored.any(axis=1))
     if held.any():
         facts.append("Reactions balance members, loads and weight at anchored nodes.")

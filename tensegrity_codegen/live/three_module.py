@@ -56,14 +56,7 @@ Taken from the module of the package NiceGUI {version} that joins it with Tween.
 
 
 def find_three(file: str | Path | None = None) -> tuple[str, str]:
-    """Return the module of three.js and its licences.
-
-    file: the wheel of NiceGUI of the pinned version; by default the file that the environment variable
-    TENSEGRITY_CODEGEN_THREE names, the module in this package, the copy in the cache, or what pip downloads.
-    Returns module: text of a JavaScript module that exports THREE and OrbitControls; licence: the licences
-    under which it is used. Raises MissingSourceError: the file cannot be read, is another one, or pip cannot
-    download it.
-    """
+    """Return the module of three.js and its licences."""
     named = file or os.environ.get(THREE_VARIABLE) or None
     bundled = None if named else read_bundled()
     return bundled or _unpack(THREE.find(named))
@@ -87,18 +80,13 @@ def read_bundled() -> tuple[str, str] | None:
 
 
 def write_three(folder: Path | None = None, file: str | Path | None = None) -> Path:
-    """Write module and licences into this package, so that its wheel contains them; return the folder.
-
-    folder: where to; by default the place in this package in which `find_three` looks; file: as in
-    `find_three`.
-    Returns the folder. Raises MissingSourceError: as in `find_three`.
-    """
+    """Write module and licences into this package, so that its wheel contains them; return the folder."""
     target = folder or bundle_folder()
     texts = _unpack(THREE.find(file or os.environ.get(THREE_VARIABLE) or None))
     target.mkdir(parents=True, exist_ok=True)
-    for name, text in zip(BUNDLED, texts, strict=True):
+    for name, content in zip(BUNDLED, texts, strict=True):
         with replaced(target / name, overwrite=True) as temporary:
-            temporary.write_bytes(text.encode("utf-8"))
+            temporary.write_bytes(content.encode("utf-8"))
     return target
 
 

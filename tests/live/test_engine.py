@@ -13,7 +13,7 @@ from tensegrity_codegen.live.live_scene import build_live_scene
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tests.cases import thorough
 from tests.live.pages import EXAMPLES
-from tests.live.test_channels import unpack
+from tests.live.test_live_scene import unpack
 
 
 @functools.cache

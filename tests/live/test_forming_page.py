@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import compile_scene, find_equilibrium, form, read_scene
-from tensegrity_codegen.live.forming import add_forming
+from tensegrity_codegen.live.engine import add_forming
 from tensegrity_codegen.live.live_scene import build_live_scene
 from tensegrity_codegen.pipeline.forming.formed import Form
 from tensegrity_codegen.system.errors import InvalidValueError

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import LivePage, view
-from tensegrity_codegen.live.channels import Channel
-from tensegrity_codegen.live.live_scene import LiveStart, build_live_scene
+from tensegrity_codegen.live.live_scene import Channel, LiveStart, build_live_scene
 from tensegrity_codegen.report.pictures.choices import read_view
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tests.live.pages import load, require_three, sway

@@ -19,7 +19,7 @@ from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.options import Stepping
 from tests.codegen.compilers import require_compiler
 from tests.live.pages import EXAMPLES, GALLERY
-from tests.live.test_channels import unpack
+from tests.live.test_live_scene import unpack
 
 # Zig compiles the C library of WebAssembly the first time, for minutes where the processor is shared.
 pytestmark = [
