@@ -102,8 +102,8 @@ def export_acados(
     check_switch(overwrite, "overwrite")
     check_folder(out)
     exported = _export(scene, motion, mpc, limits, arguments)
-    taken = [Path(scene)] if isinstance(scene, str | Path) else []
-    write_folder(out, exported.files, inputs=taken, overwrite=overwrite, listed=True)
+    protected = [Path(scene)] if isinstance(scene, str | Path) else []
+    write_folder(out, exported.files, inputs=protected, overwrite=overwrite, listed=True)
     return exported
 
 
@@ -117,32 +117,32 @@ def _export(
     check_instance(mpc, Mpc, "mpc", "an Mpc of design_mpc")
     described, request = find_model_and_request(scene, motion)
     reference = find_motion(described, motion, arguments)
-    parts = collect_parts(
+    loop = collect_parts(
         described, reference, gains=mpc, estimator=None, distribution=None, sample=None, limits=limits,
         code=ControllerCode(),
     )  # fmt: skip
-    late = np.flatnonzero(parts.bounds.delay > 0.0)
+    late = np.flatnonzero(loop.bounds.delay > 0.0)
     if late.size:
         raise FormulationError(
             "the problem for acados has no delays of actuators",
-            where=f"actuators.{parts.bounds.names[int(late[0])]}.delay",
-            given=f"{parts.bounds.delay[late[0]]:g} s",
+            where=f"actuators.{loop.bounds.names[int(late[0])]}.delay",
+            given=f"{loop.bounds.delay[late[0]]:g} s",
             allowed="0 s",
             hint="build_controller predicts delays (control --mpc --build); limits=ActuatorLimits(delay=0.0) "
             "leaves them out",
         )
     request = replace(request, precision="double")
     texts = {
-        "dynamics.c": _write_dynamics(parts, mpc, request),
+        "dynamics.c": _write_dynamics(loop, mpc, request),
         "no_functions.c": f"/* {BANNER} */\n/* Those of every phase are in dynamics.c. */\n",
-        "make_solver.py": render("acados/make_solver.py", {"limits": _print_limits(parts, mpc, request)}),
-        "problem.json": json.dumps(_list_numbers(parts, mpc), indent=1, allow_nan=False) + "\n",
-        "README.md": render("acados/README.md", {"banner": BANNER, "parts": parts, "mpc": mpc}),
+        "make_solver.py": render("acados/make_solver.py", {"limits": _print_limits(loop, mpc, request)}),
+        "problem.json": json.dumps(_list_numbers(loop, mpc), indent=1, allow_nan=False) + "\n",
+        "README.md": render("acados/README.md", {"banner": BANNER, "parts": loop, "mpc": mpc}),
     }
     return Exported(
         {"n_states": len(mpc.Q), "n_actuators": len(mpc.R), "blocks": list(mpc.blocks)},
         ("sensors and an estimator are not in the project: a step takes the state",),
-        {name: text.encode("utf-8") for name, text in texts.items()},
+        {name: content.encode("utf-8") for name, content in texts.items()},
     )
 
 
@@ -186,20 +186,20 @@ def _print_limits(parts: ControllerParts, mpc: Mpc, request: ModelRequest) -> li
     function = ca.Function("limits", [coordinate], [ca.densify(ca.cse(slope * length - shift))])
     texts: list[str] = []
     lines, results = [], ["0"] * len(chosen)
-    for k, item in enumerate(read_instructions(function)):
-        operands = [texts[j] for j in item.operands]
-        texts.append(f"x[{item.place[1]}]" if item.operation == ca.OP_INPUT else f"({item.value!r})")
-        if item.operation == ca.OP_OUTPUT:
-            results[item.place[1]] = operands[0]
-        elif item.is_operation:
-            texts[k], text = f"t{k}", print_operation(item.operation, operands, DOUBLE)
-            if any(not hasattr(ca, word) for word in FUNCTION.findall(text)) or set(text) & set("?&|!"):
+    for k, step in enumerate(read_instructions(function)):
+        operands = [texts[j] for j in step.operands]
+        texts.append(f"x[{step.place[1]}]" if step.operation == ca.OP_INPUT else f"({step.value!r})")
+        if step.operation == ca.OP_OUTPUT:
+            results[step.place[1]] = operands[0]
+        elif step.is_operation:
+            texts[k], line = f"t{k}", print_operation(step.operation, operands, DOUBLE)
+            if any(not hasattr(ca, call) for call in FUNCTION.findall(line)) or set(line) & set("?&|!"):
                 raise FormulationError(
                     "the lengths of members need an operation that the script for acados has not",
-                    where=parts.name, given=text, allowed="what CasADi has by a name in Python",
+                    where=parts.name, given=line, allowed="what CasADi has by a name in Python",
                     hint="design_mpc(..., least_tension=-inf) needs no lengths",
                 )  # fmt: skip
-            lines.append(FUNCTION.sub(r"ca.\1(", f"t{k} = {text}"))
+            lines.append(FUNCTION.sub(r"ca.\1(", f"t{k} = {line}"))
     return [*lines, f"return ca.vertcat({', '.join(results)})"]
 
 
@@ -211,7 +211,7 @@ def _list_numbers(parts: ControllerParts, mpc: Mpc) -> dict[str, Any]:
     times = sample * np.arange(int(np.ceil(motion.duration / sample)) + 2)  # the last one after the end
     points = [motion.at(t) for t in times.tolist()]
     inputs = np.array([motion.at(t).input for t in (times + 0.5 * sample).tolist()])
-    rest = cables.base + inputs @ cables.other_incidence.T + inputs[:, bounds.place] @ cables.incidence.T
+    length = cables.base + inputs @ cables.other_incidence.T + inputs[:, bounds.place] @ cables.incidence.T
     numbers = {
         "Q": mpc.Q, "R": mpc.R, "last_weight": mpc.gains.S[-1], "sum_output": parts.integral_action,
         "reach": bounds.rate * sample, "least": bounds.least, "most": bounds.most,
@@ -220,7 +220,7 @@ def _list_numbers(parts: ControllerParts, mpc: Mpc) -> dict[str, Any]:
         "soft_most": np.concatenate([np.zeros(len(chosen)), ranges[:, 1]]),
         "start": motion.at(0.0).input[bounds.place],
         "motion_state": [np.concatenate([point.coordinate, point.velocity]) for point in points],
-        "motion_input": inputs, "motion_rest": rest[:, chosen],
+        "motion_input": inputs, "motion_rest": length[:, chosen],
     }  # fmt: skip
     return {
         "name": parts.name, "sample": sample, "blocks": list(mpc.blocks), "actuators": list(bounds.names),

@@ -47,8 +47,8 @@ def write_tables(source: ExportSource, path: Path, *, trajectory: Path | None = 
     if trajectory is not None:
         motion = read_trajectory(trajectory, structure)
         columns = list_columns(replace(motion, input=None))
-        kept = {key: values.tolist() for key, values in columns.items() if key.endswith(MOTION)}
-        files["motion.csv"] = _format_table(list(kept), zip(*kept.values(), strict=True))
+        moving = {key: values.tolist() for key, values in columns.items() if key.endswith(MOTION)}
+        files["motion.csv"] = _format_table(list(moving), zip(*moving.values(), strict=True))
         facts["n_samples"] = len(motion.time)
     return Exported(facts, tuple(_list_losses(source, structure)), files)
 
@@ -84,24 +84,24 @@ def _list_members(structure: Structure) -> Iterable[list[Any]]:
         mass, radius = float(structure.member_mass[row]) or "", float(structure.radius[row]) or ""
         slack = "" if kind == "bar" else "yes" if structure.tension_only[row] else "no"
         nodes = [structure.node_name[end] for end in ends]
-        own = {key: float(getattr(limits, key)[row]) for key in MEMBER_LIMITS}
-        stated = ["" if own[key] == none else own[key] for key, none in MEMBER_LIMITS.items()]
-        stated[-1] = "no" if own["buckling"] < 0 else stated[-1]
-        more = [structure.member_class[row], "", "", "", float(inner[row]) or "", *stated]
-        yield [name, kind, *nodes, *values, mass, "", "", radius, slack, *more]
+        limit = {key: float(getattr(limits, key)[row]) for key in MEMBER_LIMITS}
+        stated = ["" if limit[key] == none else limit[key] for key, none in MEMBER_LIMITS.items()]
+        stated[-1] = "no" if limit["buckling"] < 0 else stated[-1]
+        further = [structure.member_class[row], "", "", "", float(inner[row]) or "", *stated]
+        yield [name, kind, *nodes, *values, mass, "", "", radius, slack, *further]
 
 
 def _list_losses(source: ExportSource, structure: Structure) -> list[str]:
     """Return what of the scene is not in the tables, a sentence each."""
-    others = [key for key in read_scene(source.path).to_document() if key not in WRITTEN]
-    whole = max(structure.limits.clearance, structure.limits.least_stiffness) > -np.inf
+    unwritten = [key for key in read_scene(source.path).to_document() if key not in WRITTEN]
+    has_limits = max(structure.limits.clearance, structure.limits.least_stiffness) > -np.inf
     facts = [
-        (bool(others), f"sections of the scene that are not in the tables: {', '.join(others)}"),
+        (bool(unwritten), f"sections of the scene that are not in the tables: {', '.join(unwritten)}"),
         (len(structure.axes) < 3, "the axes that the scene does not model are anchored in the tables"),
-        (whole, "limits of the whole structure are not in the tables"),
+        (has_limits, "limits of the whole structure are not in the tables"),
         (bool(structure.law_parameter), "member laws other than a linear spring are not in the tables"),
     ]
-    return [text for is_lost, text in facts if is_lost]
+    return [sentence for is_lost, sentence in facts if is_lost]
 
 
 EXPORTER = Exporter(

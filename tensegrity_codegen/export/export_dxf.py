@@ -34,12 +34,12 @@ def write_dxf(
     group_of = {row: name for name, rows in largest_first if name not in COLORS for row in rows}
     document = ezdxf.new("R2010", units=METRES)
     position = shapes.node_position[int(chosen)]
-    for row, (first, second) in enumerate(structure.connectivity):
+    for row, (start, end) in enumerate(structure.connectivity):
         kind = "bars" if structure.is_bar[row] else "cables"
         layer = f"{kind}-{group_of[row]}" if row in group_of else kind
         if layer not in document.layers:
             document.layers.add(layer, color=COLORS[kind])
-        ends = position[first].tolist(), position[second].tolist()
+        ends = position[start].tolist(), position[end].tolist()
         document.modelspace().add_line(*ends, dxfattribs={"layer": layer})
     document.saveas(path)
     facts = {"n_members": structure.n_members, "time": float(shapes.time[int(chosen)])}

@@ -10,7 +10,7 @@ import numpy as np
 
 from tensegrity_codegen.codegen.emit import GeneratedSource, check_request, emit
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource, write_export
-from tensegrity_codegen.export.fmu.description import Unit, describe_build, describe_unit
+from tensegrity_codegen.export.fmu.description import Unit, describe_build, describe_unit, list_variables
 from tensegrity_codegen.export.fmu.layout import POSITION, Layout, find_tangent
 from tensegrity_codegen.export.fmu.sources import (
     Experiment,
@@ -19,7 +19,6 @@ from tensegrity_codegen.export.fmu.sources import (
     write_archive,
     write_unit_sources,
 )
-from tensegrity_codegen.export.fmu.variables import list_variables
 from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
@@ -200,13 +199,7 @@ def _write(
     structure, request = source.structure, _narrow(source)
     chosen = _choose_outputs(structure, request, source.request.quantities, outputs)
     integrator = settle_method(
-        structure,
-        request,
-        method,
-        rtol=rtol,
-        t_end=t_end,
-        compiler=compiler,
-        may_compile=not sources_only,
+        structure, request, method, rtol=rtol, t_end=t_end, compiler=compiler, may_compile=not sources_only
     )
     generated, own_request = _generate(structure, request, chosen, integrator)
     layout = Layout(generated.manifest, structure, chosen)
@@ -216,7 +209,7 @@ def _write(
     sources = write_unit_sources(generated.files, layout, tangent, experiment)
     unit = Unit(generated.manifest.name, sources.token, sources.compiled, tangent is not None, experiment)
     variables = list_variables(layout, tangent)
-    files = {f"sources/{name}": text.encode("utf-8") for name, text in sources.files.items()}
+    files = {f"sources/{name}": content.encode("utf-8") for name, content in sources.files.items()}
     files["modelDescription.xml"] = describe_unit(unit, variables)
     if fmi == "3.0":
         files["sources/buildDescription.xml"] = describe_build(unit)
@@ -232,7 +225,7 @@ def _write(
         "n_inputs": layout.n_inputs,
         "n_parameters": layout.n_arguments - layout.n_inputs,
         "n_states": layout.n_states,
-        "n_outputs": sum(item.causality == "output" for item in variables),
+        "n_outputs": sum(variable.causality == "output" for variable in variables),
         "n_event_indicators": len(layout.margins),
         "has_derivatives": tangent is not None,
         "token": sources.token,
@@ -288,8 +281,8 @@ def _choose_outputs(
     check_request(structure, request.wanting("acceleration"))
     if not given:
         usual = [name for name in USUAL if _is_offered(structure, request, name)]
-        more = [name for name in wanted if name not in (*USUAL, *SAME) and not find_quantity(name).sparse]
-        return tuple(dict.fromkeys((*usual, *more)))
+        further = [name for name in wanted if name not in (*USUAL, *SAME) and not find_quantity(name).sparse]
+        return tuple(dict.fromkeys((*usual, *further)))
     for name in given:
         if find_quantity(name).sparse:
             raise InvalidValueError(
@@ -327,8 +320,8 @@ def _generate(
     computed = [name for name in outputs if not (name == POSITION and coordinates)]
     if getattr(structure, "internal_name", ()):
         computed.append("internal_rate")
-    own = request.wanting("acceleration", *computed, integrators=(integrator,))
-    return emit(structure, own), own
+    extended = request.wanting("acceleration", *computed, integrators=(integrator,))
+    return emit(structure, extended), extended
 
 
 def _list_notes(layout: Layout, has_derivatives: bool) -> tuple[str, ...]:

@@ -60,18 +60,15 @@ class _Writer:
     def pack(self) -> bytes:
         """Return the file: header, text, buffer, each of whole words of four bytes."""
         self.content["buffers"] = [{"byteLength": len(self.buffer)}]
-        text = json.dumps(self.content, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % 4)
-        head = struct.pack("<5I", MAGIC, 2, 28 + len(text) + len(self.buffer), len(text), JSON)
-        return head + text + struct.pack("<2I", len(self.buffer), BINARY) + self.buffer
+        dumped = json.dumps(self.content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+        content = dumped.encode()
+        content += b" " * (-len(content) % 4)
+        head = struct.pack("<5I", MAGIC, 2, 28 + len(content) + len(self.buffer), len(content), JSON)
+        return head + content + struct.pack("<2I", len(self.buffer), BINARY) + self.buffer
 
 
 def write_gltf(source: ExportSource, path: Path, *, trajectory: Path | None = None) -> Exported:
-    """Write the shape of a scene, or a motion, which then is the animation of the file, as .glb.
-
-    Raises what `read_shapes` raises, and InvalidValueError for times that are no longer apart in single
-    precision.
-    """
+    """Write the shape of a scene, or a motion, which then is the animation of the file, as .glb."""
     shapes = read_shapes(source, trajectory)
     structure = shapes.structure
     writer = _Writer(structure.name)
@@ -110,9 +107,9 @@ def _add_members(writer: _Writer, shapes: Shapes) -> Iterator[tuple[int, str, Fl
         across = np.full(len(length), structure.radius[row] if kind == ROUND else 1.0)
         scale = np.stack([across, length[:, row], across], axis=1)
         paths = {"translation": ends[:, row, 0], "rotation": rotation[:, row], "scale": scale}
-        first = {key: values[0].tolist() for key, values in paths.items()}
+        at_start = {key: values[0].tolist() for key, values in paths.items()}
         extras = {"kind": kind.partition(" ")[0]}
-        node = writer.add_node(name, mesh=names.index(kind), extras=extras, **first)
+        node = writer.add_node(name, mesh=names.index(kind), extras=extras, **at_start)
         yield from ((node, key, values) for key, values in paths.items())
 
 
@@ -121,7 +118,7 @@ def _add_meshes(writer: _Writer, kinds: list[str]) -> list[str]:
     segment = {"POSITION": writer.add_array([[0, 0, 0], [0, 1, 0]], target=VERTICES)}
     writer.content |= {"meshes": [], "materials": []}
     for number, kind in enumerate(kinds):
-        parts: list[dict[str, Any]] = [{"attributes": segment, "mode": LINES, "material": number}]
+        primitives: list[dict[str, Any]] = [{"attributes": segment, "mode": LINES, "material": number}]
         if kind == ROUND:
             k = np.arange(SIDES)
             angle = 2 * np.pi * np.concatenate([k, k]) / SIDES
@@ -131,11 +128,11 @@ def _add_meshes(writer: _Writer, kinds: list[str]) -> list[str]:
             corners += [(0 * fan, fan + 1, fan), (0 * fan + SIDES, fan + SIDES, fan + 1 + SIDES)]
             faces = np.concatenate([np.stack(triangle, axis=1).ravel() for triangle in corners])
             around = {"POSITION": writer.add_array(surface, target=VERTICES)}
-            part = {"attributes": around, "mode": TRIANGLES, "material": number}
-            parts.append({**part, "indices": writer.add_array(faces, UINT16, INDICES)})
+            triangles = {"attributes": around, "mode": TRIANGLES, "material": number}
+            primitives.append({**triangles, "indices": writer.add_array(faces, UINT16, INDICES)})
         look = {"baseColorFactor": BLUE if kind == "cable" else BROWN, "metallicFactor": 0.0}
         writer.content["materials"].append({"name": kind, "pbrMetallicRoughness": look})
-        writer.content["meshes"].append({"name": kind, "primitives": parts})
+        writer.content["meshes"].append({"name": kind, "primitives": primitives})
     return kinds
 
 
@@ -168,18 +165,18 @@ def _find_rotations(direction: FloatArray) -> FloatArray:
     turned = np.empty((*direction.shape[:2], 4))
     is_down = direction[0, :, 1:2] < 0  # begins with half a turn about x, far from which rounding is least
     before = np.where(is_down, (0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
-    whole = np.where(is_down, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    rotation = np.where(is_down, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     for sample, after in enumerate(direction):
         # Half of the rotation from one unit vector to the other; about x or z where they are opposite
         step = np.concatenate([np.cross(before, after), 1.0 + (before * after).sum(axis=1)[:, None]], axis=1)
         back = np.linalg.norm(step, axis=1) < 1e-7
         aside = np.where(np.abs(before[:, :1]) < 0.9, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
         step[back, :3] = np.cross(before, aside)[back]
-        a, b, v, w = step[:, :3], whole[:, :3], step[:, 3:], whole[:, 3:]
+        a, b, v, w = step[:, :3], rotation[:, :3], step[:, 3:], rotation[:, 3:]
         vector = v * b + w * a + np.cross(a, b)
-        whole = np.concatenate([vector, v * w - (a * b).sum(axis=1)[:, None]], axis=1)
-        whole = whole / np.linalg.norm(whole, axis=1)[:, None]
-        turned[sample], before = whole, after
+        rotation = np.concatenate([vector, v * w - (a * b).sum(axis=1)[:, None]], axis=1)
+        rotation = rotation / np.linalg.norm(rotation, axis=1)[:, None]
+        turned[sample], before = rotation, after
     return turned
 
 

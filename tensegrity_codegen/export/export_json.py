@@ -11,8 +11,8 @@ from tensegrity_codegen.scene.read import read_scene
 def write_json(source: ExportSource, path: Path) -> Exported:
     """Write the scene file of `source` as JSON: numbers by their shortest text that reads back bit-equal."""
     document = read_scene(source.path).to_document()
-    text = json.dumps({"format": SCENE_FORMAT, **document}, indent=1, ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8", newline="\n")
+    content = json.dumps({"format": SCENE_FORMAT, **document}, indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(content + "\n", encoding="utf-8", newline="\n")
     structure = source.structure
     return Exported(
         {"n_nodes": structure.n_nodes, "n_members": structure.n_members},
@@ -21,9 +21,5 @@ def write_json(source: ExportSource, path: Path) -> Exported:
 
 
 EXPORTER = Exporter(
-    name="json",
-    title="the whole scene (JSON)",
-    endings=(".json",),
-    write=write_json,
-    order=30,
+    name="json", title="the whole scene (JSON)", endings=(".json",), write=write_json, order=30
 )

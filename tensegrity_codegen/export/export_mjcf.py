@@ -30,7 +30,7 @@ def build_mjcf(
     check_choice(integrator, INTEGRATORS, "integrator", "integrator")
     if not 0 < step < np.inf:
         raise InvalidValueError("the step is out of range", where="step", given=step, allowed="above 0 s")
-    parts = build_parts(structure)
+    model = build_parts(structure)
     root = Element("mujoco", model=structure.name)
     root.append(Comment(" written by tensegrity_codegen; SI units "))
     gravity = numbers(structure.gravity)
@@ -38,21 +38,21 @@ def build_mjcf(
     if structure.ground is None:
         add(option, "flag", contact="disable")
     else:
-        _add_ground(parts, structure.ground)
+        _add_ground(model, structure.ground)
     classes = add(root, "default")
     for kind in ("bar", "cable"):
         add(classes, "default", **{"class": kind})
-    root.append(parts.world)
-    if len(parts.tendon):
-        root.append(parts.tendon)
-    actuator = _build_actuators(parts)
+    root.append(model.world)
+    if len(model.tendon):
+        root.append(model.tendon)
+    actuator = _build_actuators(model)
     if len(actuator):
         root.append(actuator)
-    if parts.qpos:
+    if model.qpos:
         frame = add(root, "keyframe")
-        state = {"qpos": " ".join(map(number, parts.qpos)), "qvel": " ".join(map(number, parts.qvel))}
+        state = {"qpos": " ".join(map(number, model.qpos)), "qvel": " ".join(map(number, model.qvel))}
         add(frame, "key", name="start", **state)
-    return root, [*parts.notes, *_list_losses(structure)]
+    return root, [*model.notes, *_list_losses(structure)]
 
 
 def _add_ground(parts: ModelParts, ground: Ground) -> None:
@@ -65,7 +65,7 @@ def _add_ground(parts: ModelParts, ground: Ground) -> None:
     names = parts.structure.contact_name
     radius = dict(zip(names, ground.radius.tolist(), strict=True))
     for body in [parts.world, *parts.world.iter("body")]:
-        for site in [item for item in body.findall("site") if item.get("name") in radius]:
+        for site in [element for element in body.findall("site") if element.get("name") in radius]:
             name = str(site.get("name"))
             ball = {"type": "sphere", "size": number(radius[name] + BALL), "contype": "1", "conaffinity": "2"}
             add(body, "geom", name=f"{name}.foot", pos=str(site.get("pos")), mass="0", **ball, **about)
@@ -79,17 +79,17 @@ def _build_actuators(parts: ModelParts) -> Element:
         constant = {"gainprm": "0", "biastype": "affine", "biasprm": "1"}
         pull = {"site": name, "refsite": WORLD_SITE, "gear": f"{numbers(parts.force[node])} 0 0 0"}
         add(actuator, "general", name=f"load.{name}", **pull, **constant)
-    for item in structure.inputs:
-        for target in item.targets if item.kind == "force" else ():
+    for scene_input in structure.inputs:
+        for target in scene_input.targets if scene_input.kind == "force" else ():
             site = structure.node_name[target]
-            gear = f"{numbers(np.array(item.direction))} 0 0 0"
+            gear = f"{numbers(np.array(scene_input.direction))} 0 0 0"
             pull = {"site": site, "refsite": WORLD_SITE, "gear": gear, "gainprm": "1"}
-            add(actuator, "general", name=f"{item.name}.{site}", **pull)
-        for e, gain in item.rest_length_gain.items():
+            add(actuator, "general", name=f"{scene_input.name}.{site}", **pull)
+        for e, gain in scene_input.rest_length_gain.items():
             if not structure.is_rigid[e]:
                 member = structure.member_name[e]
                 tendon = {"tendon": member, "gainprm": number(gain * structure.mu[e])}
-                add(actuator, "general", name=f"{item.name}.{member}", **tendon)
+                add(actuator, "general", name=f"{scene_input.name}.{member}", **tendon)
     return actuator
 
 
@@ -118,20 +118,17 @@ def _list_losses(structure: Structure) -> list[str]:
         (bool(structure.sliding), "cables stick at rings with friction, and do not slip"),
         (structure.relaxes.any(), "viscous members keep their stiffness at once, and do not relax"),
         (
-            any(item.rest_length_gain for item in structure.inputs),
+            any(scene_input.rest_length_gain for scene_input in structure.inputs),
             "inputs of rest lengths are forces mu u on tendons, which is exact while the cable is taut",
         ),
-        (
-            bool(structure.inputs),
-            "an input is a control of each of its nodes or members, named input.target",
-        ),
+        (bool(structure.inputs), "an input is a control of each of its nodes or members, named input.target"),
         (bool(structure.actuators), "rates, ranges and delays of actuators are not in the file"),
         (bool(structure.sensors), "sensors are not in the file"),
         (structure.limits.is_stated, "limits are not in the file"),
         ((structure.radius > 0).any(), "radii of members and contacts of bars are not in the file"),
         (bool(structure.groups), "groups and classes are not in the file"),
     ]
-    return [text for is_lost, text in facts if is_lost]
+    return [sentence for is_lost, sentence in facts if is_lost]
 
 
 def write_mjcf(source: ExportSource, path: Path, *, step: float = STEP, integrator: str = "RK4") -> Exported:
@@ -149,9 +146,5 @@ def write_mjcf(source: ExportSource, path: Path, *, step: float = STEP, integrat
 
 
 EXPORTER = Exporter(
-    name="mjcf",
-    title="model of MuJoCo (MJCF)",
-    endings=(".xml",),
-    write=write_mjcf,
-    order=20,
+    name="mjcf", title="model of MuJoCo (MJCF)", endings=(".xml",), write=write_mjcf, order=20
 )

@@ -27,16 +27,16 @@ TURNS = ("0 0 1", "0 1 0", "1 0 0")  # axes of the three joints in place of a ba
 
 def build_urdf(subject: Subject) -> tuple[Element, list[str]]:
     """Return the robot of a structure, and what it does not have; raises what find_parts raises."""
-    parts, fixed = find_parts(subject)
+    rigid_parts, fixed = find_parts(subject)
     root = Element("robot", name=subject.name)
     root.append(Comment(" written by tensegrity_codegen; SI units "))
     add(root, "link", name=WORLD)
     poses = {WORLD: (np.zeros(3), np.eye(3))}
-    for name, place in fixed.items():
-        _add_frame(root, WORLD, name, place)
-    for part in parts:
-        _add_part(root, part, *poses[part.parent])
-        poses[part.name] = (part.origin, part.rotation)
+    for name, position in fixed.items():
+        _add_frame(root, WORLD, name, position)
+    for rigid_part in rigid_parts:
+        _add_part(root, rigid_part, *poses[rigid_part.parent])
+        poses[rigid_part.name] = (rigid_part.origin, rigid_part.rotation)
     return root, _list_losses(subject)
 
 
@@ -67,8 +67,8 @@ def _add_part(root: Element, part: RigidPart, origin: FloatArray, rotation: Floa
                 root, f"{part.name}.{k + 1}", "continuous", links[k], links[k + 1], pose if k == 0 else {}
             )
             add(joint, "axis", xyz=axis)
-    for name, place in part.points.items():
-        _add_frame(root, part.name, name, place)
+    for name, position in part.points.items():
+        _add_frame(root, part.name, name, position)
 
 
 def _add_inertial(link: Element, part: RigidPart) -> None:
@@ -117,7 +117,7 @@ def _list_losses(subject: Subject) -> list[str]:
         (bool(subject.sensors) or subject.limits.is_stated, "sensors and limits are not in the file"),
         (True, "velocities are not in the file"),
     ]
-    return [text for is_lost, text in facts if is_lost]
+    return [sentence for is_lost, sentence in facts if is_lost]
 
 
 def write_urdf(source: ExportSource, path: Path) -> Exported:

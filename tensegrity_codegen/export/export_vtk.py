@@ -17,10 +17,7 @@ from tensegrity_codegen.system.errors import OutputError
 
 
 def write_vtk(source: ExportSource, path: Path, *, trajectory: Path | None = None) -> Exported:
-    """Write the shape of a scene as .vtp, or a motion as .pvd with a .vtp for each sample in a folder.
-
-    Raises OutputError for the ending of the other one, and what `read_shapes` raises.
-    """
+    """Write the shape of a scene as .vtp, or a motion as .pvd with a .vtp for each sample in a folder."""
     out = source.out or path
     allowed = ".vtp" if trajectory is None else ".pvd"
     if out.suffix.lower() != allowed and (out.suffix or trajectory is not None):
@@ -59,7 +56,7 @@ def build_polydata(shapes: Shapes, sample: int) -> bytes:
     time.text = number(shapes.time[sample])
     for name, texts in (("node_name", structure.node_name), ("member_name", structure.member_name)):
         array = add(fields, "Array", type="String", Name=name, NumberOfTuples=str(len(texts)), format="ascii")
-        array.text = " ".join(str(code) for text in texts for code in (*text.encode(), 0))
+        array.text = " ".join(str(code) for name_in_ascii in texts for code in (*name_in_ascii.encode(), 0))
     counts = {"Points": structure.n_nodes, "Verts": 0, "Lines": n_members, "Strips": 0, "Polys": 0}
     piece = add(root[0], "Piece", **{f"NumberOf{key}": str(value) for key, value in counts.items()})
     _add_array(add(piece, "PointData", Vectors="load"), "load", shapes.node_load[sample])

@@ -31,18 +31,12 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 @dataclass(frozen=True)
 class ExportSource:
-    """What is exported.
+    """What is exported."""
 
-    path: the scene file; its name without ending names what is written.
-    structure: the structure that it describes.
-    request: what it requests.
-    out: what `write_export` writes; for formats of several files, which name each other.
-    """
-
-    path: Path
-    structure: Subject
-    request: ModelRequest
-    out: Path | None = None
+    path: Path  # the scene file; its name without ending names what is written
+    structure: Subject  # the structure that it describes
+    request: ModelRequest  # what it requests
+    out: Path | None = None  # what `write_export` writes; for formats of several files, which name each other
 
 
 @dataclass(frozen=True)
@@ -89,9 +83,9 @@ class Exporter:
 def find_exporters() -> list[Exporter]:
     """Return all formats, in their order."""
     package = import_module("tensegrity_codegen.export")
-    names = [item.name for item in iter_modules(package.__path__) if item.name.startswith("export_")]
-    found = [import_module(f"{package.__name__}.{name}").EXPORTER for name in names]
-    return sorted(found, key=lambda item: item.order)
+    names = [entry.name for entry in iter_modules(package.__path__) if entry.name.startswith("export_")]
+    exporters = [import_module(f"{package.__name__}.{name}").EXPORTER for name in names]
+    return sorted(exporters, key=lambda entry: entry.order)
 
 
 def check_export(
@@ -103,15 +97,12 @@ def check_export(
     of_design: Mapping[str, Any] = MappingProxyType({}),
     **options: Any,
 ) -> Exporter:
-    """Return the format of that name; raises the error of a wrong format, option or output before any work.
-
-    of_design: options of which a `design` is made. Options that are None are not given.
-    """
+    """Return the format of that name; raise for a wrong format, option or output before any work."""
     exporters = find_exporters()
-    check_choice(format_name, [item.name for item in exporters], "format", "export")
-    chosen = next(item for item in exporters if item.name == format_name)
+    check_choice(format_name, [exporter.name for exporter in exporters], "format", "export")
+    chosen = next(exporter for exporter in exporters if exporter.name == format_name)
     for key, value in (options | dict(of_design)).items():
-        having = [item.name for item in exporters if key in _list_options(item, of_design)]
+        having = [exporter.name for exporter in exporters if key in _list_options(exporter, of_design)]
         if value is not None and chosen.name not in having:
             raise InvalidValueError(
                 f"the format {chosen.name} does not have this option",
@@ -142,23 +133,16 @@ def _list_options(exporter: Exporter, of_design: Mapping[str, Any]) -> tuple[str
 def write_export(
     format_name: str, source: ExportSource, out: Path, *, overwrite: bool = False, **options: Any
 ) -> Exported:
-    """Write a scene in a format: the whole file or none.
-
-    format_name: name of the format, one of `find_exporters`; source: the scene; out: file to write, or folder
-    where the format writes several files; overwrite: whether to replace files that exist.
-    Raises UnknownNameError: there is no format of this name; InvalidValueError: the format does not have an
-    option, or not this value of it; OutputError: the file cannot be written, exists, or has the ending of
-    another format; FormulationError: the format cannot express the scene.
-    """
+    """Write a scene in a format: the whole file or none."""
     chosen = check_export(format_name, out, overwrite=overwrite, inputs=(source.path,), **options)
-    given = {key: value for key, value in options.items() if value is not None}
+    stated = {key: value for key, value in options.items() if value is not None}
     source = replace(source, out=out)
     if chosen.is_folder:
-        exported = chosen.write(source, out, **given)
+        exported = chosen.write(source, out, **stated)
         write_folder(out, exported.files, inputs=(source.path,), overwrite=overwrite)
         return exported
     with replaced(out, overwrite=overwrite) as path:
-        exported = chosen.write(source, path, **given)
+        exported = chosen.write(source, path, **stated)
         if exported.files:
             write_folder(out.with_suffix(""), exported.files, inputs=(source.path,), overwrite=overwrite)
         return exported
@@ -166,26 +150,22 @@ def write_export(
 
 @dataclass(frozen=True)
 class Shapes:
-    """One shape, or those of a motion.
+    """One shape, or those of a motion."""
 
-    structure: nodes and members, of bodies the tendons, bars, and edges of rigid bodies, of cables through
-    rings their strands; time (n_t,) [s]; node_position, node_load (n_t, n_nodes, 3) [m, N]; member_tension
-    (n_t, n_members) [N], NaN where unknown; notes: what these arrays do not say.
-    """
-
+    # nodes and members, of bodies the tendons, bars, and edges of rigid bodies, of cables through rings their
+    # strands
     structure: Structure
-    time: FloatArray
+    time: FloatArray  # (n_t,) [s]
+    # node_position, node_load (n_t, n_nodes, 3) [m, N]; member_tension (n_t, n_members) [N], NaN where
+    # unknown
     node_position: FloatArray
     node_load: FloatArray
     member_tension: FloatArray
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what these arrays do not say
 
 
 def read_shapes(source: ExportSource, trajectory: Path | None = None) -> Shapes:
-    """Return the stated shape of a scene, or those of a result file of the verb `simulate`.
-
-    Raises what `read_trajectory` raises.
-    """
+    """Return the stated shape of a scene, or those of a result file of the verb `simulate`."""
     subject = source.structure
     structure, motion, notes = outline_bodies(subject), None, []
     if trajectory is None:
@@ -198,7 +178,7 @@ def read_shapes(source: ExportSource, trajectory: Path | None = None) -> Shapes:
             notes.append(f"the motion is {motion.headline()}")
     if isinstance(subject, BodySystem):
         notes.append("bodies are drawn: bars and edges of rigid bodies are members without a tension")
-    other = describe_other_loads(subject, motion)
+    further = describe_other_loads(subject, motion)
     load, tension = compute_loads(subject, motion), structure.strands.spread(tension)
-    notes += [other] if other else []
+    notes += [further] if further else []
     return Shapes(split_at_rings(structure), time, position, load, tension, tuple(notes))

@@ -26,26 +26,22 @@ from tensegrity_codegen.system.errors import FormulationError
 
 @dataclass(frozen=True)
 class NodeTree:
-    """A forest of nodes.
+    """A forest of nodes."""
 
-    parent: parent of each node, -1 of a root; order: the nodes, parents before their children; fixed
-    (n_nodes, 3): axes along which each node does not move.
-    """
-
-    parent: tuple[int, ...]
-    order: tuple[int, ...]
-    fixed: NDArray[np.bool_]
+    parent: tuple[int, ...]  # parent of each node, -1 of a root
+    order: tuple[int, ...]  # the nodes, parents before their children
+    fixed: NDArray[np.bool_]  # (n_nodes, 3): axes along which each node does not move
 
     def ancestors(self, node: int) -> list[int]:
         """Return the node and its ancestors up to the root."""
-        found = [node]
-        while self.parent[found[-1]] >= 0:
-            found.append(self.parent[found[-1]])
-        return found
+        nodes = [node]
+        while self.parent[nodes[-1]] >= 0:
+            nodes.append(self.parent[nodes[-1]])
+        return nodes
 
     def children(self, node: int) -> list[int]:
         """Return the children of a node, -1: the roots."""
-        return [item for item in self.order if self.parent[item] == node]
+        return [child for child in self.order if self.parent[child] == node]
 
     def couples(self, i: int, j: int) -> bool:
         """Return whether the tree can couple two nodes along every axis along which both move."""
@@ -54,10 +50,7 @@ class NodeTree:
 
 
 def build_node_tree(structure: Structure, carried: NDArray[np.bool_]) -> NodeTree:
-    """Return a forest in which as many elastic bars with own mass as possible join nodes of one branch.
-
-    carried (n_nodes,): nodes that rigid bodies carry, which stay roots.
-    """
+    """Return a forest in which as many elastic bars with own mass as possible join nodes of one branch."""
     fixed = structure.node_anchored.copy()
     fixed[:, [axis for axis in range(3) if axis not in structure.axes]] = True
     heavy = (structure.member_mass > 0) & structure.is_bar & ~structure.is_rigid
@@ -79,9 +72,9 @@ def build_node_tree(structure: Structure, carried: NDArray[np.bool_]) -> NodeTre
             seen[node], parent[node] = True, above
             order.append(node)
             stack += [
-                (item, node)
-                for item in reversed(neighbours[node])
-                if not seen[item] and not (fixed[item] & ~fixed[node]).any()
+                (neighbour, node)
+                for neighbour in reversed(neighbours[node])
+                if not seen[neighbour] and not (fixed[neighbour] & ~fixed[node]).any()
             ]
     return NodeTree(tuple(parent), tuple(order), fixed)
 
@@ -93,20 +86,16 @@ THIN_WITH_FEET = 1e-3  # the same of bars on the ground, whose feet turn them ab
 
 @dataclass
 class ModelParts:
-    """The parts of a model, filled one after the other.
-
-    point_mass (n_nodes,) [kg]: masses of the nodes' own bodies; force (n_nodes, 3) [N]: constant forces on
-    nodes; qpos, qvel: state at the start, in the order of the joints.
-    """
+    """The parts of a model, filled one after the other."""
 
     structure: Structure
     tree: NodeTree
-    point_mass: FloatArray
-    force: FloatArray
+    point_mass: FloatArray  # (n_nodes,) [kg]: masses of the nodes' own bodies
+    force: FloatArray  # (n_nodes, 3) [N]: constant forces on nodes
     carried: NDArray[np.bool_]
     world: Element = field(default_factory=lambda: Element("worldbody"))
     tendon: Element = field(default_factory=lambda: Element("tendon"))
-    qpos: list[float] = field(default_factory=list)
+    qpos: list[float] = field(default_factory=list)  # state at the start, in the order of the joints
     qvel: list[float] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -117,20 +106,20 @@ def build_parts(structure: Structure) -> ModelParts:
     carried = np.zeros(structure.n_nodes, dtype=bool)
     carried[structure.connectivity[structure.is_rigid].ravel()] = True
     tree = build_node_tree(structure, carried)
-    parts = ModelParts(structure, tree, structure.node_mass.copy(), structure.node_load.copy(), carried)
-    add(parts.world, "site", name=WORLD_SITE, pos="0 0 0", size="0.001")
-    coupled = _spread_masses(parts)
-    _check_masses(parts)
+    model = ModelParts(structure, tree, structure.node_mass.copy(), structure.node_load.copy(), carried)
+    add(model.world, "site", name=WORLD_SITE, pos="0 0 0", size="0.001")
+    coupled = _spread_masses(model)
+    _check_masses(model)
     for member in np.flatnonzero(structure.is_rigid):
-        _add_rigid_bar(parts, int(member))
+        _add_rigid_bar(model, int(member))
     for root in tree.children(-1):
         if not carried[root]:
-            _add_node(parts, parts.world, root, np.zeros(3))
+            _add_node(model, model.world, root, np.zeros(3))
     for member in np.flatnonzero(~structure.is_rigid):
-        _add_tendon(parts, int(member))
+        _add_tendon(model, int(member))
     for heavy in coupled:
-        _add_coupling(parts, heavy)
-    return parts
+        _add_coupling(model, heavy)
+    return model
 
 
 def _check_rigid(structure: Structure) -> None:
@@ -167,17 +156,18 @@ def _spread_masses(parts: ModelParts) -> list[int]:
         mass = float(structure.member_mass[member])
         bar = bool(structure.is_bar[member])  # half of the mass of a cable stands at each of its ends
         exact = bar and parts.tree.couples(i, j) and not (parts.carried[i] or parts.carried[j])
-        share = mass / 6 if exact else mass / 2
+        fraction = mass / 6 if exact else mass / 2
         for node in (i, j):
-            parts.point_mass[node] += share
-            parts.force[node] += (mass / 2 - share) * structure.gravity
+            parts.point_mass[node] += fraction
+            parts.force[node] += (mass / 2 - fraction) * structure.gravity
         if bar:
             (coupled if exact else lumped).append(int(member))
     if lumped:
         names = ", ".join(structure.member_name[member] for member in lumped[:5])
-        more = f" and {len(lumped) - 5} more" if len(lumped) > 5 else ""
+        others_too = f" and {len(lumped) - 5} more" if len(lumped) > 5 else ""
         parts.notes.append(
-            f"the own mass of {names}{more} stands half at each end: the inertia differs from that of a bar"
+            f"the own mass of {names}{others_too} stands half at each end: the inertia differs from that of "
+            "a bar"
         )
     return coupled
 
@@ -198,8 +188,8 @@ def _check_masses(parts: ModelParts) -> None:
 def _add_node(parts: ModelParts, above: Element, node: int, origin: FloatArray) -> None:
     """Add the body of a node, and those that it carries, to the element `above`, which stands at `origin`."""
     structure, tree = parts.structure, parts.tree
-    place, name = structure.node_position[node], structure.node_name[node]
-    body = add(above, "body", name=name, pos=numbers(place - origin))
+    position, name = structure.node_position[node], structure.node_name[node]
+    body = add(above, "body", name=name, pos=numbers(position - origin))
     up = tree.parent[node]
     rate = structure.node_velocity[node] - (structure.node_velocity[up] if up >= 0 else 0.0)
     for axis in np.flatnonzero(~tree.fixed[node]):
@@ -212,7 +202,7 @@ def _add_node(parts: ModelParts, above: Element, node: int, origin: FloatArray) 
         add(body, "inertial", pos="0 0 0", mass=mass, diaginertia=" ".join([mass] * 3))
     add(body, "site", name=name, pos="0 0 0", size="0.001")
     for child in tree.children(node):
-        _add_node(parts, body, child, place)
+        _add_node(parts, body, child, position)
 
 
 def _add_rigid_bar(parts: ModelParts, member: int) -> None:
@@ -220,8 +210,8 @@ def _add_rigid_bar(parts: ModelParts, member: int) -> None:
     structure = parts.structure
     ends = structure.connectivity[member]
     held = structure.node_anchored[ends].all(axis=1)
-    own, tips = float(structure.member_mass[member]), structure.node_position[ends]
-    point, total = parts.point_mass[ends], float(own + parts.point_mass[ends].sum())
+    mass, tips = float(structure.member_mass[member]), structure.node_position[ends]
+    point, total = parts.point_mass[ends], float(mass + parts.point_mass[ends].sum())
     if not total > 0 and not held.all():
         raise FormulationError(
             "a rigid bar has no mass, which MuJoCo requires",
@@ -229,21 +219,16 @@ def _add_rigid_bar(parts: ModelParts, member: int) -> None:
             given=structure.member_name[member],
             hint="give the bar or its ends a mass",
         )
-    centre = (own * tips.mean(axis=0) + point @ tips) / total if total > 0 else tips.mean(axis=0)
+    centre = (mass * tips.mean(axis=0) + point @ tips) / total if total > 0 else tips.mean(axis=0)
     length = float(np.linalg.norm(tips[1] - tips[0]))
     direction = (tips[1] - tips[0]) / length
     origin = tips[int(held.argmax())] if held.any() else centre
     along = (tips - origin) @ direction  # places on the bar's axis, which is the body's z axis
     middle = float((centre - origin) @ direction)
-    across = own * (length**2 / 12 + (float(along.mean()) - middle) ** 2) + point @ (along - middle) ** 2
+    across = mass * (length**2 / 12 + (float(along.mean()) - middle) ** 2) + point @ (along - middle) ** 2
     quaternion = _turn_to(direction)
-    body = add(
-        parts.world,
-        "body",
-        name=f"{structure.member_name[member]}.body",
-        pos=numbers(origin),
-        quat=numbers(quaternion),
-    )
+    pose = {"pos": numbers(origin), "quat": numbers(quaternion)}
+    body = add(parts.world, "body", name=f"{structure.member_name[member]}.body", **pose)
     spin = _find_spin(structure, ends, direction, length)
     local = _rotate_back(quaternion, spin)
     if not held.any():
@@ -260,13 +245,13 @@ def _add_rigid_bar(parts: ModelParts, member: int) -> None:
         thin = THIN if structure.ground is None else THIN_WITH_FEET
         inertia = numbers(np.array([across, across, thin * across]))
         add(body, "inertial", pos=f"0 0 {number(middle)}", mass=number(total), diaginertia=inertia)
-    for node, place in zip(ends, along, strict=True):
-        add(body, "site", name=structure.node_name[node], pos=f"0 0 {number(place)}", size="0.001")
+    for node, distance in zip(ends, along, strict=True):
+        add(body, "site", name=structure.node_name[node], pos=f"0 0 {number(distance)}", size="0.001")
 
 
 def _add_tendon(parts: ModelParts, member: int) -> None:
     structure = parts.structure
-    rest = number(structure.rest_length[member])
+    length = number(structure.rest_length[member])
     tendon = add(
         parts.tendon,
         "spatial",
@@ -274,7 +259,7 @@ def _add_tendon(parts: ModelParts, member: int) -> None:
         name=structure.member_name[member],
         stiffness=number(structure.mu[member]),
         damping=number(structure.damping[member]),
-        springlength=f"0 {rest}" if structure.tension_only[member] else rest,
+        springlength=f"0 {length}" if structure.tension_only[member] else length,
     )
     for node in structure.path(member):
         add(tendon, "site", site=structure.node_name[node])
@@ -310,22 +295,19 @@ def _turn_to(direction: FloatArray) -> FloatArray:
     if w < 1e-9:  # downwards: half a turn about x
         return np.array([0.0, 1.0, 0.0, 0.0])
     quaternion = np.array([w, -direction[1], direction[0], 0.0])
-    unit: FloatArray = quaternion / np.linalg.norm(quaternion)
-    return unit
+    return np.asarray(quaternion / np.linalg.norm(quaternion))
 
 
 def _rotate_back(quaternion: FloatArray, vector: FloatArray) -> FloatArray:
     """Return a vector of the world in the frame of a body with that orientation."""
     w, axis = quaternion[0], -quaternion[1:]
     cross = np.cross(axis, vector)
-    turned: FloatArray = vector + 2 * (w * cross + np.cross(axis, cross))
-    return turned
+    return np.asarray(vector + 2 * (w * cross + np.cross(axis, cross)))
 
 
 def _find_spin(
     structure: Structure, ends: NDArray[np.int64], direction: FloatArray, length: float
 ) -> FloatArray:
     """Return the angular velocity of a rigid bar without rotation about itself (3,) [rad/s]."""
-    apart = structure.node_velocity[ends[1]] - structure.node_velocity[ends[0]]
-    spin: FloatArray = np.cross(direction, apart) / length
-    return spin
+    velocity = structure.node_velocity[ends[1]] - structure.node_velocity[ends[0]]
+    return np.asarray(np.cross(direction, velocity) / length)

@@ -43,55 +43,40 @@ THIN_INERTIA_RATIO = 1e-6
 
 @dataclass(frozen=True)
 class RigidPart:
-    """One rigid part.
+    """One rigid part."""
 
-    name: name of the body or bar, with an ending where it is that of a point mass.
-    joint: ``"floating"`` (free) or ``"ball"`` (turns about its origin).
-    parent: part that carries it; WORLD for none.
-    origin (3,) [m]: origin of its frame in the world.
-    rotation (3, 3): axes of its frame; that of a bar has z along the bar.
-    mass [kg]: mass.
-    centre (3,) [m]: centre of mass in its frame.
-    inertia (3, 3) [kg m2]: about the centre, in its frame.
-    points (3,) [m]: nodes in its frame.
-    bar: of a bar: from where to where on its z axis, and its radius [m]; empty for others.
-    """
-
-    name: str
-    joint: str
-    parent: str
-    origin: FloatArray
-    rotation: FloatArray
-    mass: float
-    centre: FloatArray
-    inertia: FloatArray
-    points: dict[str, FloatArray] = field(default_factory=dict)
+    name: str  # name of the body or bar, with an ending where it is that of a point mass
+    joint: str  # ``"floating"`` (free) or ``"ball"`` (turns about its origin)
+    parent: str  # part that carries it; WORLD for none
+    origin: FloatArray  # (3,) [m]: origin of its frame in the world
+    rotation: FloatArray  # (3, 3): axes of its frame; that of a bar has z along the bar
+    mass: float  # [kg]: mass
+    centre: FloatArray  # (3,) [m]: centre of mass in its frame
+    inertia: FloatArray  # (3, 3) [kg m2]: about the centre, in its frame
+    points: dict[str, FloatArray] = field(default_factory=dict)  # (3,) [m]: nodes in its frame
+    # of a bar: from where to where on its z axis, and its radius [m]; empty for others
     bar: tuple[float, ...] = ()
 
 
 def find_parts(subject: Structure | BodySystem) -> tuple[list[RigidPart], dict[str, FloatArray]]:
-    """Return the rigid parts, parents first, and the anchored nodes with their positions (3,) [m].
-
-    Raises FormulationError for a structure that is not made of rigid parts on a tree: elastic bars, rigid
-    bars that share a node, ends that are anchored on some axes.
-    """
+    """Return the rigid parts, parents first, and the anchored nodes with their positions (3,) [m]."""
     if isinstance(subject, BodySystem):
         return _find_bodies(subject)
     structure = subject
     require_no_collision(structure, "URDF")
     _check(structure)
     ends = structure.connectivity[structure.is_rigid]
-    parts = [_build_rod(structure, int(member)) for member in np.flatnonzero(structure.is_rigid)]
+    rigid_parts = [_build_rod(structure, int(member)) for member in np.flatnonzero(structure.is_rigid)]
     carried = set(ends.ravel().tolist())
     held: NDArray[np.bool_] = np.asarray(structure.node_anchored.all(axis=1))
     fixed: dict[str, FloatArray] = {}
     for node, name in enumerate(structure.node_name):
-        place, mass = structure.node_position[node], float(structure.node_mass[node])
+        position, mass = structure.node_position[node], float(structure.node_mass[node])
         if held[node]:
-            fixed[name] = place
+            fixed[name] = position
         elif node not in carried:
-            parts.append(_build_point(name, place, mass))
-    return [part for part in parts if part.joint], fixed
+            rigid_parts.append(_build_point(name, position, mass))
+    return [rigid_part for rigid_part in rigid_parts if rigid_part.joint], fixed
 
 
 def _build_point(name: str, place: FloatArray, mass: float) -> RigidPart:
@@ -141,15 +126,15 @@ def _build_rod(structure: Structure, member: int) -> RigidPart:
     """Return a rigid bar with the masses of its ends; without a joint where both are anchored."""
     ends = structure.connectivity[member]
     tips, held = structure.node_position[ends], structure.node_anchored[ends].all(axis=1)
-    own, point = float(structure.member_mass[member]), structure.node_mass[ends]
-    mass = own + float(point.sum())
+    bar, point = float(structure.member_mass[member]), structure.node_mass[ends]
+    mass = bar + float(point.sum())
     length = float(np.linalg.norm(tips[1] - tips[0]))
     direction = (tips[1] - tips[0]) / length
     middle = tips.mean(axis=0)
     origin = tips[int(held.argmax())] if held.any() else middle
     along = (tips - origin) @ direction
-    centre = (own * along.mean() + point @ along) / mass if mass > 0 else float(along.mean())
-    across = own * length**2 / 12 + own * (along.mean() - centre) ** 2 + point @ (along - centre) ** 2
+    centre = (bar * along.mean() + point @ along) / mass if mass > 0 else float(along.mean())
+    across = bar * length**2 / 12 + bar * (along.mean() - centre) ** 2 + point @ (along - centre) ** 2
     names = [structure.node_name[node] for node in ends]
     return RigidPart(
         name=structure.member_name[member],
@@ -161,8 +146,8 @@ def _build_rod(structure: Structure, member: int) -> RigidPart:
         centre=np.array([0.0, 0.0, centre]),
         inertia=np.diag([across, across, THIN_INERTIA_RATIO * across]),
         points={
-            name: np.array([0.0, 0.0, place])
-            for name, place, is_held in zip(names, along, held, strict=True)
+            name: np.array([0.0, 0.0, distance])
+            for name, distance, is_held in zip(names, along, held, strict=True)
             if not is_held
         },
         bar=(float(along.min()), float(along.max()), float(structure.radius[member])),
@@ -174,31 +159,30 @@ def _frame_along(direction: FloatArray) -> FloatArray:
     pitch = np.arctan2(np.hypot(direction[0], direction[1]), direction[2])
     yaw = np.arctan2(direction[1], direction[0])
     (c, s), (cy, sy) = (np.cos(pitch), np.sin(pitch)), (np.cos(yaw), np.sin(yaw))
-    frame: FloatArray = np.array([[cy * c, -sy, cy * s], [sy * c, cy, sy * s], [-s, 0.0, c]])
-    return frame
+    return np.array([[cy * c, -sy, cy * s], [sy * c, cy, sy * s], [-s, 0.0, c]])
 
 
 def _find_bodies(system: BodySystem) -> tuple[list[RigidPart], dict[str, FloatArray]]:
     position = compute_node_position(system)
-    parts: dict[int, RigidPart] = {}
+    rigid_parts: dict[int, RigidPart] = {}
     fixed: dict[str, FloatArray] = {}
     for number, body in enumerate(system.bodies):
         nodes = np.flatnonzero(system.node_body == number)
         if isinstance(body, Bar):
-            parts[number] = _build_held_bar(system, body, nodes, position)
+            rigid_parts[number] = _build_held_bar(system, body, nodes, position)
         elif isinstance(body, RigidBody):
-            first = system.coordinate_start[number]
-            angles = system.coordinate[first : first + 3]
+            start = system.coordinate_start[number]
+            angles = system.coordinate[start : start + 3]
             rotation = np.array(euler_rotation(*angles.tolist()), dtype=float)
             points = {system.node_name[node]: system.node_local[node].copy() for node in nodes}
-            centre = system.coordinate[first + 3 : first + 6]
+            centre = system.coordinate[start + 3 : start + 6]
             inertia = np.array(body.inertia)
-            parts[number] = RigidPart(
+            rigid_parts[number] = RigidPart(
                 body.name, "floating", WORLD, centre, rotation, body.mass, np.zeros(3), inertia, points
             )
         else:
             fixed |= {system.node_name[node]: position[node] for node in nodes}
-    return _sort_parents(list(parts.values())), fixed
+    return _sort_parents(list(rigid_parts.values())), fixed
 
 
 def _build_held_bar(
@@ -222,8 +206,8 @@ def _build_held_bar(
         centre=np.array([0.0, 0.0, float(along.mean())]),
         inertia=np.diag([body.inertia, body.inertia, THIN_INERTIA_RATIO * body.inertia]),
         points={
-            system.node_name[node]: np.array([0.0, 0.0, place])
-            for node, place in zip(nodes, along, strict=True)
+            system.node_name[node]: np.array([0.0, 0.0, distance])
+            for node, distance in zip(nodes, along, strict=True)
         },
         bar=(float(along.min()), float(along.max()), body.radius),
     )
@@ -232,10 +216,10 @@ def _build_held_bar(
 def _sort_parents(parts: list[RigidPart]) -> list[RigidPart]:
     """Return the parts, each after the one that carries it."""
     done: list[RigidPart] = []
-    known = {WORLD}
+    placed = {WORLD}
     while parts:
-        ready = [part for part in parts if part.parent in known]
+        ready = [part for part in parts if part.parent in placed]
         done += ready
-        known |= {part.name for part in ready}
+        placed |= {part.name for part in ready}
         parts = [part for part in parts if part not in ready]
     return done

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tensegrity_codegen.export.fmu.description import find_exponents
-from tensegrity_codegen.export.fmu.variables import join_names, quote_name
+from tensegrity_codegen.export.fmu.description import find_exponents, join_names, quote_name
 from tensegrity_codegen.system.errors import InvalidNameError
 from tensegrity_codegen.tables.quantities import ARGUMENTS, QUANTITIES
 
@@ -85,8 +84,8 @@ def test_the_unit_of_every_dense_quantity_is_known_or_several() -> None:
 
 def test_dependencies_are_those_of_the_structure(tmp_path: Path) -> None:
     from tensegrity_codegen.codegen.emit import emit
+    from tensegrity_codegen.export.fmu.description import list_variables
     from tensegrity_codegen.export.fmu.layout import Layout, find_tangent
-    from tensegrity_codegen.export.fmu.variables import list_variables
     from tensegrity_codegen.pipeline.compile_scene import load_scene
     from tests.export.scenes import write_loose
 

@@ -49,13 +49,10 @@ class Argument:
 
 @dataclass(frozen=True)
 class Block:
-    """Values of one quantity, from `start` on among all calculated values.
-
-    spec: the function that computes them; None: node positions that are coordinates.
-    """
+    """Values of one quantity, from `start` on among all calculated values."""
 
     quantity: str
-    spec: FunctionSpec | None
+    spec: FunctionSpec | None  # the function that computes them; None: node positions that are coordinates
     start: int
     parts: tuple[Parts, ...]
     unit: str
@@ -70,14 +67,11 @@ class Block:
 
 @dataclass(frozen=True)
 class Layout:
-    """All that a unit has, from a library's manifest.
+    """All that a unit has, from a library's manifest."""
 
-    manifest: the library; structure: what it was made from; outputs: quantities that are outputs.
-    """
-
-    manifest: Manifest
-    structure: Subject
-    outputs: tuple[str, ...]
+    manifest: Manifest  # the library
+    structure: Subject  # what it was made from
+    outputs: tuple[str, ...]  # quantities that are outputs
 
     @property
     def n_coordinates(self) -> int:
@@ -102,24 +96,24 @@ class Layout:
     @cached_property
     def arguments(self) -> tuple[Argument, ...]:
         """Inputs first, then parameters, in the library's order."""
-        specs = [item for item in self.manifest.arguments if item.name not in STATE]
-        found, place = [], 0
-        for spec in sorted(specs, key=lambda item: item.name != "input"):
+        specs = [argument for argument in self.manifest.arguments if argument.name not in STATE]
+        arguments, place = [], 0
+        for spec in sorted(specs, key=lambda argument: argument.name != "input"):
             if prod(spec.shape):
-                parts = _combine(spec.over or None, spec.shape, self.axes)
-                units = self._input_units if spec.name == "input" else (spec.unit,) * len(parts)
-                found.append(Argument(spec, place, parts, units))
-                place += len(parts)
-        return tuple(found)
+                entries = _combine(spec.over or None, spec.shape, self.axes)
+                units = self._input_units if spec.name == "input" else (spec.unit,) * len(entries)
+                arguments.append(Argument(spec, place, entries, units))
+                place += len(entries)
+        return tuple(arguments)
 
     @property
     def _input_units(self) -> tuple[str, ...]:
-        return tuple(INPUT_UNITS[item.kind] for item in self.structure.inputs)
+        return tuple(INPUT_UNITS[scene_input.kind] for scene_input in self.structure.inputs)
 
     @property
     def n_arguments(self) -> int:
         """Number of inputs and parameters."""
-        return sum(len(item.parts) for item in self.arguments)
+        return sum(len(argument.parts) for argument in self.arguments)
 
     @property
     def n_inputs(self) -> int:
@@ -129,8 +123,8 @@ class Layout:
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
         """Outputs, then the margins of events, which may be outputs too."""
-        specs = {item.quantity: item for item in self.manifest.functions}
-        found: list[Block] = []
+        specs = {function.quantity: function for function in self.manifest.functions}
+        blocks: list[Block] = []
         start = 0
         for quantity, is_margin in (
             *((name, False) for name in self.outputs if name not in MARGINS),
@@ -138,10 +132,10 @@ class Layout:
         ):
             spec = specs.get(quantity)
             row = QUANTITIES[quantity]
-            parts = self._parts(row.shape, spec)
-            found.append(Block(quantity, spec, start, parts, row.unit, row.sentence, is_margin))
-            start += len(parts)
-        return tuple(found)
+            entries = self._parts(row.shape, spec)
+            blocks.append(Block(quantity, spec, start, entries, row.unit, row.sentence, is_margin))
+            start += len(entries)
+        return tuple(blocks)
 
     def manifest_margins(self, quantity: str) -> tuple[str, ...]:
         """Return the names of the members, or nodes that can touch the ground, that a margin is of."""
@@ -152,7 +146,7 @@ class Layout:
         return tuple(name for name, has in zip(names, mask.tolist(), strict=True) if has)
 
     def _parts(self, shape: tuple[str, ...], spec: FunctionSpec | None) -> tuple[Parts, ...]:
-        known: dict[str, Callable[[], tuple[str, ...]]] = {
+        names_of: dict[str, Callable[[], tuple[str, ...]]] = {
             "n_nodes": lambda: self.manifest.node_name,
             "n_axes": lambda: self.axes,
             "n_members": lambda: self.manifest.member_name,
@@ -165,8 +159,8 @@ class Layout:
             "n_internal": lambda: self.manifest.internal_name,
         }
         lists: list[tuple[str | int, ...]] = []
-        for k, word in enumerate(shape):
-            names: tuple[str | int, ...] = known[word]() if word in known else ()
+        for k, dimension in enumerate(shape):
+            names: tuple[str | int, ...] = names_of[dimension]() if dimension in names_of else ()
             size = len(names) if spec is None else spec.shape[k]
             lists.append(names if len(names) == size else tuple(range(size)))
         return tuple(itertools.product(*lists))
@@ -174,7 +168,7 @@ class Layout:
     @property
     def n_values(self) -> int:
         """Number of calculated values, margins included."""
-        return sum(item.size for item in self.blocks)
+        return sum(block.size for block in self.blocks)
 
     @property
     def margins(self) -> tuple[tuple[str, int], ...]:
@@ -188,7 +182,7 @@ class Layout:
 
     def integrator(self, name: str) -> IntegratorSpec:
         """Return the integrator of that name."""
-        return next(item for item in self.manifest.integrators if item.name == name)
+        return next(integrator for integrator in self.manifest.integrators if integrator.name == name)
 
     def coordinate_units(self) -> tuple[str, ...]:
         """Return the unit of each coordinate."""
@@ -216,21 +210,18 @@ def _combine(
     return tuple(itertools.product(*lists))
 
 
-MOST_OPERATIONS = 60_000  # of the C function, which compilers take some ten seconds for
+MAX_OPERATIONS = 60_000  # of the C function, which compilers take some ten seconds for
 
 
 @dataclass(frozen=True)
 class Tangent:
-    """The statements of the function, and which unknowns depend on which knowns.
-
-    inputs, outputs: names of its arrays in C, and where they are.
-    pattern: (n_unknowns, n_knowns) of accelerations, rates of internal states and calculated values on
-    arguments and states.
-    """
+    """The statements of the function, and which unknowns depend on which knowns."""
 
     lines: tuple[str, ...]
-    inputs: tuple[tuple[str, str], ...]
+    inputs: tuple[tuple[str, str], ...]  # names of its arrays in C, and where they are
     outputs: tuple[tuple[str, str], ...]
+    # (n_unknowns, n_knowns) of accelerations, rates of internal states and calculated values on arguments and
+    # states
     pattern: NDArray[np.bool_]
 
 
@@ -242,22 +233,22 @@ def find_tangent(layout: Layout, request: ModelRequest) -> Tangent | None:
     names, sources = _find_arguments(layout)
     symbols = [ca.vec(model.arguments[name].symbol) for name in names]
     seeds = [ca.SX.sym(f"seed_{name}", symbol.numel()) for name, symbol in zip(names, symbols, strict=True)]
-    known, seed = ca.vertcat(*symbols), ca.vertcat(*seeds)
+    variables, seed = ca.vertcat(*symbols), ca.vertcat(*seeds)
     unknowns = _find_unknowns(model, layout)
-    results = [ca.cse(ca.densify(ca.jtimes(item, known, seed))) for _, _, item in unknowns]
+    results = [ca.cse(ca.densify(ca.jtimes(expression, variables, seed))) for _, _, expression in unknowns]
     function = ca.Function("tangent", [*symbols, *seeds], results)
-    if count_operations(function) > MOST_OPERATIONS:
+    if count_operations(function) > MAX_OPERATIONS:
         return None
     labels = [*names, *(f"change_of_{name}" for name in names)]
     outputs = [name for name, _, _ in unknowns]
     body = print_body(function, labels, outputs)
-    places = [*(f"{array} + {place}" for array, place in sources)]
+    addresses = [*(f"{array} + {place}" for array, place in sources)]
     changes = [*(f"seed_{array} + {place}" for array, place in sources)]
     return Tangent(
         body.lines,
-        tuple(zip(labels, [*places, *changes], strict=True)),
+        tuple(zip(labels, [*addresses, *changes], strict=True)),
         tuple((name, place) for name, place, _ in unknowns),
-        _find_pattern(layout, known, [item for _, _, item in unknowns]),
+        _find_pattern(layout, variables, [expression for _, _, expression in unknowns]),
     )
 
 
@@ -265,42 +256,42 @@ def _find_arguments(layout: Layout) -> tuple[list[str], list[tuple[str, int]]]:
     """Return the names of all arguments, and array and place of each in C."""
     n = layout.n_coordinates
     states = dict(zip(STATE, (0, n, 2 * n), strict=True))
-    own = [name for name in STATE if name != "internal" or layout.n_internal]
-    names = [item.name for item in layout.arguments] + own
-    places = [("argument", item.place) for item in layout.arguments]
-    return names, [*places, *(("state", states[name]) for name in own)]
+    moving = [name for name in STATE if name != "internal" or layout.n_internal]
+    names = [argument.name for argument in layout.arguments] + moving
+    sources = [("argument", argument.place) for argument in layout.arguments]
+    return names, [*sources, *(("state", states[name]) for name in moving)]
 
 
 def _find_unknowns(model: SymbolicModel, layout: Layout) -> list[tuple[str, str, ca.SX]]:
     """Return name in C, place and expression (a column) of the rates behind velocities, and of each block."""
-    found = [("change_of_acceleration", "seed_acceleration", _column(model, "acceleration"))]
+    unknowns = [("change_of_acceleration", "seed_acceleration", _column(model, "acceleration"))]
     if layout.n_internal:
-        place = f"seed_acceleration + {layout.n_coordinates}"
-        found.append(("change_of_internal_rate", place, _column(model, "internal_rate")))
+        address = f"seed_acceleration + {layout.n_coordinates}"
+        unknowns.append(("change_of_internal_rate", address, _column(model, "internal_rate")))
     for block in layout.blocks:
         if block.spec is not None:
-            place = f"seed_value + {block.start}"
-            found.append((f"change_of_value_{block.quantity}", place, _column(model, block.quantity)))
-    return found
+            address = f"seed_value + {block.start}"
+            unknowns.append((f"change_of_value_{block.quantity}", address, _column(model, block.quantity)))
+    return unknowns
 
 
 def _column(model: SymbolicModel, quantity: str) -> ca.SX:
     return ca.vec(ca.densify(model.expression(quantity)))
 
 
-def _find_pattern(layout: Layout, known: ca.SX, unknowns: list[ca.SX]) -> NDArray[np.bool_]:
+def _find_pattern(layout: Layout, variables: ca.SX, unknowns: list[ca.SX]) -> NDArray[np.bool_]:
     """Return which accelerations, rates and values depend on which arguments and states."""
     everything = ca.vertcat(*unknowns)
-    sparsity = ca.Function("values", [known], [everything]).jac_sparsity(0, 0)
+    sparsity = ca.Function("values", [variables], [everything]).jac_sparsity(0, 0)
     rows, columns = sparsity.get_triplet()
-    own = np.zeros((everything.numel(), known.numel()), dtype=np.bool_)
-    own[rows, columns] = True
+    dependent = np.zeros((everything.numel(), variables.numel()), dtype=np.bool_)
+    dependent[rows, columns] = True
     n = layout.n_coordinates + layout.n_internal
-    pattern = np.zeros((n + layout.n_values, known.numel()), dtype=np.bool_)
-    pattern[:n] = own[:n]
+    pattern = np.zeros((n + layout.n_values, variables.numel()), dtype=np.bool_)
+    pattern[:n] = dependent[:n]
     at = n
     for block in layout.blocks:
         if block.spec is not None:
-            pattern[n + block.start : n + block.start + block.size] = own[at : at + block.size]
+            pattern[n + block.start : n + block.start + block.size] = dependent[at : at + block.size]
             at += block.size
     return pattern

@@ -22,7 +22,7 @@ from tensegrity_codegen.tables.quantities.arguments import GROUND_FROM_ZERO
 from tensegrity_codegen.tables.targets import SHARED, TARGETS, Target, find_host, find_system, find_target
 
 ATOL_RATIO = 1e-3  # absolute over relative tolerance, for a structure of a metre: 1e-9 over 1e-6
-MOST_AHEAD, MOST_NUMBERS_AHEAD = 32, 65_536  # communication steps, and numbers of their states
+MAX_AHEAD, MAX_NUMBERS_AHEAD = 32, 65_536  # communication steps, and numbers of their states
 # Kinds of events in the order of margins, and what happens as a margin becomes negative, positive.
 WATCHED = {
     "cable": ("goes slack", "goes taut"),
@@ -34,21 +34,14 @@ WATCHED = {
 
 @dataclass(frozen=True)
 class Experiment:
-    """How a unit is used.
+    """How a unit is used."""
 
-    fmi: version of the standard: "2.0" or "3.0".
-    kinds: interfaces: "me" (model exchange), "cs" (co-simulation).
-    method: integrator of the co-simulation.
-    t_end, rtol: stop time [s] and relative tolerance of the default experiment.
-    length: size of the structure [m], which absolute tolerances follow.
-    """
-
-    fmi: str
-    kinds: tuple[str, ...]
-    method: str
-    t_end: float
+    fmi: str  # version of the standard: "2.0" or "3.0"
+    kinds: tuple[str, ...]  # interfaces: "me" (model exchange), "cs" (co-simulation)
+    method: str  # integrator of the co-simulation
+    t_end: float  # stop time [s] and relative tolerance of the default experiment
     rtol: float
-    length: float
+    length: float  # size of the structure [m], which absolute tolerances follow
 
 
 @dataclass(frozen=True)
@@ -63,33 +56,29 @@ class UnitSources:
 def write_unit_sources(
     library: Mapping[str, str], layout: Layout, tangent: Tangent | None, experiment: Experiment
 ) -> UnitSources:
-    """Return the sources of a unit.
-
-    library: files of the generated library: name -> text; layout: what the unit has; tangent: directional
-    derivatives; experiment: version, interfaces, method and tolerances.
-    """
+    """Return the sources of a unit."""
     name, version = layout.manifest.name, experiment.fmi[0]
-    own = {
-        item: (template_folder() / "fmu" / item).read_text(encoding="utf-8")
-        for item in ("fmu.h", "fmu_core.h", f"fmi{version}.h", f"fmi{version}_functions.h")
+    templates = {
+        file: (template_folder() / "fmu" / file).read_text(encoding="utf-8")
+        for file in ("fmu.h", "fmu_core.h", f"fmi{version}.h", f"fmi{version}_functions.h")
     }
-    files = {f"{name}.h": library[f"{name}.h"], f"{name}_code.h": library[f"{name}.c"], **own}
+    files = {f"{name}.h": library[f"{name}.h"], f"{name}_code.h": library[f"{name}.c"], **templates}
     tables = f"{name}_tables.c"
     if tables in library:
         files[tables] = library[tables]
     unit = f"{name}_fmu.c"
     included = ("fmu_config.h", f"{name}_code.h", "fmu_core.h", f"fmi{version}_functions.h")
-    files[unit] = f"/* {BANNER} */\n" + "".join(f'#include "{item}"\n' for item in included)
+    files[unit] = f"/* {BANNER} */\n" + "".join(f'#include "{file}"\n' for file in included)
     context = _context(layout, tangent, experiment)
     token = _identify(files, render("fmu_config.h", {**context, "token": ""}), experiment)
     files["fmu_config.h"] = wrap_lines(render("fmu_config.h", {**context, "token": token}))
-    return UnitSources(files, tuple(item for item in (unit, tables) if item in files), token)
+    return UnitSources(files, tuple(file for file in (unit, tables) if file in files), token)
 
 
 def _identify(files: Mapping[str, str], config: str, experiment: Experiment) -> str:
     """Return a text in the form of a GUID that is the same for the same unit."""
-    parts = [*(f"{name}\n{files[name]}" for name in sorted(files)), config, repr(experiment)]
-    digest = hashlib.sha256("\0".join(parts).encode("utf-8")).hexdigest()
+    texts = [*(f"{name}\n{files[name]}" for name in sorted(files)), config, repr(experiment)]
+    digest = hashlib.sha256("\0".join(texts).encode("utf-8")).hexdigest()
     return "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
 
 
@@ -114,7 +103,7 @@ def _context(layout: Layout, tangent: Tangent | None, experiment: Experiment) ->
             "margin_blocks": sum(item.is_margin for item in layout.blocks),
             "margins": len(margins),
             "calculated": layout.n_values,
-            "ahead": max(1, min(MOST_AHEAD, MOST_NUMBERS_AHEAD // layout.n_states)),
+            "ahead": max(1, min(MAX_AHEAD, MAX_NUMBERS_AHEAD // layout.n_states)),
         },
         "status_texts": [item.replace("_", " ") for item in STATUS],
         "member_names": _strings(manifest.member_name),
@@ -124,7 +113,7 @@ def _context(layout: Layout, tangent: Tangent | None, experiment: Experiment) ->
         "margin_kinds": [kind for _, kind in margins] or [0],
         "block_starts": [*(item.start for item in layout.blocks), layout.n_values],
         "arguments": [{"name": item.name, "place": item.place} for item in layout.arguments],
-        "least": [word for item in layout.arguments for word in _find_least(item)] or ["FMU_ANY"],
+        "least": [limit for item in layout.arguments for limit in _find_least(item)] or ["FMU_ANY"],
         "acceleration": _call(layout, functions["acceleration"]),
         "internal_rate": _call(layout, functions["internal_rate"]) if layout.n_internal else None,
         "blocks": [
@@ -140,11 +129,11 @@ def _context(layout: Layout, tangent: Tangent | None, experiment: Experiment) ->
 
 def _find_least(argument: Argument) -> list[str]:
     """Return what each value of an argument is at least; a value of the scene itself is always allowed."""
-    word = f"FMU_{argument.least.upper()}"
-    is_positive = [word != "FMU_ABOVE_ZERO" or value > 0 for value in np.ravel(argument.spec.nominal)]
+    limit = f"FMU_{argument.least.upper()}"
+    is_positive = [limit != "FMU_ABOVE_ZERO" or value > 0 for value in np.ravel(argument.spec.nominal)]
     if argument.name == "ground":
         is_positive = [name not in GROUND_FROM_ZERO for name in argument.spec.over]
-    return [word if positive else "FMU_FROM_ZERO" for positive in is_positive]
+    return [limit if positive else "FMU_FROM_ZERO" for positive in is_positive]
 
 
 def _strings(names: Sequence[str]) -> list[str]:
@@ -154,10 +143,10 @@ def _strings(names: Sequence[str]) -> list[str]:
 
 def _pass(layout: Layout, names: Sequence[str]) -> str:
     """Return arguments of a function of the library as they are passed, each followed by a comma."""
-    places = {item.name: f"argument + {item.place}" for item in layout.arguments}
-    places |= {"coordinate": "state", "velocity": "state + FMU_N_COORDINATES"}
-    places["internal"] = "state + 2 * FMU_N_COORDINATES"
-    return "".join(f"{places[name]}, " for name in names)
+    sources = {argument.name: f"argument + {argument.place}" for argument in layout.arguments}
+    sources |= {"coordinate": "state", "velocity": "state + FMU_N_COORDINATES"}
+    sources["internal"] = "state + 2 * FMU_N_COORDINATES"
+    return "".join(f"{sources[name]}, " for name in names)
 
 
 def _call(layout: Layout, spec: FunctionSpec) -> dict[str, str]:
@@ -186,7 +175,7 @@ def _describe_integrator(layout: Layout, method: str) -> dict[str, Any]:
         "is_implicit": is_implicit,
         "has_run": not is_implicit or bool(spec.events) or bool(manifest.driven),
         "has_events": bool(spec.events),
-        "watch": " | ".join(f"{manifest.name.upper()}_EVENT_{word}" for word in kinds) or "0",
+        "watch": " | ".join(f"{manifest.name.upper()}_EVENT_{event}" for event in kinds) or "0",
         "n_counts": len(INTEGRATORS[spec.name].counts),
         "n_tensions": len(spec.tensions),
     }
@@ -197,21 +186,21 @@ def _place_positions(layout: Layout) -> dict[str, Any] | None:
     if all(block.spec is not None for block in layout.blocks):
         return None
     manifest = layout.manifest
-    coordinate = {place: k for k, place in enumerate(manifest.coordinate_node_axis)}
+    coordinate = {position: k for k, position in enumerate(manifest.coordinate_node_axis)}
     anchors = {}
-    for item in layout.arguments:
-        if item.name == "anchor_position":
-            anchors = {parts: item.place + k for k, parts in enumerate(item.parts)}
-    places = [(node, axis) for node in range(len(manifest.node_name)) for axis in manifest.axes]
+    for row in layout.arguments:
+        if row.name == "anchor_position":
+            anchors = {entry: row.place + k for k, entry in enumerate(row.parts)}
+    positions = [(node, axis) for node in range(len(manifest.node_name)) for axis in manifest.axes]
     argument = [
-        -1 if place in coordinate else anchors.get((manifest.node_name[place[0]], "xyz"[place[1]]), -1)
-        for place in places
+        -1 if (node, axis) in coordinate else anchors.get((manifest.node_name[node], "xyz"[axis]), -1)
+        for node, axis in positions
     ]
     return {
-        "coordinate": [coordinate.get(place, -1) for place in places],
+        "coordinate": [coordinate.get(position, -1) for position in positions],
         "argument": argument,
         "has_argument": max(argument) >= 0,
-        "start": print_numbers([manifest.node_position[node][axis] for node, axis in places]),
+        "start": print_numbers([manifest.node_position[node][axis] for node, axis in positions]),
     }
 
 
@@ -220,20 +209,17 @@ DATE = (1980, 1, 1, 0, 0, 0)  # the first that an archive can have
 
 
 def check_targets(names: Sequence[str]) -> tuple[Target, ...]:
-    """Return the machines of these names.
-
-    Raises UnknownNameError, and InvalidValueError for a machine that has no shared libraries.
-    """
-    found = tuple(find_target(name, "targets") for name in names)
-    for target in found:
+    """Return the machines of these names."""
+    machines = tuple(find_target(name, "targets") for name in names)
+    for target in machines:
         if target.kind != SHARED:
             raise InvalidValueError(
                 f"an FMU holds shared libraries, and {target.name} has none",
                 where="targets",
                 given=target.name,
-                allowed=", ".join(name for name, item in TARGETS.items() if item.kind == SHARED),
+                allowed=", ".join(name for name, machine in TARGETS.items() if machine.kind == SHARED),
             )
-    return found
+    return machines
 
 
 def compile_unit(
@@ -245,11 +231,8 @@ def compile_unit(
     flags: str,
     targets: Sequence[Target] = (),
 ) -> dict[str, bytes]:
-    """Return the binaries of a unit for these machines, for this one if none is named: place -> bytes.
-
-    Raises CompilerMissingError, CompileError.
-    """
-    texts = {key: text for key, text in sources.files.items() if key.endswith((".c", ".h"))}
+    """Return the binaries of a unit for these machines, for this one if none is named: place -> bytes."""
+    texts = {key: content for key, content in sources.files.items() if key.endswith((".c", ".h"))}
     binaries = {}
     for target in targets or (find_system(),):
         tool = find_cross_compiler(target, compiler) if target.name else find_compiler(compiler)
