@@ -23,7 +23,7 @@ from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.simulate.until import CONTACT_QUANTITIES, Until
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
-from tensegrity_codegen.scene.checks.plausible_ground import warn_of_sampled_contacts
+from tensegrity_codegen.scene.checks.plausible_start import warn_of_sampled_contacts
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import DuplicateNameError

@@ -74,9 +74,14 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.checks import check_instance, check_positive, check_switch, check_whole
+from tensegrity_codegen.system.checks import (
+    check_instance,
+    check_positive,
+    check_switch,
+    check_whole,
+    with_moved,
+)
 from tensegrity_codegen.system.errors import LibraryError
-from tensegrity_codegen.system.moved_arguments import with_moved
 from tensegrity_codegen.tables.manifest import STATUS, FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
 
