@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.codegen.prune import PrunedFunction, prune
+from tensegrity_codegen.codegen.emitter import PrunedFunction, prune
 from tensegrity_codegen.scene.assemble.assemble_bodies import assemble_bodies
 from tensegrity_codegen.scene.read import parse_scene, read_scene
 from tensegrity_codegen.structure.bodies import BodySystem

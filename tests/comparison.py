@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from tensegrity_codegen.codegen.prune import PrunedFunction
+from tensegrity_codegen.codegen.emitter import PrunedFunction
 from tensegrity_codegen.structure.structure import Structure
 
 Array = NDArray[np.float64]

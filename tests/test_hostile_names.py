@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tensegrity_codegen.cli.app import main
-from tensegrity_codegen.codegen.bundle.bundle import emit_bundle
+from tensegrity_codegen.codegen.bundle import emit_bundle
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.wheels.wheel import build_wheel
 from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library

@@ -53,7 +53,7 @@ def _force(problem: Problem, q: Any) -> tuple[Any, Any]:
 
 def own_expression(problem: Problem, quantity: str) -> ca.Function:
     """Return the package's own expression of the quantity, for CasADi to evaluate or to print."""
-    from tensegrity_codegen.codegen.prune import prune
+    from tensegrity_codegen.codegen.emitter import prune
     from tensegrity_codegen.symbolic.build import build_model
 
     pruned = prune(build_model(problem.structure, problem.request(quantity)), (quantity,))[0]

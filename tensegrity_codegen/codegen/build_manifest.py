@@ -8,10 +8,10 @@ import numpy as np
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
-from tensegrity_codegen.codegen.integrators.batch_integrators import with_batch
 from tensegrity_codegen.codegen.integrators.integrators import integrator_spec
 from tensegrity_codegen.codegen.integrators.profiles import find_driven
 from tensegrity_codegen.codegen.integrators.solvers import solver_spec
+from tensegrity_codegen.codegen.integrators.work_memory import with_batch
 from tensegrity_codegen.symbolic.model import ModelArgument
 from tensegrity_codegen.system.version import VERSION
 from tensegrity_codegen.tables.manifest import (

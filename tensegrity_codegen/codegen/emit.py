@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.codegen.build_manifest import build_manifest
-from tensegrity_codegen.codegen.casadi_interface.acados import build_acados
-from tensegrity_codegen.codegen.casadi_interface.derivatives import (
+from tensegrity_codegen.codegen.casadi_functions import (
     Derivatives,
+    build_acados,
     build_derivatives,
     list_derivative_parts,
     needed_stiffness,
@@ -23,10 +23,10 @@ from tensegrity_codegen.codegen.choose_emitter import (
     find_facts,
 )
 from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
-from tensegrity_codegen.codegen.integrators.columns import check_jumps, list_derivative_quantities
 from tensegrity_codegen.codegen.integrators.events import find_events
 from tensegrity_codegen.codegen.integrators.implicit import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators.integrators import PROJECTION, SETTLING
+from tensegrity_codegen.codegen.integrators.profiles import check_jumps, list_derivative_quantities
 from tensegrity_codegen.codegen.lanes.emitter import LANES
 from tensegrity_codegen.codegen.left_out import account_left_out, build_with
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes

@@ -1,4 +1,7 @@
-"""Times of generated functions: a C driver beside the generated source, medians of interleaved rounds.
+"""Times, program memory and stack of generated functions.
+
+Times are medians of interleaved rounds of a C driver beside the generated source; memory is reported by the
+compiler, and summed along chains of calls.
 
 The text of the driver is made of names that the generator chose, and of the scene's name, which is a C
 identifier; nothing else of a scene gets into it.
@@ -7,17 +10,25 @@ identifier; nothing else of a scene gets into it.
 import json
 import math
 import os
+import re
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from graphlib import TopologicalSorter
 from pathlib import Path
 
+import numpy as np
+import scipy
+
 from tensegrity_codegen.codegen.compilation.child import run_limited
-from tensegrity_codegen.codegen.compilation.compile import run_compiler
-from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_program_command
+from tensegrity_codegen.codegen.compilation.compile import object_size, run_compiler, stack_use
+from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_program_command, find_flags
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import GeneratedSource
 from tensegrity_codegen.system.errors import CompileError, describe_reason
 from tensegrity_codegen.system.temporary_files import work_folder
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.tables.targets import find_target
 
 PASSES = 5  # in which the programs take turns
 ROUNDS = 5  # of one pass
@@ -147,3 +158,125 @@ def _run(program: Path) -> Mapping[str, list[float]]:
         raise CompileError(problem, log=outcome.log, where=where)
     answer: dict[str, list[float]] = json.loads(outcome.log)
     return {quantity: values for quantity, values in answer.items() if values}
+
+
+_COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
+_STRING = re.compile(r'"(?:[^"\\\n]|\\.)*"' + r"|'(?:[^'\\\n]|\\.)*'")
+_LINKAGE = re.compile(r'extern\s*""\s*\{')
+_ATTRIBUTE = re.compile(r"__(?:attribute__|declspec)\s*\(\(?[^()]*(?:\([^()]*\))?[^()]*\)?\)")
+_DEFINE = re.compile(r"#\s*define\s+(\w+)")
+_WORD = re.compile(r"[A-Za-z_]\w*")
+
+
+def find_mentions(sources: Iterable[str]) -> dict[str, frozenset[str]]:
+    """Return what each function, macro and initialised variable of C sources mentions.
+
+    sources: texts of C files. Returns name of a definition -> all words in its body. A call is such a word;
+    so is a function whose address is taken, or a macro.
+    """
+    found: dict[str, set[str]] = {}
+    for source in sources:
+        text = _LINKAGE.sub("", _STRING.sub('""', _COMMENT.sub(" ", source))).replace("\\\n", " ")
+        rest = []
+        for line in text.split("\n"):
+            if line.lstrip().startswith("#"):
+                macro = _DEFINE.match(line.lstrip())
+                if macro is not None:
+                    found.setdefault(macro[1], set()).update(_WORD.findall(line)[2:])
+            else:
+                rest.append(line)
+        for head, body in _find_blocks("\n".join(rest)):
+            name = _name(head)
+            if name:
+                found.setdefault(name, set()).update(_WORD.findall(body))
+    return {name: frozenset(words) for name, words in found.items()}
+
+
+def _find_blocks(text: str) -> Iterable[tuple[str, str]]:
+    """Return what stands before, and within, each pair of outermost braces."""
+    depth = start = opened = 0
+    for at, letter in ((match.start(), match[0]) for match in re.finditer(r"[{};]", text)):
+        if letter == "{":
+            opened = at if depth == 0 else opened
+            depth += 1
+        elif letter == "}":
+            depth = max(0, depth - 1)
+            if depth == 0:
+                yield text[start:opened], text[opened:at]
+                start = at + 1
+        elif depth == 0:
+            start = at + 1
+
+
+def _name(head: str) -> str:
+    """Return the name that a definition with this beginning has; empty for types."""
+    head = _ATTRIBUTE.sub(" ", head)
+    pattern = r"(\w+)\s*(?:\[[^=]*)?=" if "=" in head else r"(\w+)\s*\("
+    found = re.search(pattern, head)
+    return found[1] if found else ""
+
+
+def deepest_stack(frames: Mapping[str, int], sources: Iterable[str]) -> dict[str, int]:
+    """Return the bytes of stack that each function takes at most, with all that it calls.
+
+    frames: function -> bytes of its own frame; functions that the compiler has inlined are missing, or 0;
+    sources: texts of the C files in which they are defined. Functions of other libraries count nothing.
+    Returns function -> bytes along the longest chain of calls. In a circle of calls each function counts
+    once.
+    """
+    own: dict[str, int] = {}
+    for name, size in frames.items():
+        bare = name.partition(".")[0]  # "solve.constprop.0" is a copy of "solve"
+        own[bare] = max(size, own.get(bare, 0))
+    mentions = find_mentions(sources)
+    names = sorted(mentions.keys() | own.keys())
+    at = {name: place for place, name in enumerate(names)}
+    calls = [(at[name], at[word]) for name, words in mentions.items() for word in words if word in at]
+    ends = np.array(calls, dtype=np.int64).reshape(-1, 2)
+    graph = scipy.sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(at), len(at)))
+    _, label = scipy.sparse.csgraph.connected_components(graph, connection="strong")
+    circle = np.asarray(label).tolist()
+    count = 1 + max(circle, default=-1)
+    weight = np.bincount(circle, weights=[own.get(name, 0) for name in names], minlength=count)
+    below: list[set[int]] = [set() for _ in range(count)]
+    for caller, called in calls:
+        if circle[caller] != circle[called]:
+            below[circle[caller]].add(circle[called])
+    deepest: dict[int, int] = {}
+    for one in TopologicalSorter(dict(enumerate(below))).static_order():  # what is called comes first
+        deepest[one] = int(weight[one]) + max((deepest[other] for other in below[one]), default=0)
+    return {name: deepest[circle[at[name.partition(".")[0]]]] for name in frames}
+
+
+@dataclass(frozen=True)
+class MemoryUse:
+    """Program memory and stack of a library.
+
+    code_bytes: machine code and constants, before a linker drops what is not used; None: unknown format.
+    stack_bytes: public function -> bytes of stack that it takes at most, along its longest chain of calls;
+    functions of the C library count nothing; empty where the compiler does not say.
+    """
+
+    code_bytes: int | None
+    stack_bytes: Mapping[str, int]
+
+
+def measure_memory(
+    folder: Path, manifest: Manifest, *, compiler: str | None = None, target: str | None = None
+) -> MemoryUse:
+    """Compile the sources in a folder again, and return what they take.
+
+    Raises CompilerMissingError or CompileError as a build does.
+    """
+    sources = {
+        path.name: path.read_text(encoding="utf-8")
+        for path in sorted(folder.iterdir())
+        if path.suffix in (".c", ".h") and path.name != "example.c"
+    }
+    flags, machine = find_flags(manifest.flags), find_target(target)
+    tool = find_compiler("zig" if machine.name else compiler)
+    code = object_size(sources, compiler=tool, flags=flags, target=machine)
+    frames = stack_use(sources, compiler=tool, flags=flags, target=machine)
+    prefix = f"{manifest.name}_"
+    deepest = deepest_stack(frames, sources.values())
+    return MemoryUse(code, {name: size for name, size in deepest.items() if name.startswith(prefix)})

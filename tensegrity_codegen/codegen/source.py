@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.codegen.batch import batch_context
-from tensegrity_codegen.codegen.casadi_interface.derivatives import (
+from tensegrity_codegen.codegen.casadi_functions import (
     CASADI_INTERFACES,
     MOST_ENTRIES,
     NO_DERIVATIVES,
@@ -18,13 +17,13 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import (
     casadi_pattern,
 )
 from tensegrity_codegen.codegen.compilation.flags import INSTRUCTION_SETS, find_flags
-from tensegrity_codegen.codegen.emitter import Bodies, WantedFunction, result_size
+from tensegrity_codegen.codegen.emitter import Bodies, PrunedFunction, WantedFunction, result_size
 from tensegrity_codegen.codegen.integrators.integrators import integrator_context, motion_settings
 from tensegrity_codegen.codegen.integrators.solvers import solver_context
+from tensegrity_codegen.codegen.integrators.work_memory import count_line
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
 from tensegrity_codegen.codegen.print.printer import print_numbers
 from tensegrity_codegen.codegen.print.render import BANNER, render, wrap_lines
-from tensegrity_codegen.codegen.prune import PrunedFunction
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import (
     C_API_VERSION,
@@ -108,6 +107,9 @@ def read_declarations(header: str) -> str:
     text = text.replace("extern const ", "extern ")  # cffi reads no constants but whole numbers
     return re.sub(r"; (?=typedef|extern|int|const)(?![^{]*\})", ";\n", text)
 
+
+# Rows of lanes that registers of 512 bits hold: they are transposed in whole multiples of it.
+REGISTER_LANES = 8
 
 # Constants that stand in the source file itself; more of them get a file of their own, compiled beside it.
 MOST_CONSTANTS = 20_000
@@ -208,7 +210,15 @@ def _context(
             | {"label": label_entries(manifest, by_quantity[f.quantity.name])}
             for f in functions
         ],
-        "batch": batch_context(manifest.batch_width, lanes, precision),
+        "batch": {
+            "width": manifest.batch_width,
+            "line": count_line(precision),
+            "has_lanes": bool(lanes),
+            # whether batch functions transpose 8 rows at once
+            "has_avx512": bool(lanes)
+            and precision.name == "double"
+            and manifest.batch_width % REGISTER_LANES == 0,
+        },
         "preamble": list(bodies.preamble),
         **integrators,
         "solvers": [solver_context(spec, manifest, arguments) for spec in manifest.solvers],

@@ -10,13 +10,17 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from tensegrity_codegen.codegen.batch import write_lanes
-from tensegrity_codegen.codegen.emitter import Bodies, Emitter
-from tensegrity_codegen.codegen.print.identifiers import name_local, plain_comment
+from tensegrity_codegen.codegen.emitter import Bodies, Emitter, PrunedFunction, is_offered, prune
 from tensegrity_codegen.codegen.print.instructions import Instruction, read_instructions
-from tensegrity_codegen.codegen.print.printer import Annotations, print_body, print_columns
+from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes, print_lanes
+from tensegrity_codegen.codegen.print.printer import (
+    Annotations,
+    name_local,
+    plain_comment,
+    print_body,
+    print_columns,
+)
 from tensegrity_codegen.codegen.print.render import render
-from tensegrity_codegen.codegen.prune import PrunedFunction, is_offered, prune
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
@@ -181,6 +185,25 @@ def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precisio
             statements[name] = body.lines
     count = len(model.frame.column_name)
     return Bodies(statements, [render("column_lanes.c", {"count": count})] if count else ())
+
+
+# Bytes of stack and operations that a body over lanes may have; a longer one evaluates one by one.
+MAX_LANE_STACK = 200_000
+MAX_LANE_OPERATIONS = 20_000
+
+
+def write_lanes(
+    functions: Sequence[PrunedFunction], width: int, precision: Precision
+) -> dict[str, PrintedLanes]:
+    """Return the bodies in `width` lanes, by quantity, of functions short enough for compiler and stack."""
+    bodies: dict[str, PrintedLanes] = {}
+    for function in functions:
+        rows = function.function.nnz_in() + function.function.nnz_out()
+        is_small = rows * width * precision.dtype.itemsize <= MAX_LANE_STACK
+        if function.arguments and function.operations <= MAX_LANE_OPERATIONS and is_small:
+            name = function.quantity.name
+            bodies[name] = print_lanes(function.function, list(function.arguments), name, precision)
+    return bodies
 
 
 UNROLLED = Emitter("unrolled", _build, is_offered, prune, _write, write_lanes, check_length)

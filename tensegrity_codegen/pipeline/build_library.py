@@ -7,8 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.codegen.compilation.cache import Cache
-from tensegrity_codegen.codegen.compilation.cache_entry import CacheEntry, read_contents
+from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry, read_contents
 from tensegrity_codegen.codegen.compilation.compile import object_size
 from tensegrity_codegen.codegen.compilation.fingerprint import (
     hash_package_state,
@@ -121,7 +120,7 @@ class BuiltLibrary(Summarised):
         replaced. wheel: whether to add a Python package of the library, which needs NumPy
         alone; FormulationError where Python cannot load it, InvalidNameError for a scene named "codegen".
         """
-        from tensegrity_codegen.codegen.bundle.bundle import emit_bundle
+        from tensegrity_codegen.codegen.bundle import emit_bundle
         from tensegrity_codegen.codegen.wheels.wheel import build_wheel
 
         contents = dict(sorted(read_contents(self.entry).items()))

@@ -5,8 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.codegen.compilation.cache import Cache
-from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, CacheEntry
+from tensegrity_codegen.codegen.compilation.cache import MANIFEST_FILE, Cache, CacheEntry
 from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.fingerprint import (
     hash_text,
@@ -17,7 +16,7 @@ from tensegrity_codegen.codegen.compilation.flags import (
     describe_toolchain,
     find_instruction_sets,
 )
-from tensegrity_codegen.codegen.compilation.trial import check_foreign_library, check_library
+from tensegrity_codegen.codegen.compilation.toolchain import check_foreign_library, check_library
 from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.targets import Target

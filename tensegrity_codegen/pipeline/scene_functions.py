@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.codegen.prune import prune
+from tensegrity_codegen.codegen.emitter import prune
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.applied_inputs import actuate_members

@@ -15,7 +15,7 @@ from harness.tools import Tools, Unavailable, find_tools
 from peers import casadi_c, casadi_vm, jax_arrays, mujoco_tendons, numba_loops, numpy_arrays
 from peers.casadi_expressions import own_expression, unrolled
 
-from tensegrity_codegen.codegen.prune import prune
+from tensegrity_codegen.codegen.emitter import prune
 from tensegrity_codegen.symbolic.build import build_model
 
 NAMES = ("prism", "icosahedron", "tower2")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 import casadi as ca
 import numpy as np
 
-from tensegrity_codegen.codegen.prune import PrunedFunction
+from tensegrity_codegen.codegen.emitter import PrunedFunction
 
 # Operation -> its value for operands a, b, and what errors ea, eb of these become, to first order.
 RULES: dict[int, Callable[..., tuple[float, float]]] = {

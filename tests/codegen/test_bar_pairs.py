@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.codegen.prune import prune
+from tensegrity_codegen.codegen.emitter import prune
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.codegen import batch
+from tensegrity_codegen.codegen import unrolled
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.system.errors import InvalidValueError
@@ -187,7 +187,7 @@ def test_a_function_too_long_for_lanes_runs_one_by_one(
 ) -> None:
     structure, request = bare()
     shortest = min(spec.operations for spec in emit(structure, request).manifest.functions)
-    monkeypatch.setattr(batch, "MOST_OPERATIONS", shortest)
+    monkeypatch.setattr(unrolled, "MAX_LANE_OPERATIONS", shortest)
     source = emit(structure, lane_request(request, 8))
     text = source.files["triangle.c"]
     assert "member_tension_lanes" in text
@@ -196,11 +196,11 @@ def test_a_function_too_long_for_lanes_runs_one_by_one(
     run_driver(source, tmp_path)
 
 
-@pytest.mark.parametrize("name", ["MOST_STACK", *thorough("MOST_OPERATIONS")])
+@pytest.mark.parametrize("name", ["MAX_LANE_STACK", *thorough("MAX_LANE_OPERATIONS")])
 def test_without_any_lanes_nothing_of_them_is_left(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(batch, name, 0)
+    monkeypatch.setattr(unrolled, name, 0)
     structure, request = bare()
     source = emit(structure, lane_request(request, 8))
     assert "lanes" not in source.files["triangle.c"]

@@ -1,6 +1,6 @@
 """Bytes of stack along chains of calls of C functions."""
 
-from tensegrity_codegen.codegen.memory_use import deepest_stack, find_mentions
+from tensegrity_codegen.codegen.measure import deepest_stack, find_mentions
 
 SOURCE = """
 #define TWICE(x) (2 * inner(x)) /* inner("}") */

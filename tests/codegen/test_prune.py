@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen.prune import PrunedFunction, prune
+from tensegrity_codegen.codegen.emitter import PrunedFunction, prune
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import FormulationError, UnknownNameError

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.codegen.print.identifiers import name_local, plain_comment
+from tensegrity_codegen.codegen.print.printer import name_local, plain_comment
 from tensegrity_codegen.codegen.print.render import LONGEST
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.system.errors import FormulationError

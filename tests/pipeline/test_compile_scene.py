@@ -16,8 +16,7 @@ from scipy.sparse import issparse
 from tensegrity_codegen import find_equilibrium, linearize
 from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.codegen import emit
-from tensegrity_codegen.codegen.compilation.cache import Cache
-from tensegrity_codegen.codegen.compilation.cache_entry import CacheEntry
+from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
 from tensegrity_codegen.pipeline.analyses import find_needs, want_analyses
 from tensegrity_codegen.pipeline.build_library import (
     FEW_CALLS,

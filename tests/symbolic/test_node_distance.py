@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from tensegrity_codegen.codegen.prune import prune
+from tensegrity_codegen.codegen.emitter import prune
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.distances.pair_coordinates import PairCoordinates

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tensegrity_codegen.codegen.prune import PrunedFunction, prune
+from tensegrity_codegen.codegen.emitter import PrunedFunction, prune
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel

@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tensegrity_codegen.codegen.prune import prune
+from tensegrity_codegen.codegen.emitter import prune
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.rigid_bar_check import find_redundant

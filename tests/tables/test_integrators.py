@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.codegen.integrators import batch_integrators, integrators
+from tensegrity_codegen.codegen.integrators import integrators, work_memory
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.integrate.methods import METHODS
 from tensegrity_codegen.system.errors import FormulationError
@@ -55,7 +55,7 @@ def test_an_integrator_without_tableau_is_named_in_its_own_module_alone(name: st
 
 def test_a_fixed_integrator_needs_no_tableau(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = Integrator("rk4", "fixed", "four stages", 4, follows_events=False)
-    for module in (tables, integrators, batch_integrators):
+    for module in (tables, integrators, work_memory):
         monkeypatch.setattr(module, "INTEGRATORS", {**INTEGRATORS, "rk4": plain})
     structure, request = load_scene(PRISM)
     made = emit(structure, request.wanting(*request.quantities, integrators=("rk4", "rk54")))

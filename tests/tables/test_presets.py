@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen import load_scene
-from tensegrity_codegen.codegen.compilation.object_file import read_stack_use
+from tensegrity_codegen.codegen.compilation.compile import read_stack_use
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.codegen.memory_use import measure_memory
+from tensegrity_codegen.codegen.measure import measure_memory
 from tensegrity_codegen.system.errors import SceneError, UnknownNameError
 from tensegrity_codegen.tables.presets import PRESETS, find_preset
 from tests.cases import thorough

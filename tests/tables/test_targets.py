@@ -14,8 +14,7 @@ from tensegrity_codegen.codegen.compilation.flags import (
     build_command,
     describe_toolchain,
 )
-from tensegrity_codegen.codegen.compilation.toolchain import find_cross_compiler
-from tensegrity_codegen.codegen.compilation.trial import check_foreign_library
+from tensegrity_codegen.codegen.compilation.toolchain import check_foreign_library, find_cross_compiler
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.binaries import describe_binary

@@ -25,7 +25,7 @@ from tensegrity_codegen.system.output_folder import check_folder
 from tensegrity_codegen.tables.targets import TARGETS, find_target
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.codegen.memory_use import MemoryUse
+    from tensegrity_codegen.codegen.measure import MemoryUse
     from tensegrity_codegen.pipeline.build_library import BuiltLibrary
     from tensegrity_codegen.pipeline.tuning import TunedLibrary
     from tensegrity_codegen.scene.subject import Subject
@@ -178,7 +178,7 @@ def build(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.codegen.memory_use import measure_memory
+        from tensegrity_codegen.codegen.measure import measure_memory
         from tensegrity_codegen.pipeline.build_library import build_library
 
         if out is not None:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
-from tensegrity_codegen.codegen.integrators.columns import columns_context, list_derivative_quantities
 from tensegrity_codegen.codegen.integrators.events import events_context, state_sizes, watched_events
 from tensegrity_codegen.codegen.integrators.implicit import (
     KEPT_QUANTITIES,
@@ -16,7 +15,14 @@ from tensegrity_codegen.codegen.integrators.implicit import (
     keeper_context,
     keeper_memory,
 )
-from tensegrity_codegen.codegen.integrators.profiles import PULL, count_driven, driven_context, pull_size
+from tensegrity_codegen.codegen.integrators.profiles import (
+    PULL,
+    columns_context,
+    count_driven,
+    driven_context,
+    list_derivative_quantities,
+    pull_size,
+)
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes, count_entries
 from tensegrity_codegen.structure.ground_support import needs_state_jacobian
 from tensegrity_codegen.structure.inertia_plan import find_massless, refuse_bare

@@ -3,13 +3,16 @@
 import ast
 import functools
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from tensegrity_codegen.codegen.print.render import plain_c_folder, template_folder
-from tensegrity_codegen.tables.manifest import FunctionSpec
+from tensegrity_codegen.tables.integrators import INTEGRATORS
+from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec
+from tensegrity_codegen.tables.precision import Precision
 
 STRUCT = r"typedef struct {{\n([^}}]*)}} {name};"
 COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
@@ -79,3 +82,54 @@ def _evaluate(text: str, sizes: Mapping[str, int]) -> int:
 def count_entries(function: FunctionSpec) -> int:
     """Return the numbers that a function writes."""
     return int(np.prod(function.shape)) if function.pattern is None else len(function.pattern.row)
+
+
+LINE_BYTES = 64  # of the cache: lanes begin at a multiple of it
+
+
+def count_line(precision: Precision) -> int:
+    """Return how many numbers fill a line of the cache."""
+    return LINE_BYTES // precision.dtype.itemsize
+
+
+def count_batch_work(
+    name: str,
+    n_coordinates: int,
+    n_internal: int,
+    argument_sizes: Iterable[int],
+    width: int,
+    precision: Precision,
+) -> int:
+    """Return how many numbers of work memory integrator `name` takes over `width` states.
+
+    n_internal: internal states of each; argument_sizes: numbers in each argument that it passes on.
+    """
+    line, n, n_states = count_line(precision), n_coordinates, 2 * n_coordinates + n_internal
+    table = INTEGRATORS[name].tableau
+    # Lanes: state, trial, acceleration, stages. Row: old and new (q, v, a), spare.
+    if table is None or not table.errors:
+        lanes, row = (2 + 2 + 1 + 7) * n, 7 * n
+    else:  # may the step grow, lost, state, change, trial, spare, rates, dense output
+        dense = 3 + len(table.dense) if table.dense else 0
+        lanes, row = 1 + n_states * (5 + table.rates + dense), (4 + dense) * n_states
+    row = -(-row // line) * line
+    return line + row + width * (lanes + sum(argument_sizes))
+
+
+def with_batch(
+    spec: IntegratorSpec,
+    n_coordinates: int,
+    n_internal: int,
+    argument_sizes: Iterable[int],
+    width: int,
+    precision: Precision,
+) -> IntegratorSpec:
+    """Return the integrator with the memory of its batch function, if the library has batches and it one.
+
+    Fixed steps have none with internal states.
+    """
+    row = INTEGRATORS[spec.name]
+    if not width or not row.in_batches or (n_internal and row.kind == "fixed"):
+        return spec
+    size = count_batch_work(spec.name, n_coordinates, n_internal, argument_sizes, width, precision)
+    return replace(spec, batch_work_size=size)

@@ -13,8 +13,7 @@ import casadi as ca
 import numpy as np
 
 from tensegrity_codegen.codegen.lanes.kernel import AXES, RATES, DensityKernel, KernelKind
-from tensegrity_codegen.codegen.print.identifiers import name_local, plain_comment
-from tensegrity_codegen.codegen.print.printer import print_body, print_number
+from tensegrity_codegen.codegen.print.printer import name_local, plain_comment, print_body, print_number
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
 from tensegrity_codegen.tables.laws import MEMBER_VALUES

@@ -2,12 +2,14 @@
 
 What is read once stands where it is read, as long as lines stay short: the compiler sees the same tree of
 operations. A value keeps the number of its CasADi instruction (`t12`) or the name that it is given. Long
-parts that only matter under a condition stand in an `if`; what they give is zero otherwise.
+parts that only matter under a condition stand in an `if`; what they give is zero otherwise. Such blocks cost
+jumps, which a core may foresee wrongly.
 
     const double length_bar1 = sqrt(x_bar1 * x_bar1 + y_bar1 * y_bar1 + coordinate[8] * coordinate[8]);
 """
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -15,10 +17,62 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.codegen.print.blocks import find_guards
 from tensegrity_codegen.codegen.print.instructions import Instruction, read_instructions
 from tensegrity_codegen.codegen.print.operations import BINARY, Text, as_truth, count_reads, print_text
 from tensegrity_codegen.tables.precision import PRECISIONS, Precision, check_precision
+
+# Operations that a block saves for each value that its condition chooses: a condition with fewer has none.
+MIN_SAVED_OPERATIONS = 20
+
+
+def find_guards(instructions: Sequence[Instruction]) -> dict[int, int]:
+    """Return operation -> the condition that guards it, of those in blocks; none is within another.
+
+    An operation is guarded by a condition if everything that reads it is guarded by that, or chooses it or
+    zero by that condition.
+    """
+    unguarded = frozenset[int]()
+    guards: list[frozenset[int] | None] = [None] * len(instructions)
+    guarded: dict[int, list[int]] = {}
+    chosen: dict[int, set[int]] = {}
+    for k in reversed(range(len(instructions))):
+        item, own = instructions[k], guards[k] or unguarded
+        for condition in own if item.is_operation else ():
+            guarded.setdefault(condition, []).append(k)
+        chooses = item.operation == ca.OP_IF_ELSE_ZERO
+        for place, operand in enumerate(item.operands):
+            known, new = guards[operand], own
+            if chooses and place == 1:
+                new = own | {item.operands[0]}
+                chosen.setdefault(item.operands[0], set()).add(operand)
+            guards[operand] = new if known is None else known & new
+    found: dict[int, int] = {}
+    for condition, block in sorted(guarded.items(), key=lambda entry: -len(entry[1])):
+        if len(block) >= MIN_SAVED_OPERATIONS * len(chosen[condition]) and found.keys().isdisjoint(block):
+            found.update(dict.fromkeys(reversed(block), condition))
+    return found
+
+
+# C99 tells identifiers apart by 63 characters: a longer name would not fit behind a prefix.
+LONGEST_NAME = 40
+IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+UNSAFE = re.compile(r"[^\w .,:()\-]", re.ASCII)
+
+
+def name_local(prefix: str, name: str, number: int) -> str:
+    """Return the name of a local variable of what has a name and a number in the scene.
+
+    prefix: what the variable holds, such as "length"; name: name of the member or node; number: its number,
+    which stands in for a name that is too long, or no identifier.
+    """
+    fits = len(name) <= LONGEST_NAME and IDENTIFIER.fullmatch(name)
+    return f"{prefix}_{name}" if fits else f"{prefix}_{number}"
+
+
+def plain_comment(text: str) -> str:
+    """Return text that can stand in a C comment: every character that could end or change one is a "_"."""
+    return UNSAFE.sub("_", text)
+
 
 Place = Callable[[str, int], str]
 

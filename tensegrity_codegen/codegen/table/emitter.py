@@ -1,7 +1,6 @@
 """The emitter `table`: which scenes and quantities it serves, and how their bodies come about."""
 
-from tensegrity_codegen.codegen.emitter import Bodies, Emitter
-from tensegrity_codegen.codegen.prune import refuse_empty
+from tensegrity_codegen.codegen.emitter import Bodies, Emitter, refuse_empty
 from tensegrity_codegen.codegen.table.contacts import WITHOUT_CONTACTS
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import TableFunction

@@ -9,12 +9,16 @@ import casadi as ca
 import numpy as np
 
 from tensegrity_codegen.codegen.table.contacts import contact_forces
-from tensegrity_codegen.codegen.table.members.access import AddToNodes, held_arguments, vector_texts
+from tensegrity_codegen.codegen.table.members.access import (
+    AddCablesToNodes,
+    AddToNodes,
+    held_arguments,
+    vector_texts,
+)
 from tensegrity_codegen.codegen.table.members.external import ExternalForce, force_stages, mass_text
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import Recipe, Statements, loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
-from tensegrity_codegen.codegen.table.mixed import AddCablesToNodes
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
 from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES, NodeQuantity
 

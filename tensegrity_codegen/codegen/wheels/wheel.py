@@ -6,20 +6,233 @@ Formats: the Python packaging specifications of binary distributions, of core me
 import base64
 import hashlib
 import io
+import json
+import keyword
 import re
 import sysconfig
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from tensegrity_codegen.codegen.wheels import bundled
-from tensegrity_codegen.codegen.wheels.module_text import format_module
 from tensegrity_codegen.structure.ground_support import refuse_ground
 from tensegrity_codegen.system.errors import FormulationError, InvalidNameError
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
-from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.integrators import find_row
+from tensegrity_codegen.tables.manifest import (
+    ArgumentSpec,
+    FunctionSpec,
+    IntegratorSpec,
+    Manifest,
+    SolverSpec,
+)
 from tensegrity_codegen.tables.targets import TARGETS, Target, find_target
+
+NAMES = ("node_name", "member_name", "coordinate_name", "input_name")
+
+
+def format_module(manifest: Manifest, file_name: str, version: str) -> str:
+    """Return the text of `__init__.py` of the package of a library.
+
+    manifest: what the library holds; file_name: file name of the library, beside the module; version: version
+    of the package.
+    Raises InvalidNameError: an argument whose name Python cannot have.
+    """
+    functions = [_format_function(manifest, spec) for spec in manifest.functions]
+    functions += [_format_integrator(manifest, spec) for spec in manifest.integrators]
+    functions += [_format_solver(manifest, spec) for spec in manifest.solvers]
+    classes = sorted(bundled.__all__)
+    public = sorted(
+        [
+            *(name.upper() + "S" for name in NAMES),
+            *("CONNECTIVITY", "LIBRARY", "NODE_POSITION", "nominal", *classes),
+            *(f"compute_{spec.quantity}" for spec in manifest.functions),
+            *(f"integrate_{spec.name}" for spec in manifest.integrators),
+            *(f"find_{spec.name}" for spec in manifest.solvers),
+        ]
+    )
+    return "\n".join(
+        [
+            *_format_head(manifest, public),
+            f"__version__ = {json.dumps(version)}",
+            "",
+            f"LIBRARY = Library(_Path(__file__).parent, {json.dumps(file_name)})",
+            *(f'{name.upper()}S: tuple[str, ...] = LIBRARY.names("{name}")' for name in NAMES),
+            "# Nodes of each member, (n_members, 2); positions of the nodes in the scene, (n_nodes, 3) [m].",
+            'CONNECTIVITY: _NDArray[_Any] = _np.array(LIBRARY.manifest["connectivity"]).reshape(-1, 2)',
+            'NODE_POSITION: _NDArray[_Any] = _np.array(LIBRARY.manifest["node_position"]).reshape(-1, 3)',
+            "",
+            "",
+            *NOMINAL,
+            *functions,
+        ]
+    )
+
+
+NOMINAL = [
+    "def nominal(argument: str) -> _NDArray[_Any]:",
+    '    """Return the value of an argument in the scene, as a new array; KeyError for an unknown one."""',
+    "    return LIBRARY.nominal(argument)",
+    "",
+]
+
+
+def _format_head(manifest: Manifest, public: Sequence[str]) -> list[str]:
+    counts = (
+        f"{describe_count(len(manifest.node_name), 'node')}, "
+        f"{describe_count(len(manifest.member_name), 'member')}, "
+        f"{len(manifest.coordinate_name)} free coordinates"
+    )
+    made_by = ", ".join(f"{what} {release}" for what, release in manifest.made_by.items())
+    head = (
+        f"Tensegrity structure {manifest.name}: {counts}.\n\n"
+        f"Written by {made_by}. SI units; tensions are positive in tension. An argument that is not\n"
+        "given has its value in the scene. A status of the library that is not 0 is raised as a StatusError."
+    )
+    return [
+        f'"""{_quote(head)}\n"""',
+        "",
+        "from __future__ import annotations",
+        "",
+        "from pathlib import Path as _Path",
+        "from typing import Any as _Any",
+        "",
+        "import numpy as _np",
+        "from numpy.typing import ArrayLike as _ArrayLike",
+        "from numpy.typing import NDArray as _NDArray",
+        "",
+        "from ._library import (",
+        *(f"    {name}," for name in sorted(bundled.__all__)),
+        ")",
+        "",
+        "__all__ = [",
+        *(f"    {json.dumps(name)}," for name in public),
+        "]",
+    ]
+
+
+def _format_function(manifest: Manifest, spec: FunctionSpec) -> str:
+    arguments = [manifest.argument(name) for name in spec.arguments]
+    if spec.pattern is not None:
+        kind, call = "SparseMatrix", "LIBRARY.compute_sparse({})"
+    elif spec.shape == ():
+        kind, call = "float", "float(LIBRARY.compute({}))"
+    else:
+        kind, call = "_NDArray[_Any]", "LIBRARY.compute({})"
+    returned = f"{spec.quantity} : {spec.shape or 'scalar'} [{spec.unit}]"
+    return _format_definition(
+        f"compute_{spec.quantity}",
+        [],
+        arguments,
+        kind,
+        f"{spec.sentence}",
+        [],
+        returned,
+        call.format(f'"{spec.quantity}", {_pass(arguments)}'),
+    )
+
+
+def _format_integrator(manifest: Manifest, spec: IntegratorSpec) -> str:
+    arguments = _with_state(manifest, spec.arguments)
+    sample = ("sample_time: _ArrayLike | None = None", "sample_time : (n_samples,) [s]", "Ascending times.")
+    row = find_row(spec.name, manifest.needs_state_jacobian)
+    if row.kind == "fixed":
+        name = "the classical Runge-Kutta method" if spec.name == "rk4" else f"the method {spec.name}"
+        title = f"Motion by {name} with fixed steps; steps do not end at events."
+        own = [
+            ("step: float", "step : float [s]", "Length of a step."),
+            ("n_steps: int", "n_steps : int", "Number of steps."),
+            (*sample[:2], "Ascending times; default: the end of each step."),
+        ]
+        call = f'LIBRARY.integrate_steps("{spec.name}", step, n_steps, sample_time, {_pass(arguments)})'
+    else:
+        title = f"Motion by the method {spec.name} with error control; steps do not end at events."
+        own = [
+            ("t_end: float", "t_end : float [s]", "End of the motion, which starts at 0."),
+            ("rtol: float = 1e-6", "rtol : float", "Relative tolerance of the state."),
+            ("atol: float = 1e-9", "atol : float", "Absolute tolerance of the state."),
+            ("most_steps: int = 1_000_000", "most_steps : int", "Largest number of steps."),
+            (*sample[:2], "Ascending times; default: 101 over the whole time."),
+        ]
+        numbers = "t_end, rtol, atol, most_steps, sample_time"
+        kind = ", is_implicit=True" if row.kind == "implicit" else ""
+        call = f'LIBRARY.integrate("{spec.name}", {numbers}, {_pass(arguments)}{kind})'
+    return _format_definition(
+        f"integrate_{spec.name}", own, arguments, "Motion", title, own, "motion : Motion", call
+    )
+
+
+def _format_solver(manifest: Manifest, spec: SolverSpec) -> str:
+    arguments = _with_state(manifest, spec.arguments, ("coordinate",))
+    own = [
+        ("tolerance: float = 1e-9", "tolerance : float", "Largest static force at an equilibrium."),
+        ("most_iterations: int = 100", "most_iterations : int", "Largest number of Newton steps."),
+    ]
+    return _format_definition(
+        f"find_{spec.name}",
+        own,
+        arguments,
+        "Equilibrium",
+        "A minimum of the potential energy near `coordinate`, by Newton's method.",
+        own,
+        "equilibrium : Equilibrium",
+        f"LIBRARY.find_equilibrium(tolerance, most_iterations, {_pass(arguments)})",
+    )
+
+
+def _with_state(
+    manifest: Manifest, names: Iterable[str], state: Sequence[str] = ("coordinate", "velocity")
+) -> list[ArgumentSpec]:
+    """Return the arguments that a search or a motion starts from, and those that it passes on."""
+    return [manifest.argument(name) for name in dict.fromkeys((*state, *names))]
+
+
+def _format_definition(
+    name: str,
+    own: Sequence[tuple[str, str, str]],
+    arguments: Sequence[ArgumentSpec],
+    kind: str,
+    title: str,
+    described: Sequence[tuple[str, str, str]],
+    returned: str,
+    call: str,
+) -> str:
+    """Return the text of one function; own: parameter, its line and its sentence in the documentation."""
+    words = [item[0] for item in own] + ["*"] * bool(own and arguments)
+    words += [f"{_python_name(item.name)}: _ArrayLike | None = None" for item in arguments]
+    lines = ["", f"def {name}({', '.join(words)}) -> {kind}:", f'    """{_quote(title)}', ""]
+    rows = [(item[1], item[2]) for item in described]
+    rows += [
+        (
+            f"{item.name} : {item.shape or 'scalar'} [{item.unit}]",
+            item.sentence + (f" Of {', '.join(item.over)}." if item.over else ""),
+        )
+        for item in arguments
+    ]
+    if rows:
+        lines += ["    Parameters", "    ----------"]
+        for head, sentence in rows:
+            lines += [f"    {_quote(head)}", f"        {_quote(sentence)}"]
+        lines.append("")
+    lines += ["    Returns", "    -------", f"    {_quote(returned)}", '    """', f"    return {call}", ""]
+    return "\n".join(lines)
+
+
+def _pass(arguments: Sequence[ArgumentSpec]) -> str:
+    return "{" + ", ".join(f'"{item.name}": {_python_name(item.name)}' for item in arguments) + "}"
+
+
+def _python_name(name: str) -> str:
+    if not name.isidentifier() or keyword.iskeyword(name):
+        raise InvalidNameError("Python cannot have an argument of this name", where="wheel", given=name)
+    return name
+
+
+def _quote(text: str) -> str:
+    """Return text as it stands in a documentation string."""
+    return text.replace("\\", "\\\\").replace('"', '\\"')
+
 
 PREFIX = "tensegrity_"
 OWN_PACKAGE = "tensegrity_codegen"

@@ -14,8 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from tensegrity_codegen.analyses.cases.record import TaskResult
-from tensegrity_codegen.codegen.compilation.cache import Cache
-from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, CacheEntry, read_contents
+from tensegrity_codegen.codegen.compilation.cache import MANIFEST_FILE, Cache, CacheEntry, read_contents
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_text
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.codegen.compilation.cache_entry import read_contents, read_entry, write_entry
+from tensegrity_codegen.codegen.compilation.cache import read_contents, read_entry, write_entry
 from tensegrity_codegen.system.errors import LibraryError
 
 KEY = "a" * 64

@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from tensegrity_codegen.codegen.compilation.object_file import read_code_size
+from tensegrity_codegen.codegen.compilation.compile import read_code_size
 from tests.codegen.compilers import require_compiler
 
 SOURCE = """

@@ -10,7 +10,7 @@ import pytest
 
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
-from tensegrity_codegen.codegen.integrators.batch_integrators import count_batch_work
+from tensegrity_codegen.codegen.integrators.work_memory import count_batch_work
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.manifest import IntegratorSpec, Manifest
 from tensegrity_codegen.tables.precision import PRECISIONS

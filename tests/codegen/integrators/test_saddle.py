@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tensegrity_codegen.codegen.integrators.saddle import SaddlePattern, build_saddle_pattern, order_blocks
+from tensegrity_codegen.codegen.integrators.implicit import SaddlePattern, build_saddle_pattern, order_blocks
 
 
 def factor(pattern: SaddlePattern, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,10 +12,9 @@ import pytest
 from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.codegen.print import blocks, printer
-from tensegrity_codegen.codegen.print.blocks import find_guards
+from tensegrity_codegen.codegen.print import printer
 from tensegrity_codegen.codegen.print.instructions import read_instructions
-from tensegrity_codegen.codegen.print.printer import print_body
+from tensegrity_codegen.codegen.print.printer import find_guards, print_body
 from tensegrity_codegen.tables.precision import PRECISIONS
 from tests.cases import thorough
 
@@ -124,7 +123,7 @@ def test_blocks_change_no_bit_of_a_result(
     precision: str, first: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of functions where all that can stand in blocks does, beside the same ones without blocks."""
-    monkeypatch.setattr(blocks, "LEAST", 0)
+    monkeypatch.setattr(printer, "MIN_SAVED_OPERATIONS", 0)
     functions = [guarded(30), *(random_function(seed) for seed in range(first, first + 20))]
     kinds = [len(set(find_guards(read_instructions(item)).values())) for item in functions]
     assert sum(kinds) > len(functions)

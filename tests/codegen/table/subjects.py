@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tensegrity_codegen.codegen.prune import PrunedFunction, prune
+from tensegrity_codegen.codegen.emitter import PrunedFunction, prune
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.codegen.prune import prune
+from tensegrity_codegen.codegen.emitter import prune
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.table.members import block_pattern as mass_groups
 from tensegrity_codegen.pipeline.build_library import build_library

@@ -223,6 +223,16 @@ class AddToNodes:
 
 
 @dataclass(frozen=True)
+class AddCablesToNodes(AddToNodes):
+    """Adds the pull of members that are not part of the mixed form."""
+
+    def select(self, model: TableModel, member: IntArray) -> IntArray:
+        """Return the members that touch a wanted node and whose tension is no unknown."""
+        chosen = super().select(model, member)
+        return chosen[~model.structure.is_mixed[chosen]]
+
+
+@dataclass(frozen=True)
 class StoreForMembers:
     """Writes the results of each member to its place in the array `target`."""
 

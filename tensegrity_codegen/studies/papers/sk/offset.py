@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.codegen.prune import PrunedFunction, prune
+from tensegrity_codegen.codegen.emitter import PrunedFunction, prune
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.diagram import Diagram, Series, find_style
 from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, diagram_figure

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from tensegrity_codegen.codegen.prune import PrunedFunction, prune
+from tensegrity_codegen.codegen.emitter import PrunedFunction, prune
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.papers.sk.chapter import (
     compare_stored_numbers,

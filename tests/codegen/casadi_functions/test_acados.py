@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen.casadi_interface.acados import build_acados
+from tensegrity_codegen.codegen.casadi_functions import build_acados
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.symbolic.build import build_model

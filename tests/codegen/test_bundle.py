@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen.bundle.bundle import LICENCE, emit_bundle
-from tensegrity_codegen.codegen.casadi_interface import derivatives
+from tensegrity_codegen.codegen import casadi_functions
+from tensegrity_codegen.codegen.bundle import LICENCE, emit_bundle
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.pipeline.build_library import BuiltLibrary, build_library
@@ -261,7 +261,7 @@ def test_the_folder_names_derivatives_that_are_missing(monkeypatch: pytest.Monke
         return page.partition("## In CasADi")[2].partition("##")[0]
 
     assert "with first derivatives.\n" in read_page()
-    monkeypatch.setattr(derivatives, "MOST_MEMBERS", 2)
+    monkeypatch.setattr(casadi_functions, "MOST_MEMBERS", 2)
     assert "with first derivatives. These are missing, since their code would be too long: " in read_page()
     assert "`jac_acceleration`." in read_page()
     request = replace(request, quantities=("acceleration",))

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import PurePath
 from typing import Any
 
-from tensegrity_codegen.codegen.casadi_interface.derivatives import TOO_LONG
+from tensegrity_codegen.codegen.casadi_functions import TOO_LONG
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.print.render import BANNER, render
 from tensegrity_codegen.system.summaries import describe_count

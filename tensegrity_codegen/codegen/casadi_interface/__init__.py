@@ -1,1 +1,0 @@
-"""CasADi's interface for external functions: the functions of a library, and their derivatives."""
