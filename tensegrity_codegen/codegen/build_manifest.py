@@ -1,6 +1,6 @@
 """The manifest of a library, from its pruned functions: sizes, shapes, nominal values, patterns, parts."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import casadi as ca
 import numpy as np
@@ -30,10 +30,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 def find_program_versions() -> dict[str, str]:
     """Return the versions of the programs that write the code."""
-    return {
-        "tensegrity_codegen": VERSION,
-        "casadi": ca.__version__,
-    }
+    return {"tensegrity_codegen": VERSION, "casadi": ca.__version__}
 
 
 def build_manifest(
@@ -68,7 +65,9 @@ def build_manifest(
         node_position=_rows(frame.node_position),
         node_velocity=_rows(frame.node_velocity),
         input_name=frame.input_name,
-        arguments=tuple(_argument_spec(name, item) for name, item in model.arguments.items() if name in used),
+        arguments=tuple(
+            _argument_spec(name, argument) for name, argument in model.arguments.items() if name in used
+        ),
         functions=specs,
         integrators=integrators,
         left_out=left_out,
@@ -137,69 +136,38 @@ def _argument_spec(name: str, argument: ModelArgument) -> ArgumentSpec:
 def list_parts(
     request: ModelRequest, integrators: Sequence[IntegratorSpec], driven: Sequence[str], n_slack: int
 ) -> tuple[SourcePart, ...]:
-    """Return the optional parts of a C source, with the reason for each that is there or not.
-
-    request: what is wanted of the structure.
-    integrators: the integrators of the library, with the events that each can watch.
-    driven: the arguments that can change with time.
-    n_slack: number of members that can go slack.
-    Returns one entry for each optional part, in the order in which they stand in the file.
-    """
+    """Return the optional parts of a C source, with the reason for each that is there or not."""
+    portable = find_flags(request.flags).portable
+    machine = "suit every machine of an architecture" if portable else "use what one machine has"
+    kinds = dict.fromkeys(kind for integrator in integrators for kind in integrator.events)
+    keeping = [integrator.name for integrator in integrators if integrator.keeps]
+    keeps = f"keep names energy, for {', '.join(keeping)}" if keeping else "keep does not name energy"
+    varied = "no motion depends on an input" if integrators else NO_INTEGRATOR
+    if driven:
+        varied = f"integrators take inputs; {', '.join(driven)} can change with time"
+    interfaces = f"names {', '.join(request.interfaces)}" if request.interfaces else "does not name casadi"
     return (
-        _machine_check(request),
-        _batch_functions(request),
-        _event_search(request, integrators, n_slack),
-        _energy_correction(integrators),
-        _profiles(integrators, driven),
-        _casadi_interface(request),
+        SourcePart("machine_check", not portable, f"flags {request.flags!r} {machine}"),
+        SourcePart("batch_functions", request.batch_width > 0, f"batch_width is {request.batch_width}"),
+        SourcePart("event_search", bool(kinds), _explain_events(request, integrators, kinds, n_slack)),
+        SourcePart("energy_correction", bool(keeping), keeps),
+        SourcePart("profiles", bool(driven), varied),
+        SourcePart("casadi_interface", bool(request.interfaces), f"interfaces {interfaces}"),
     )
 
 
-def _machine_check(request: ModelRequest) -> SourcePart:
-    if find_flags(request.flags).portable:
-        why = f"flags {request.flags!r} suit every machine of an architecture"
-        return SourcePart("machine_check", False, why)
-    return SourcePart("machine_check", True, f"flags {request.flags!r} use what one machine has")
+NO_INTEGRATOR = "there is no integrator"
 
 
-def _batch_functions(request: ModelRequest) -> SourcePart:
-    if not request.batch_width:
-        return SourcePart("batch_functions", False, "batch_width is 0")
-    return SourcePart("batch_functions", True, f"batch_width is {request.batch_width}")
-
-
-def _event_search(request: ModelRequest, integrators: Sequence[IntegratorSpec], n_slack: int) -> SourcePart:
-    kinds = dict.fromkeys(kind for item in integrators for kind in item.events)
+def _explain_events(
+    request: ModelRequest, integrators: Sequence[IntegratorSpec], kinds: Collection[str], n_slack: int
+) -> str:
+    """Return the reason why the source searches for events, or does not; kinds: those that it monitors."""
     if kinds:
-        why = f"integrators monitor {', '.join(kinds)}"
-        if "cable" in kinds:
-            why += f"; {n_slack} members can go slack, and a step across that loses its order"
-        return SourcePart("event_search", True, why)
+        slack = f"; {n_slack} members can go slack, and a step across that loses its order"
+        return f"integrators monitor {', '.join(kinds)}{slack if 'cable' in kinds else ''}"
     if not integrators:
-        return SourcePart("event_search", False, "there is no integrator")
+        return NO_INTEGRATOR
     if request.events is None and n_slack == 0:
-        return SourcePart("event_search", False, "no member can go slack, and events names no kind")
-    return SourcePart("event_search", False, f"{n_slack} members can go slack, and events names no kind")
-
-
-def _energy_correction(integrators: Sequence[IntegratorSpec]) -> SourcePart:
-    names = [item.name for item in integrators if item.keeps]
-    if names:
-        return SourcePart("energy_correction", True, f"keep names energy, for {', '.join(names)}")
-    return SourcePart("energy_correction", False, "keep does not name energy")
-
-
-def _profiles(integrators: Sequence[IntegratorSpec], driven: Sequence[str]) -> SourcePart:
-    if driven:
-        return SourcePart(
-            "profiles", True, f"integrators take inputs; {', '.join(driven)} can change with time"
-        )
-    if not integrators:
-        return SourcePart("profiles", False, "there is no integrator")
-    return SourcePart("profiles", False, "no motion depends on an input")
-
-
-def _casadi_interface(request: ModelRequest) -> SourcePart:
-    if request.interfaces:
-        return SourcePart("casadi_interface", True, f"interfaces names {', '.join(request.interfaces)}")
-    return SourcePart("casadi_interface", False, "interfaces does not name casadi")
+        return "no member can go slack, and events names no kind"
+    return f"{n_slack} members can go slack, and events names no kind"

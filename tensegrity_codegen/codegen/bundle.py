@@ -43,11 +43,7 @@ def name_package(scene: str) -> str:
 
 
 def emit_bundle(manifest: Manifest, sources: Iterable[str], library: str) -> dict[str, str]:
-    """Return the files for other programs, name -> text.
-
-    manifest: description of the library; sources: names of its C files, without the example; library: name of
-    the compiled library.
-    """
+    """Return the files for other programs, name -> text."""
     package, name = name_package(manifest.name), manifest.name
     context = {
         "banner": BANNER,
@@ -59,7 +55,9 @@ def emit_bundle(manifest: Manifest, sources: Iterable[str], library: str) -> dic
         "sources": list(sources),
         "library": library,
         "library_word": PurePath(library).stem.removeprefix("lib"),
-        "options": [item for item in find_flags(manifest.flags).options if not item.startswith("-std=")],
+        "options": [
+            option for option in find_flags(manifest.flags).options if not option.startswith("-std=")
+        ],
         "functions": manifest.functions,
         "integrators": manifest.integrators,
         "solvers": manifest.solvers,
@@ -67,7 +65,7 @@ def emit_bundle(manifest: Manifest, sources: Iterable[str], library: str) -> dic
         **_describe_derivatives(manifest),
         **_describe_state(manifest),
         "licence": LICENCE.splitlines(),
-        "made_by": ", ".join(f"{what} {release}" for what, release in manifest.made_by.items()),
+        "made_by": ", ".join(f"{program} {release}" for program, release in manifest.made_by.items()),
     }
     files = {
         "CMakeLists.txt": "CMakeLists.txt",
@@ -84,10 +82,10 @@ def emit_bundle(manifest: Manifest, sources: Iterable[str], library: str) -> dic
 
 def _describe_derivatives(manifest: Manifest) -> dict[str, Any]:
     """Return which derivatives casadi.external finds, in words, and the names of those that it does not."""
-    parts = {part.name: part for part in manifest.parts}
-    words = {"casadi_derivatives": "first", "casadi_second_derivatives": "second"}
-    made = [word for name, word in words.items() if name in parts and parts[name].is_included]
-    lost = "".join(parts[name].why.partition(TOO_LONG)[2] for name in words if name in parts)
+    parts = {source_part.name: source_part for source_part in manifest.parts}
+    orders = {"casadi_derivatives": "first", "casadi_second_derivatives": "second"}
+    made = [order for name, order in orders.items() if name in parts and parts[name].is_included]
+    lost = "".join(parts[name].why.partition(TOO_LONG)[2] for name in orders if name in parts)
     return {
         "derivatives": f"with {' and '.join(made)} derivatives" if made else "without derivatives",
         "missing": [name for name in lost.split(", ") if name],
@@ -96,7 +94,9 @@ def _describe_derivatives(manifest: Manifest) -> dict[str, Any]:
 
 def _describe_state(manifest: Manifest) -> dict[str, Any]:
     """Return what state, control and parameters of acados are made of."""
-    sizes = {item.name: f"`{item.name}` ({math.prod(item.shape)})" for item in manifest.arguments}
+    sizes = {
+        argument.name: f"`{argument.name}` ({math.prod(argument.shape)})" for argument in manifest.arguments
+    }
     return {
         "state": [sizes[name] for name in ("coordinate", "velocity") if name in sizes],
         "control": ", ".join(f"`{name}`" for name in manifest.input_name) or "empty",

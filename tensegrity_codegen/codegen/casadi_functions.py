@@ -101,22 +101,26 @@ def build_derivatives(
     """
     if not set(request.interfaces).intersection(CASADI_INTERFACES):
         return NO_DERIVATIVES
-    wanted = _list_wanted(functions, "casadi_hessian" in request.interfaces)
+    requested = _list_wanted(functions, "casadi_hessian" in request.interfaces)
     if model.subject.n_members > MOST_MEMBERS:
         stiffness = _find_stiffness(functions)
-        missing = [item.name for item in wanted if stiffness is None or item.name != "jac_node_residual"]
+        missing = [
+            derivative.name
+            for derivative in requested
+            if stiffness is None or derivative.name != "jac_node_residual"
+        ]
         return Derivatives(too_long=tuple(missing), stiffness=stiffness)
     symbolic = model if isinstance(model, SymbolicModel) else build_model(model.subject, request)
-    left = MOST_OPERATIONS - sum(f.written_operations for f in functions)
+    remaining_operations = MOST_OPERATIONS - sum(f.written_operations for f in functions)
     made: list[Derivative] = []
     too_long: list[str] = []
-    for item in wanted:
-        found = _derive(_as_casadi(symbolic, item.function), item)
-        if found.operations <= left:
-            left -= found.operations
-            made.append(found)
+    for derivative in requested:
+        built = _derive(_as_casadi(symbolic, derivative.function), derivative)
+        if built.operations <= remaining_operations:
+            remaining_operations -= built.operations
+            made.append(built)
         else:
-            too_long.append(item.name)
+            too_long.append(derivative.name)
     return Derivatives(tuple(made), tuple(too_long))
 
 
@@ -133,12 +137,12 @@ def list_derivative_parts(request: ModelRequest, derivatives: Derivatives) -> tu
 def _describe_part(
     name: str, order: int, interfaces: Sequence[str], request: ModelRequest, derivatives: Derivatives
 ) -> SourcePart:
-    asked = [item for item in interfaces if item in request.interfaces]
-    if not asked:
+    requested = [interface for interface in interfaces if interface in request.interfaces]
+    if not requested:
         return SourcePart(name, False, f"interfaces does not name {' or '.join(interfaces)}")
-    count = sum(item.order == order for item in derivatives.made)
+    count = sum(derivative.order == order for derivative in derivatives.made)
     count += order == 1 and derivatives.stiffness is not None
-    why = f"interfaces names {', '.join(asked)}: {count} {'function' if count == 1 else 'functions'}"
+    why = f"interfaces names {', '.join(requested)}: {count} {'function' if count == 1 else 'functions'}"
     if order == 1 or not count:  # lists what is missing once
         names = ", ".join(derivatives.too_long)
         why += f"; {TOO_LONG}{names}" if names else ""
@@ -148,18 +152,18 @@ def _describe_part(
 def _list_wanted(functions: Sequence[WantedFunction], with_second: bool) -> list[_Wanted]:
     """Return what is derived: a matrix is a derivative already, so that its Jacobian is a second one."""
     some = [f for f in functions if f.arguments]
-    found = [_Wanted(f, "jac_", 1) for f in some if not f.quantity.sparse]
+    derivatives = [_Wanted(f, "jac_", 1) for f in some if not f.quantity.sparse]
     if with_second:
         for f in some:
             prefixes = ("jac_",) if f.quantity.sparse else ("adj1_", "jac_adj1_")
-            found += [_Wanted(f, prefix, 2) for prefix in prefixes]
-    return found
+            derivatives += [_Wanted(f, prefix, 2) for prefix in prefixes]
+    return derivatives
 
 
 def _find_stiffness(functions: Sequence[WantedFunction]) -> WantedFunction | None:
     """Return the stiffness if it depends on what the static force depends on, and CasADi can have it."""
-    found = {f.quantity.name: f for f in functions}
-    residual, stiffness = found.get("node_residual"), found.get("tangent_stiffness")
+    by_quantity = {f.quantity.name: f for f in functions}
+    residual, stiffness = by_quantity.get("node_residual"), by_quantity.get("tangent_stiffness")
     if residual is None or stiffness is None or stiffness.pattern is None:
         return None
     is_same = residual.arguments == stiffness.arguments == ("coordinate",)
@@ -174,18 +178,20 @@ def _as_casadi(model: SymbolicModel, function: WantedFunction) -> ca.Function:
     expression = model.expression(name)
     if not function.quantity.sparse:
         expression = ca.densify(expression)
-    symbols = [model.arguments[item].symbol for item in function.arguments]
+    symbols = [model.arguments[argument].symbol for argument in function.arguments]
     return ca.Function(name, symbols, [ca.cse(expression)], list(function.arguments), [name])
 
 
-def _derive(function: ca.Function, wanted: _Wanted) -> Derivative:
-    derived = function if wanted.prefix == "jac_" else function.reverse(1)
-    if wanted.prefix != "adj1_":
+def _derive(function: ca.Function, derivative: _Wanted) -> Derivative:
+    derived = function if derivative.prefix == "jac_" else function.reverse(1)
+    if derivative.prefix != "adj1_":
         derived = derived.jacobian()
     symbols = derived.sx_in()
     results = ca.cse(derived.call(symbols))
     shared = ca.Function("derivative", symbols, results, derived.name_in(), derived.name_out())
-    return Derivative(wanted.name, wanted.order, shared, MEANING[wanted.prefix], count_operations(shared))
+    return Derivative(
+        derivative.name, derivative.order, shared, MEANING[derivative.prefix], count_operations(shared)
+    )
 
 
 # What a derivative is, before the name of its quantity.
@@ -233,15 +239,12 @@ def name_symbol(scene: str, name: str) -> str:
 def casadi_context(
     scene: str, functions: Sequence[Mapping[str, Any]], derivatives: Derivatives
 ) -> list[dict[str, Any]]:
-    """Return the functions of the interface: those of the library that CasADi can have, and derivatives.
-
-    functions: what the template of the source reads of them.
-    """
+    """Return the functions of the interface: those of the library that CasADi can have, and derivatives."""
     plain = [_build_plain(scene, function) for function in functions if function["has_casadi_abi"]]
     derived = [
-        _build_derived(scene, item)
-        for item in derivatives.made
-        if all(item.function.nnz_out(k) <= MOST_ENTRIES for k in range(item.function.n_out()))
+        _build_derived(scene, derivative)
+        for derivative in derivatives.made
+        if all(derivative.function.nnz_out(k) <= MOST_ENTRIES for k in range(derivative.function.n_out()))
     ]
     if derivatives.stiffness is not None:
         (stiffness,) = (f for f in functions if f["quantity"] == derivatives.stiffness.quantity.name)
@@ -266,12 +269,12 @@ def _build_from_stiffness(scene: str, stiffness: Mapping[str, Any], size: int) -
         _Port(1, "out_node_residual", size, [size, 1, 1], in_body=False),
     ]
     results = [_Port(0, "jac_node_residual_coordinate", stiffness["size"], stiffness["casadi_pattern"])]
-    found = _build_entry(f"jac_{scene}_node_residual", arguments, results)
-    return found | {"symbol": stiffness["symbol"], "is_negative": True}
+    entry = _build_entry(f"jac_{scene}_node_residual", arguments, results)
+    return entry | {"symbol": stiffness["symbol"], "is_negative": True}
 
 
-def _build_derived(scene: str, item: Derivative) -> dict[str, Any]:
-    made = item.function
+def _build_derived(scene: str, derivative: Derivative) -> dict[str, Any]:
+    made = derivative.function
     body = print_body(made, made.name_in(), made.name_out())
     arguments = [
         _Port(k, made.name_in(k), made.nnz_in(k), _find_pattern(made.sparsity_in(k)), k in body.reads)
@@ -285,13 +288,13 @@ def _build_derived(scene: str, item: Derivative) -> dict[str, Any]:
         )
         for k, size in enumerate(sizes)
     ]
-    quantity = item.name.removeprefix(
-        next((word for word in DERIVATIVE_PREFIXES if item.name.startswith(word)), "")
+    quantity = derivative.name.removeprefix(
+        next((prefix for prefix in DERIVATIVE_PREFIXES if derivative.name.startswith(prefix)), "")
     )
-    return _build_entry(name_symbol(scene, item.name), arguments, results, sum(sizes)) | {
+    return _build_entry(name_symbol(scene, derivative.name), arguments, results, sum(sizes)) | {
         "symbol": "",
-        "kernel": f"{item.name}_checked",
-        "comment": f"{item.meaning} {quantity}: {item.operations} operations.",
+        "kernel": f"{derivative.name}_checked",
+        "comment": f"{derivative.meaning} {quantity}: {derivative.operations} operations.",
         "lines": body.lines,
     }
 
@@ -315,29 +318,18 @@ def _build_entry(
     }
 
 
-@dataclass(frozen=True)
-class _Equations:
-    """The equations of motion x' = f(x, u, p) and their symbols."""
-
-    x: ca.SX
-    u: ca.SX
-    p: ca.SX
-    f: ca.SX
-
-
 def build_acados(model: SymbolicModel) -> tuple[Derivative, ...]:
-    """Return the functions of explicit and implicit integrators.
-
-    Raises FormulationError where there is no acceleration, or the functions would be too long.
-    """
+    """Return the functions of explicit and implicit integrators."""
     check_unrollable(model.subject)
-    equations = _find_equations(model)
+    # x' = f(x, u, p)
+    x, u, p = model.stack(STATE), model.stack(("input",)), model.stack(PARAMETERS)
+    f = ca.densify(model.expression("state_derivative"))
     made = []
-    for name, symbols, results in (*_explicit(equations), *_implicit(equations)):
+    for name, symbols, results in (*_explicit(x, u, p, f), *_implicit(x, u, p, f)):
         shared = ca.cse(list(results.values()))
         function = ca.Function("acados", list(symbols.values()), shared, list(symbols), list(results))
         made.append(Derivative(name, 1, function, f"acados: {name}", count_operations(function)))
-    total = sum(item.operations for item in made)
+    total = sum(derivative.operations for derivative in made)
     if total > MOST_OPERATIONS:
         raise FormulationError(
             "the functions for acados are too long for unrolled code",
@@ -349,46 +341,33 @@ def build_acados(model: SymbolicModel) -> tuple[Derivative, ...]:
     return tuple(made)
 
 
-def _find_equations(model: SymbolicModel) -> _Equations:
-    x, u, p = model.stack(STATE), model.stack(("input",)), model.stack(PARAMETERS)
-    return _Equations(x, u, p, ca.densify(model.expression("state_derivative")))
+AcadosFunction = tuple[str, dict[str, Any], dict[str, Any]]  # name, arguments, results
 
 
-def _explicit(e: _Equations) -> Sequence[tuple[str, dict[str, Any], dict[str, Any]]]:
-    n_x, n_u = e.x.numel(), e.u.numel()
+def _explicit(x: ca.SX, u: ca.SX, p: ca.SX, f: ca.SX) -> Sequence[AcadosFunction]:
+    n_x, n_u = x.numel(), u.numel()
     s_x, s_u = ca.SX.sym("Sx", n_x, n_x), ca.SX.sym("Su", n_x, n_u)
     seed = ca.SX.sym("lambdaX", n_x)
-    by_x, by_u = ca.jacobian(e.f, e.x), ca.jacobian(e.f, e.u)
-    forward = {
-        "f_expl": e.f,
-        "vde_x": ca.densify(by_x @ s_x),
-        "vde_u": ca.densify(by_u + by_x @ s_u),
-    }
-    adjoint = ca.densify(ca.jtimes(e.f, ca.vertcat(e.x, e.u), seed, True))
+    by_x, by_u = ca.jacobian(f, x), ca.jacobian(f, u)
+    forward = {"f_expl": f, "vde_x": ca.densify(by_x @ s_x), "vde_u": ca.densify(by_u + by_x @ s_u)}
+    adjoint = ca.densify(ca.jtimes(f, ca.vertcat(x, u), seed, True))
     return (
-        ("expl_ode_fun", {"x": e.x, "u": e.u, "p": e.p}, {"f_expl": e.f}),
-        ("expl_vde_forw", {"x": e.x, "Sx": s_x, "Su": s_u, "u": e.u, "p": e.p}, forward),
-        ("expl_vde_adj", {"x": e.x, "lambdaX": seed, "u": e.u, "p": e.p}, {"adj": adjoint}),
+        ("expl_ode_fun", {"x": x, "u": u, "p": p}, {"f_expl": f}),
+        ("expl_vde_forw", {"x": x, "Sx": s_x, "Su": s_u, "u": u, "p": p}, forward),
+        ("expl_vde_adj", {"x": x, "lambdaX": seed, "u": u, "p": p}, {"adj": adjoint}),
     )
 
 
-def _implicit(e: _Equations) -> Sequence[tuple[str, dict[str, Any], dict[str, Any]]]:
-    rate = ca.SX.sym("xdot", e.x.numel())
-    residual = rate - e.f
-    none = ca.SX.sym("none", 0, 1)
-    symbols: Mapping[str, Any] = {
-        "x": e.x,
-        "xdot": rate,
-        "u": e.u,
-        "z": none,
-        "t": ca.SX.sym("t", 0, 1),
-        "p": e.p,
-    }
+def _implicit(x: ca.SX, u: ca.SX, p: ca.SX, f: ca.SX) -> Sequence[AcadosFunction]:
+    rate = ca.SX.sym("xdot", x.numel())
+    residual = rate - f
+    z, t = ca.SX.sym("none", 0, 1), ca.SX.sym("t", 0, 1)
+    symbols: Mapping[str, Any] = {"x": x, "xdot": rate, "u": u, "z": z, "t": t, "p": p}
     fun = {"f_impl": residual}
-    by_x = {"jac_x": ca.jacobian(residual, e.x)}
+    by_x = {"jac_x": ca.jacobian(residual, x)}
     by_rate = {"jac_xdot": ca.jacobian(residual, rate)}
-    by_u = {"jac_u": ca.jacobian(residual, e.u)}
-    by_z = {"jac_z": ca.SX(e.x.numel(), 0)}
+    by_u = {"jac_u": ca.jacobian(residual, u)}
+    by_z = {"jac_z": ca.SX(x.numel(), 0)}
     return tuple(
         (f"impl_dae_{name}", dict(symbols), results)
         for name, results in (

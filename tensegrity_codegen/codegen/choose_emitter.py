@@ -83,8 +83,7 @@ def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
         why = f"{members}, and loops over tables do not serve {', '.join(facts.lacking)}"
         return EmitterChoice("unrolled", why)
     return EmitterChoice(
-        "table",
-        f"{members}, more than {MOST_STRAIGHT_LINE_MEMBERS}: loops whose code does not grow",
+        "table", f"{members}, more than {MOST_STRAIGHT_LINE_MEMBERS}: loops whose code does not grow"
     )
 
 
@@ -126,15 +125,18 @@ def list_candidates(structure: Subject, request: ModelRequest) -> tuple[str, ...
 
 def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return what is wanted, also by wanted integrators, and the emitter table does not serve."""
-    wanted = [*request.quantities, *called_quantities(request.integrators, needs_state_jacobian(structure))]
+    quantities = [
+        *request.quantities,
+        *called_quantities(request.integrators, needs_state_jacobian(structure)),
+    ]
     if request.integrators:
         # Quantities behind the events that integrators watch, see events.find_events.
         kinds = request.events
         if kinds is None:
             kinds = choose_events(request, structure)
-        wanted += [EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES]
+        quantities += [EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES]
     model = TABLE.build(structure, request)
-    return tuple(name for name in dict.fromkeys(wanted) if not TABLE.is_offered(model, name))
+    return tuple(name for name in dict.fromkeys(quantities) if not TABLE.is_offered(model, name))
 
 
 MOST_CHOICES_IN_HINT = 2
@@ -162,46 +164,48 @@ def find_alternatives(
     check_request: raises TensegrityError for a request that cannot be served. A choice that leaves a fault
     which no choice mends, such as bars without a radius, is named with what mends that.
     """
-    found: list[str] = []
+    hints: list[str] = []
     partly: list[str] = []
     for choice in list_alternatives(structure, request, error):
-        words, rest = _try_alternative(choice, set(error.lacking or ()), check_request)
+        words, fault_hint = _try_alternative(choice, set(error.lacking or ()), check_request)
         if words:
-            (partly if rest else found).append(f"{words}, and {rest}" if rest else words)
-        if len(found) == MOST_CHOICES_IN_HINT:
+            (partly if fault_hint else hints).append(f"{words}, and {fault_hint}" if fault_hint else words)
+        if len(hints) == MOST_CHOICES_IN_HINT:
             break
-    found = found or partly[:1]
-    if found and error.lacking and "did you mean" in error.hint:
-        found.append(error.hint)
-    if not found and structure.n_members > MOST_MEMBERS:
-        found = [f"a structure of at most {MOST_MEMBERS} members", *([error.hint] if error.lacking else [])]
-    return "; or ".join(found) or error.hint
+    hints = hints or partly[:1]
+    if hints and error.lacking and "did you mean" in error.hint:
+        hints.append(error.hint)
+    if not hints and structure.n_members > MOST_MEMBERS:
+        hints = [f"a structure of at most {MOST_MEMBERS} members", *([error.hint] if error.lacking else [])]
+    return "; or ".join(hints) or error.hint
 
 
 def _try_alternative(choice: Alternative, needed: set[str], check_request: CheckRequest) -> tuple[str, str]:
-    """Return the words of an alternative, "" for one that does not work, and the hint of another fault.
-
-    needed: quantities that it must have.
-    """
-    request, dropped, rest = choice.request, list[str](), ""
+    """Return the words of an alternative, "" for one that does not work, and the hint of another fault."""
+    request, dropped, fault_hint = choice.request, list[str](), ""
     while True:
         try:
             check_request(choice.structure, request)
         except FormulationError as error:
             lacking = set(error.lacking or ())
-            kept = tuple(name for name in request.quantities if name not in lacking)
+            quantities = tuple(name for name in request.quantities if name not in lacking)
             if error.lacking is None:
-                rest = error.hint
+                fault_hint = error.hint
                 break
-            if not choice.is_other_model or not kept or kept == request.quantities or lacking & needed:
+            if (
+                not choice.is_other_model
+                or not quantities
+                or quantities == request.quantities
+                or lacking & needed
+            ):
                 return "", ""
             dropped += sorted(lacking)
-            request = replace(request, quantities=kept)
+            request = replace(request, quantities=quantities)
         except TensegrityError:
             return "", ""
         else:
             break
-    return (f"{choice.words} (which has no {', '.join(dropped)})" if dropped else choice.words), rest
+    return (f"{choice.words} (which has no {', '.join(dropped)})" if dropped else choice.words), fault_hint
 
 
 def list_alternatives(
@@ -214,12 +218,12 @@ def list_alternatives(
             yield Alternative(f'emitter = "{name}"', structure, replace(request, emitter=name))
     if isinstance(structure, Structure):
         yield from _list_formulations(structure, request)
-    kept = tuple(name for name in request.quantities if name not in lacking)
-    if lacking and kept:
-        words = f"leave out {', '.join(name for name in request.quantities if name in lacking)}"
-        yield Alternative(words, structure, replace(request, quantities=kept))
+    quantities = tuple(name for name in request.quantities if name not in lacking)
+    if lacking and quantities:
+        advice = f"leave out {', '.join(name for name in request.quantities if name in lacking)}"
+        yield Alternative(advice, structure, replace(request, quantities=quantities))
     if "node_mass" in request.parameters:
-        parameters = {name: items for name, items in request.parameters.items() if name != "node_mass"}
+        parameters = {name: indices for name, indices in request.parameters.items() if name != "node_mass"}
         yield Alternative(
             "leave node_mass out of parameters", structure, replace(request, parameters=parameters)
         )
@@ -237,14 +241,18 @@ def list_alternatives(
 
 
 def _list_formulations(structure: Structure, request: ModelRequest) -> Iterator[Alternative]:
-    variants = [(item.name, dict(words)) for item in FORMULATIONS.values() for words in item.variants]
+    variants = [
+        (formulation.name, dict(variant))
+        for formulation in FORMULATIONS.values()
+        for variant in formulation.variants
+    ]
     for name, options in variants:
         if (name, options) == (request.formulation, dict(request.options)):
             continue
-        words = f'formulation = "{name}"' if name != request.formulation else ""
+        advice = f'formulation = "{name}"' if name != request.formulation else ""
         if options:
             inside = ", ".join(f'{key} = "{value}"' for key, value in options.items())
-            words = f"{words}{' with ' if words else ''}options = {{ {inside} }}"
-        if words:
+            advice = f"{advice}{' with ' if advice else ''}options = {{ {inside} }}"
+        if advice:
             changed = replace(request, formulation=name, options=options, emitter=AUTO)
-            yield Alternative(words, structure, changed, is_other_model=True)
+            yield Alternative(advice, structure, changed, is_other_model=True)

@@ -85,12 +85,12 @@ def emit(
     _checked.clear()
     left_out = account_left_out(plan.model, plan.request, plan.functions, plan.emitter) if account else ()
     if object_size is not None:
-        own = object_size(_write(plan)[1])
+        size = object_size(_write(plan)[1])
         sizes = {}
         for row in left_out:
-            model, wanted = build_with(row.what, plan.model, plan.request, plan.emitter)
-            sizes[row.what] = object_size(_write(_plan_functions(plan.emitter, model, wanted))[1])
-        left_out = tuple(replace(row, object_bytes=sizes[row.what] - own, measured=True) for row in left_out)
+            model, variant_request = build_with(row.what, plan.model, plan.request, plan.emitter)
+            sizes[row.what] = object_size(_write(_plan_functions(plan.emitter, model, variant_request))[1])
+        left_out = tuple(replace(row, object_bytes=sizes[row.what] - size, measured=True) for row in left_out)
     return GeneratedSource(*_write(plan, left_out), plan.why_emitter)
 
 
@@ -119,8 +119,8 @@ def check_request(structure: Subject, request: ModelRequest) -> EmissionPlan:
     Where another emitter or formulation serves the request, the error's hint names it: each has been tried
     here before it is named. The last answer is kept until its library is emitted.
     """
-    for subject, asked, known in _checked[:]:
-        if subject is structure and asked == request:
+    for subject, planned_request, known in _checked[:]:
+        if subject is structure and planned_request == request:
             return known
     try:
         plan = _plan(structure, request)
@@ -142,9 +142,9 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
         )
     # All names that get into C are identifiers.
     check_scene_name(structure.name, "name")
-    for what, names in (("nodes", structure.node_name), ("members", structure.member_name)):
-        check_names(names, what, structure.name)
-    check_names([item.name for item in structure.inputs], "inputs", structure.name)
+    for kind, names in (("nodes", structure.node_name), ("members", structure.member_name)):
+        check_names(names, kind, structure.name)
+    check_names([source.name for source in structure.inputs], "inputs", structure.name)
     check_ground(structure, request)
     check_rings(structure, request)
     check_collision(structure, request)
@@ -152,7 +152,7 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     check_ring_friction(structure, request)
     _check_precision(structure, request)
     choice = EmitterChoice(request.emitter, "asked for by name")
-    lags = any(item.time_constant for item in structure.actuators)
+    lags = any(actuator.time_constant for actuator in structure.actuators)
     remembers = structure.remembers.any() or bool(structure.sliding) or bool(find_setting_events(structure))
     is_bound = getattr(structure, "collision", None) or remembers or lags
     if request.emitter == AUTO and (is_bound or request.differentiates_motions):
@@ -200,77 +200,76 @@ def _check_precision(structure: Subject, request: ModelRequest) -> None:
     precision = find_precision(request.precision)
     if precision.name == "double":
         return
-    if request.solvers:
-        raise FormulationError(
-            "solvers need double precision",
-            where=f"{structure.name}: model.solvers",
-            given=f"{', '.join(request.solvers)} with precision {precision.name!r}",
-            allowed="no solvers in single precision",
-            hint='omit solvers, or choose precision = "double"',
-        )
-    in_single = [name for name, item in INTEGRATORS.items() if item.in_single]
-    for name in request.integrators:
-        if name in INTEGRATORS and name not in in_single:
+    in_single = [name for name, integrator in INTEGRATORS.items() if integrator.in_single]
+    unserved = [name for name in request.integrators if name in INTEGRATORS and name not in in_single][:1]
+    reason = "casadi.external calls with doubles"
+    for key, names, need, allowed, omitted in (
+        ("solvers", request.solvers, "solvers need", "no solvers in single precision", "solvers"),
+        (
+            "integrators",
+            unserved,
+            f"the integrator {''.join(unserved)!r} needs",
+            f"{', '.join(in_single)} in single precision",
+            "it",
+        ),
+        (
+            "interfaces",
+            request.interfaces,
+            "interfaces need",
+            f"no interfaces in single precision: {reason}",
+            "interfaces",
+        ),
+    ):
+        if names:
             raise FormulationError(
-                f"the integrator {name!r} needs double precision",
-                where=f"{structure.name}: model.integrators",
-                given=f"{name} with precision {precision.name!r}",
-                allowed=f"{', '.join(in_single)} in single precision",
-                hint='omit it, or choose precision = "double"',
+                f"{need} double precision",
+                where=f"{structure.name}: model.{key}",
+                given=f"{', '.join(names)} with precision {precision.name!r}",
+                allowed=allowed,
+                hint=f'omit {omitted}, or choose precision = "double"',
             )
-    if request.interfaces:
-        raise FormulationError(
-            "interfaces need double precision",
-            where=f"{structure.name}: model.interfaces",
-            given=f"{', '.join(request.interfaces)} with precision {precision.name!r}",
-            allowed="no interfaces in single precision: casadi.external calls with doubles",
-            hint='omit interfaces, or choose precision = "double"',
-        )
     _check_number_range(structure, precision)
 
 
 def _check_number_range(structure: Subject, precision: Precision) -> None:
     """Raise InvalidValueError for a number that the precision cannot hold, naming it and whose it is."""
-    for item in dataclasses.fields(structure):
-        names = structure.node_name if item.name.startswith("node_") else structure.member_name
-        named = item.name in OF_MEMBERS or item.name.startswith("node_")
-        for index, value in _numbers(getattr(structure, item.name)):
+    for field in dataclasses.fields(structure):
+        names = structure.node_name if field.name.startswith("node_") else structure.member_name
+        named = field.name in OF_MEMBERS or field.name.startswith("node_")
+        for index, value in _numbers(getattr(structure, field.name)):
             owner = names[index[0]] if named else ".".join(map(str, index))
-            check_precision(value, precision, f"{structure.name}: {item.name} of {owner}")
+            check_precision(value, precision, f"{structure.name}: {field.name} of {owner}")
 
 
 def _numbers(value: Any, index: tuple[int | str, ...] = ()) -> Iterator[tuple[tuple[Any, ...], float]]:
     """Give every number of more than 1 in arrays and containers, with the way that leads to it."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "f":
-        for place in np.argwhere(np.abs(value) > 1.0):
-            yield (*index, *map(int, place)), float(value[tuple(place)])
+        for index_tuple in np.argwhere(np.abs(value) > 1.0):
+            yield (*index, *map(int, index_tuple)), float(value[tuple(index_tuple)])
     elif isinstance(value, float):
         yield index, value
     elif isinstance(value, Mapping):
-        for key, part in value.items():
-            yield from _numbers(part, (*index, key))
+        for key, entry in value.items():
+            yield from _numbers(entry, (*index, key))
     elif isinstance(value, tuple):
-        for number, part in enumerate(value):
-            yield from _numbers(part, (*index, number))
+        for number, entry in enumerate(value):
+            yield from _numbers(entry, (*index, number))
     elif dataclasses.is_dataclass(value):
-        for item in dataclasses.fields(value):
-            yield from _numbers(getattr(value, item.name), (*index, item.name))
+        for field in dataclasses.fields(value):
+            yield from _numbers(getattr(value, field.name), (*index, field.name))
 
 
 def _find_called(
     model: EmittedModel, emitter: Emitter, request: ModelRequest
 ) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
-    """Return what interfaces and integrators call besides what is wanted, and the events that these monitor.
-
-    Integrators also keep coordinates consistent.
-    """
+    """Return the further quantities that interfaces and integrators call, and the monitored events."""
     stiffness = needed_stiffness(model.subject, request)
     if not request.integrators:
         return stiffness, request.events
     events, watched = find_events(request, lambda name: emitter.is_offered(model, name), model.subject)
     check_keep(request, model.name)
     check_jumps(model.subject, request, events)
-    kept = KEPT_QUANTITIES if request.keep else ()
+    energy_quantities = KEPT_QUANTITIES if request.keep else ()
     of_forces = ("state_derivative", "energy_rate") if has_contacts(model.subject) else ()
     of_states: tuple[str, ...] = ("state_derivative",) if model.frame.n_internal else ()
     if model.subject.remembers.any():
@@ -283,7 +282,7 @@ def _find_called(
         of_states = (*of_states, "viscous_power", "relaxed_internal")
     of_integrators = called_quantities(request.integrators, needs_state_jacobian(model.subject))
     of_derivatives = list_derivative_quantities(model.arguments)
-    called = (*PROJECTION, *kept, *of_forces, *of_states, *of_integrators, *of_derivatives)
+    called = (*PROJECTION, *energy_quantities, *of_forces, *of_states, *of_integrators, *of_derivatives)
     offered = [name for name in called if emitter.is_offered(model, name)]
     return (*stiffness, *offered, *watched), events
 
@@ -296,8 +295,8 @@ def _write(plan: EmissionPlan, left_out: tuple[LeftOut, ...] = ()) -> tuple[Mani
     if "acados" in request.interfaces:
         symbolic = model if isinstance(model, SymbolicModel) else build_model(model.subject, request)
         derivatives = Derivatives((*derivatives.made, *build_acados(symbolic)), derivatives.too_long)
-    parts = (*plan.manifest.parts, *list_derivative_parts(request, derivatives))
-    manifest = replace(plan.manifest, left_out=left_out, parts=parts)
+    source_parts = (*plan.manifest.parts, *list_derivative_parts(request, derivatives))
+    manifest = replace(plan.manifest, left_out=left_out, parts=source_parts)
     # Bodies of functions, one by one and over the lanes of a batch
     precision = find_precision(request.precision)
     bodies = emitter.write(model, functions, precision)

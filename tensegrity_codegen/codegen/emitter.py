@@ -158,10 +158,7 @@ class PrunedFunction:
 
 
 def prune(model: SymbolicModel, quantities: tuple[str, ...]) -> tuple[PrunedFunction, ...]:
-    """Return the wanted functions, each with the arguments that its result depends on.
-
-    Raises FormulationError for a quantity that has no entry at all in this scene.
-    """
+    """Return the wanted functions, each with the arguments that its result depends on."""
     return tuple(_prune_one(model, find_quantity(name)) for name in quantities)
 
 
@@ -189,17 +186,17 @@ def _prune_one(model: SymbolicModel, quantity: Quantity) -> PrunedFunction:
         expression = ca.densify(expression)
     if expression.nnz() == 0:
         raise refuse_empty(model.name, quantity.name)
-    kept = {
+    symbols = {
         name: argument.symbol
         for name, argument in model.arguments.items()
         if argument.symbol.numel() and ca.depends_on(expression, argument.symbol)
     }
     function = ca.Function(
         quantity.name,  # no name of a scene: CasADi allows fewer than C does
-        list(kept.values()),
+        list(symbols.values()),
         [expression],
-        list(kept),
+        list(symbols),
         [quantity.name],
     )
     columns = len(model.frame.column_name) if quantity.over_columns else 0
-    return PrunedFunction(quantity, function, tuple(kept), columns)
+    return PrunedFunction(quantity, function, tuple(symbols), columns)

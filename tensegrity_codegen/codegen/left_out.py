@@ -54,8 +54,8 @@ def _in_space(structure: Structure, request: ModelRequest) -> Variant:
 
 def _unanchored(structure: Structure, request: ModelRequest) -> Variant:
     free = _with_masses(structure).with_changes(node_anchored=np.zeros_like(structure.node_anchored))
-    kept = {name: items for name, items in request.parameters.items() if name != "anchor_position"}
-    return free, replace(request, parameters=kept)
+    parameters = {name: indices for name, indices in request.parameters.items() if name != "anchor_position"}
+    return free, replace(request, parameters=parameters)
 
 
 def _springs(
@@ -69,14 +69,16 @@ def _springs(
 
 
 def _as_arguments(structure: Structure | BodySystem, request: ModelRequest) -> Variant:
-    wanted = {
+    parameters = {
         "rest_length": _all(structure.n_members),
         "spring_constant": _springs(structure, request, structure.spring_constant),
         "axial_stiffness": _springs(structure, request, structure.axial_stiffness),
     }
     if isinstance(structure, Structure):
-        wanted["node_mass"] = tuple(int(n) for n in np.flatnonzero(structure.node_mass))
-    return structure, _with_parameter(request, **{name: items for name, items in wanted.items() if items})
+        parameters["node_mass"] = tuple(int(n) for n in np.flatnonzero(structure.node_mass))
+    return structure, _with_parameter(
+        request, **{name: indices for name, indices in parameters.items() if indices}
+    )
 
 
 FEATURES = (
@@ -110,12 +112,7 @@ FEATURES = (
         lambda s, r: isinstance(s, Structure) and bool(s.node_anchored[:, list(s.axes)].any()),
         _unanchored,
     ),
-    _Feature(
-        "axes",
-        "the scene is planar",
-        lambda s, r: len(s.axes) < 3,
-        _in_space,
-    ),
+    _Feature("axes", "the scene is planar", lambda s, r: len(s.axes) < 3, _in_space),
     _Feature(
         "run-time parameters",
         "rest lengths, stiffnesses and masses that are no run-time parameters are constants in the code",
@@ -130,17 +127,14 @@ UNWANTED = "unwanted functions"
 def build_with(
     what: str, model: EmittedModel, request: ModelRequest, emitter: Emitter
 ) -> tuple[EmittedModel, ModelRequest]:
-    """Return the model with the left-out feature of that name put in, and what is wanted of it.
-
-    Quantities of which the feature leaves nothing are no longer wanted, such as the reaction of no anchors.
-    """
+    """Return the model with the left-out feature of that name put in, and what is wanted of it."""
     if what == UNWANTED:
         return model, replace(request, quantities=(*request.quantities, *_unwanted(model, request, emitter)))
-    feature = next(item for item in FEATURES if item.what == what)
+    feature = next(candidate for candidate in FEATURES if candidate.what == what)
     variant, wider = feature.add(model.subject, request)
-    found = emitter.build(variant, wider)
-    offered = tuple(name for name in wider.quantities if emitter.is_offered(found, name))
-    return found, replace(wider, quantities=offered)
+    wider_model = emitter.build(variant, wider)
+    offered = tuple(name for name in wider.quantities if emitter.is_offered(wider_model, name))
+    return wider_model, replace(wider, quantities=offered)
 
 
 def account_left_out(
@@ -177,5 +171,5 @@ def _row(
 
 
 def _unwanted(model: EmittedModel, request: ModelRequest, emitter: Emitter) -> tuple[str, ...]:
-    rest = [name for name in model.quantities if name not in request.quantities]
-    return tuple(name for name in rest if emitter.is_offered(model, name))
+    remaining_names = [name for name in model.quantities if name not in request.quantities]
+    return tuple(name for name in remaining_names if emitter.is_offered(model, name))

@@ -88,8 +88,8 @@ BLOCK = """\
 
 def time_functions(source: GeneratedSource, compiler: Compiler, flags: FlagSet) -> dict[str, float]:
     """Return quantity -> median nanoseconds a call at nominal values, with its checks; CompileError."""
-    with work_folder() as place:
-        program = build_driver(source, compiler, flags, place)
+    with work_folder() as folder:
+        program = build_driver(source, compiler, flags, folder)
         answer = run_drivers([program])[0]
     if isinstance(answer, CompileError):
         raise answer
@@ -109,10 +109,7 @@ def build_driver(source: GeneratedSource, compiler: Compiler, flags: FlagSet, fo
 
 
 def run_drivers(programs: Sequence[Path]) -> list[dict[str, float] | CompileError]:
-    """Return for each program quantity -> median nanoseconds a call, or why it gave no answer.
-
-    The programs take turns, so that what slows the machine for a while slows them all.
-    """
+    """Return for each program quantity -> median nanoseconds a call, or why it gave no answer."""
     rounds: list[dict[str, list[float]]] = [{} for _ in programs]
     failed: dict[int, CompileError] = {}
     for _ in range(PASSES):
@@ -169,27 +166,23 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 
 
 def find_mentions(sources: Iterable[str]) -> dict[str, frozenset[str]]:
-    """Return what each function, macro and initialised variable of C sources mentions.
-
-    sources: texts of C files. Returns name of a definition -> all words in its body. A call is such a word;
-    so is a function whose address is taken, or a macro.
-    """
-    found: dict[str, set[str]] = {}
+    """Return what each function, macro and initialised variable of C sources mentions."""
+    mentions: dict[str, set[str]] = {}
     for source in sources:
         text = _LINKAGE.sub("", _STRING.sub('""', _COMMENT.sub(" ", source))).replace("\\\n", " ")
-        rest = []
+        code = []
         for line in text.split("\n"):
             if line.lstrip().startswith("#"):
                 macro = _DEFINE.match(line.lstrip())
                 if macro is not None:
-                    found.setdefault(macro[1], set()).update(_WORD.findall(line)[2:])
+                    mentions.setdefault(macro[1], set()).update(_WORD.findall(line)[2:])
             else:
-                rest.append(line)
-        for head, body in _find_blocks("\n".join(rest)):
+                code.append(line)
+        for head, body in _find_blocks("\n".join(code)):
             name = _name(head)
             if name:
-                found.setdefault(name, set()).update(_WORD.findall(body))
-    return {name: frozenset(words) for name, words in found.items()}
+                mentions.setdefault(name, set()).update(_WORD.findall(body))
+    return {name: frozenset(words) for name, words in mentions.items()}
 
 
 def _find_blocks(text: str) -> Iterable[tuple[str, str]]:
@@ -212,8 +205,8 @@ def _name(head: str) -> str:
     """Return the name that a definition with this beginning has; empty for types."""
     head = _ATTRIBUTE.sub(" ", head)
     pattern = r"(\w+)\s*(?:\[[^=]*)?=" if "=" in head else r"(\w+)\s*\("
-    found = re.search(pattern, head)
-    return found[1] if found else ""
+    definition = re.search(pattern, head)
+    return definition[1] if definition else ""
 
 
 def deepest_stack(frames: Mapping[str, int], sources: Iterable[str]) -> dict[str, int]:
@@ -224,27 +217,32 @@ def deepest_stack(frames: Mapping[str, int], sources: Iterable[str]) -> dict[str
     Returns function -> bytes along the longest chain of calls. In a circle of calls each function counts
     once.
     """
-    own: dict[str, int] = {}
+    frame_size: dict[str, int] = {}
     for name, size in frames.items():
         bare = name.partition(".")[0]  # "solve.constprop.0" is a copy of "solve"
-        own[bare] = max(size, own.get(bare, 0))
+        frame_size[bare] = max(size, frame_size.get(bare, 0))
     mentions = find_mentions(sources)
-    names = sorted(mentions.keys() | own.keys())
-    at = {name: place for place, name in enumerate(names)}
-    calls = [(at[name], at[word]) for name, words in mentions.items() for word in words if word in at]
+    names = sorted(mentions.keys() | frame_size.keys())
+    at = {name: number for number, name in enumerate(names)}
+    calls = [
+        (at[name], at[mentioned])
+        for name, mentioned_names in mentions.items()
+        for mentioned in mentioned_names
+        if mentioned in at
+    ]
     ends = np.array(calls, dtype=np.int64).reshape(-1, 2)
     graph = scipy.sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(at), len(at)))
     _, label = scipy.sparse.csgraph.connected_components(graph, connection="strong")
     circle = np.asarray(label).tolist()
     count = 1 + max(circle, default=-1)
-    weight = np.bincount(circle, weights=[own.get(name, 0) for name in names], minlength=count)
+    weight = np.bincount(circle, weights=[frame_size.get(name, 0) for name in names], minlength=count)
     below: list[set[int]] = [set() for _ in range(count)]
     for caller, called in calls:
         if circle[caller] != circle[called]:
             below[circle[caller]].add(circle[called])
     deepest: dict[int, int] = {}
-    for one in TopologicalSorter(dict(enumerate(below))).static_order():  # what is called comes first
-        deepest[one] = int(weight[one]) + max((deepest[other] for other in below[one]), default=0)
+    for group in TopologicalSorter(dict(enumerate(below))).static_order():  # what is called comes first
+        deepest[group] = int(weight[group]) + max((deepest[callee] for callee in below[group]), default=0)
     return {name: deepest[circle[at[name.partition(".")[0]]]] for name in frames}
 
 
@@ -264,10 +262,7 @@ class MemoryUse:
 def measure_memory(
     folder: Path, manifest: Manifest, *, compiler: str | None = None, target: str | None = None
 ) -> MemoryUse:
-    """Compile the sources in a folder again, and return what they take.
-
-    Raises CompilerMissingError or CompileError as a build does.
-    """
+    """Compile the sources in a folder again, and return what they take."""
     sources = {
         path.name: path.read_text(encoding="utf-8")
         for path in sorted(folder.iterdir())

@@ -98,10 +98,7 @@ SPACE = re.compile(r"\s+")
 
 
 def read_declarations(header: str) -> str:
-    """Return types and functions of a generated header, one a line, as C that cffi reads.
-
-    Comments, directives, enumerations and the arrays of constants are dropped.
-    """
+    """Return types and functions of a generated header, one a line, as C that cffi reads."""
     text = CONSTANTS.sub("", SPANS.sub("", header))
     text = SPACE.sub(" ", re.sub(r"\b\w+_API ", "", text)).strip()
     text = text.replace("extern const ", "extern ")  # cffi reads no constants but whole numbers
@@ -135,13 +132,13 @@ def write_sources(
         context["casadi_int"] = "long long int" if with_casadi else "int"
         context["casadi_memory"] = "int mem" if with_casadi else "void *mem"
     name = manifest.name
-    apart = {f"{name}_tables.c": render("scene_tables.c", context)} if context["tables_apart"] else {}
+    table_files = {f"{name}_tables.c": render("scene_tables.c", context)} if context["tables_apart"] else {}
     header = wrap_lines(render("scene.h", context))
     manifest = replace(manifest, declarations=read_declarations(header))
     return manifest, {
         f"{name}.h": header,
         f"{name}.c": wrap_lines(render("scene.c", context)),
-        **{file: wrap_lines(text) for file, text in apart.items()},
+        **{file: wrap_lines(text) for file, text in table_files.items()},
         "example.c": wrap_lines(render("example.c", context)),
         "Makefile": render("Makefile", context),
         "manifest.json": manifest.to_json(),
@@ -149,13 +146,14 @@ def write_sources(
 
 
 def _context(
-    manifest: Manifest,
-    functions: Sequence[WantedFunction],
-    bodies: Bodies,
-    lanes: Mapping[str, PrintedLanes],
+    manifest: Manifest, functions: Sequence[WantedFunction], bodies: Bodies, lanes: Mapping[str, PrintedLanes]
 ) -> dict[str, Any]:
     precision = find_precision(manifest.precision)
-    arguments = {item.name: _argument_context(item, precision) for item in manifest.arguments if item.nominal}
+    arguments = {
+        argument.name: _argument_context(argument, precision)
+        for argument in manifest.arguments
+        if argument.nominal
+    }
     by_quantity = {spec.quantity: spec for spec in manifest.functions}
     n_coordinates = len(manifest.coordinate_name)
     sizes = {
@@ -172,7 +170,7 @@ def _context(
         sizes["contacts"] = len(manifest.contact_name)
     if manifest.bar_pair:
         sizes["bar_pairs"] = len(manifest.bar_pair)
-    apart = _count_constants(manifest) > MOST_CONSTANTS
+    has_table_file = _count_constants(manifest) > MOST_CONSTANTS
     integrators = integrator_context(manifest, arguments, _find_reach(manifest, functions))
     return {
         "banner": BANNER,
@@ -180,8 +178,8 @@ def _context(
         "instruction_sets": INSTRUCTION_SETS,
         "name": manifest.name,
         "NAME": manifest.name.upper(),
-        "sources": f"{manifest.name}.c {manifest.name}_tables.c" if apart else f"{manifest.name}.c",
-        "tables_apart": apart,
+        "sources": f"{manifest.name}.c {manifest.name}_tables.c" if has_table_file else f"{manifest.name}.c",
+        "tables_apart": has_table_file,
         "statuses": STATUS,
         "all_statuses": (*STATUS, *(SOLVER_STATUS if manifest.solvers else ())),
         "status_text": STATUS_TEXT,
@@ -197,7 +195,7 @@ def _context(
         "smallest": "1e-300" if precision.name == "double" else "1e-37",  # step of time [s]
         "has_casadi_abi": bool(manifest.interfaces),
         "has_machine_check": not find_flags(manifest.flags).portable,
-        "made_by": ", ".join(f"{what} {release}" for what, release in manifest.made_by.items())[:159],
+        "made_by": ", ".join(f"{program} {release}" for program, release in manifest.made_by.items())[:159],
         "n": {key: sizes[key] for key in ("nodes", "members", "coordinates")},
         "sizes": sizes,
         "indices": _indices(manifest),
@@ -259,14 +257,14 @@ def _indices(manifest: Manifest) -> dict[str, list[str]]:
 def _argument_context(argument: ArgumentSpec, precision: Precision) -> dict[str, Any]:
     # Nominal values without the zeros at their end, one at least: C fills up an array with zeros.
     array = np.array(argument.nominal, dtype=np.float64)
-    last = np.flatnonzero((array != 0) | np.signbit(array))
+    nonzero = np.flatnonzero((array != 0) | np.signbit(array))
     return {
         "name": argument.name,
         "size": len(argument.nominal),
         "shape_text": str(argument.shape or "scalar"),
         "unit": argument.unit,
         "sentence": argument.sentence,
-        "nominal": print_numbers(array[: last[-1] + 1 if last.size else 1], precision, argument.name),
+        "nominal": print_numbers(array[: nonzero[-1] + 1 if nonzero.size else 1], precision, argument.name),
         "casadi_pattern": [
             *(reversed(argument.shape) if len(argument.shape) == 2 else (*argument.shape, 1)),
             1,

@@ -52,25 +52,28 @@ class NamedValues:
             function = ca.Function("named_values", symbols, [ca.densify(model.expression(quantity))])
             instructions = read_instructions(function)
             keys = self._find_keys(instructions, names)
-            for item in instructions:
-                if item.operation == ca.OP_OUTPUT and instructions[item.operands[0]].is_operation:
-                    self._add(keys[item.operands[0]], prefixes, item.place[1])
-                    divisor = instructions[item.operands[0]].operands[-1]
+            for instruction in instructions:
+                if (
+                    instruction.operation == ca.OP_OUTPUT
+                    and instructions[instruction.operands[0]].is_operation
+                ):
+                    self._add(keys[instruction.operands[0]], prefixes, instruction.place[1])
+                    divisor = instructions[instruction.operands[0]].operands[-1]
                     if quantity == "force_density" and instructions[divisor].operation == ca.OP_SQRT:
-                        self._add(keys[divisor], ("length",), item.place[1])
+                        self._add(keys[divisor], ("length",), instruction.place[1])
 
     def annotate(self, function: PrunedFunction) -> Annotations:
         """Return names, headings and comments of the body of a function."""
         instructions = read_instructions(function.function)
-        taken = {*function.arguments, function.quantity.name}
-        found = {
+        used_names = {*function.arguments, function.quantity.name}
+        named = {
             k: self._named[key]
             for k, key in enumerate(self._find_keys(instructions, function.arguments))
-            if key in self._named and self._named[key][0] not in taken
+            if key in self._named and self._named[key][0] not in used_names
         }
         return Annotations(
-            name={k: name for k, (name, _) in found.items()},
-            heading={k: heading for k, (_, heading) in found.items()},
+            name={k: name for k, (name, _) in named.items()},
+            heading={k: heading for k, (_, heading) in named.items()},
             entry=self.find_entries(function),
         )
 
@@ -84,8 +87,8 @@ class NamedValues:
             if pattern.shape != tuple(map(len, rows)):
                 return {}
             columns = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.column_start)).tolist()
-            places = zip(pattern.row.tolist(), columns, strict=True)
-            return {k: plain_comment(f"{rows[0][i]}, {rows[1][j]}") for k, (i, j) in enumerate(places)}
+            entries = zip(pattern.row.tolist(), columns, strict=True)
+            return {k: plain_comment(f"{rows[0][i]}, {rows[1][j]}") for k, (i, j) in enumerate(entries)}
         labels = list(rows[0]) if len(rows) == 1 else [f"{a} {b}" for a in rows[0] for b in rows[1]]
         if len(labels) != function.shape[0] * function.shape[1]:
             return {}
@@ -106,31 +109,31 @@ class NamedValues:
         return labels.get(dimension, ())
 
     def _add(self, key: int, prefixes: Sequence[str], entry: int) -> None:
-        member, part = divmod(entry, len(prefixes))
+        member, component = divmod(entry, len(prefixes))
         frame = self.model.frame
         name = frame.member_name[member]
         heading = plain_comment(name)
         if member < len(frame.connectivity):
-            first, last = frame.connectivity[member]
+            start, end = frame.connectivity[member]
             rings = frame.ring_nodes[member] if frame.ring_nodes else ()
-            passed = [frame.node_name[node] for node in (first, *rings, last)]
+            passed = [frame.node_name[node] for node in (start, *rings, end)]
             heading = plain_comment(f"{name}: {' to '.join(passed)}")
-        self._named.setdefault(key, (name_local(prefixes[part], name, member), heading))
+        self._named.setdefault(key, (name_local(prefixes[component], name, member), heading))
 
     def _find_keys(self, instructions: Sequence[Instruction], names: Sequence[str]) -> list[int]:
         """Return one number for each instruction, the same for the same operations on the same arguments."""
-        found: list[int] = []
-        for item in instructions:
-            operands = [found[k] for k in item.operands]
-            if item.operation in COMMUTATIVE:
+        keys: list[int] = []
+        for instruction in instructions:
+            operands = [keys[k] for k in instruction.operands]
+            if instruction.operation in COMMUTATIVE:
                 operands.sort()
-            key: tuple[object, ...] = (item.operation, *operands)
-            if item.operation == ca.OP_INPUT:
-                key = (item.operation, names[item.place[0]], item.place[1])
-            elif item.operation == ca.OP_CONST:
-                key = (item.operation, item.value.hex())
-            found.append(self._keys.setdefault(key, len(self._keys)))
-        return found
+            key: tuple[object, ...] = (instruction.operation, *operands)
+            if instruction.operation == ca.OP_INPUT:
+                key = (instruction.operation, names[instruction.place[0]], instruction.place[1])
+            elif instruction.operation == ca.OP_CONST:
+                key = (instruction.operation, instruction.value.hex())
+            keys.append(self._keys.setdefault(key, len(self._keys)))
+        return keys
 
 
 MOST_MEMBERS = 400

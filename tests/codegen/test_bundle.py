@@ -22,7 +22,7 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tests.codegen.quickly import without_optimisation
 from tests.codegen.subjects import bare
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "tensegrity_codegen" / "scene" / "examples"
 NAMES = ("prism", "planar")
 

@@ -69,12 +69,7 @@ class CacheEntry:
 
 
 def write_entry(folder: Path, files: Mapping[str, bytes], scene: str = "") -> None:
-    """Write files (name -> content) and then entry.json into the new folder, for this user alone.
-
-    scene: hash of what the library is made from.
-
-    Raises OSError, and ValueError for a file name that is no plain name.
-    """
+    """Write files (name -> content) and then entry.json into the new folder, for this user alone."""
     for name in files:
         if not FILE_NAME.fullmatch(name) or name == ENTRY_FILE:
             raise ValueError(f"not a file name for a cache entry: {name!r}")
@@ -96,18 +91,15 @@ def read_entry(folder: Path, key: str) -> CacheEntry | None:
         data = json.loads((folder / ENTRY_FILE).read_bytes())
         if data["version"] != ENTRY_VERSION:
             return None
-        whole = all(_matches(folder / name, expected) for name, expected in data["files"].items())
+        is_complete = all(_matches(folder / name, expected) for name, expected in data["files"].items())
         entry = CacheEntry(key, folder, tuple(data["files"]), str(data["scene"]))
-        return entry if whole and entry.library is not None and entry.manifest is not None else None
+        return entry if is_complete and entry.library is not None and entry.manifest is not None else None
     except (OSError, ValueError, KeyError, TypeError, RecursionError, AttributeError):
         return None
 
 
 def read_contents(entry: CacheEntry) -> dict[str, bytes]:
-    """Return the files of an entry, each compared with its sha256.
-
-    Raises LibraryError where one is absent or not what it was when it was written.
-    """
+    """Return the files of an entry, each compared with its sha256."""
     contents, name = {}, ENTRY_FILE
     try:
         expected = json.loads((entry.folder / ENTRY_FILE).read_bytes())["files"]
@@ -136,8 +128,8 @@ def read_request(path: Path) -> tuple[str, dict[str, Any]] | None:
     """Return the library key and the note in such a file, None if it is absent or damaged."""
     try:
         data = json.loads(path.read_bytes())
-        known = data["version"] == REQUEST_VERSION and isinstance(data["note"], dict)
-        return (str(data["library"]), data["note"]) if known else None
+        is_valid = data["version"] == REQUEST_VERSION and isinstance(data["note"], dict)
+        return (str(data["library"]), data["note"]) if is_valid else None
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
@@ -228,21 +220,18 @@ class Cache:
 
     def lookup_request(self, key: str) -> str | None:
         """Return the library key stored for a request, or None."""
-        found = read_request(self._request(key))
-        return found[0] if found and KEY.fullmatch(found[0]) else None
+        request = read_request(self._request(key))
+        return request[0] if request and KEY.fullmatch(request[0]) else None
 
     def lookup_note(self, key: str) -> dict[str, Any]:
         """Return what was noted beside the library key of a request; empty if there is none."""
-        found = read_request(self._request(key))
-        return found[1] if found else {}
+        request = read_request(self._request(key))
+        return request[1] if request else {}
 
     def store_request(
         self, key: str, library_key: str, note: Mapping[str, Any] = MappingProxyType({})
     ) -> None:
-        """Note that the request `key` leads to the library `library_key`; raises OutputError.
-
-        note: plain data for JSON, of what was decided on the way.
-        """
+        """Note that the request `key` leads to the library `library_key`; raises OutputError."""
         path = self._request(key)
         self._library(library_key)  # checks the key
         with self._explain(path), self._temporary() as temporary:
@@ -273,10 +262,7 @@ class Cache:
             lock.release()
 
     def clear(self) -> int:
-        """Remove every entry and request, and what killed processes left; return the bytes freed.
-
-        Raises OutputError. Libraries that are in use go when the last process that has loaded them ends.
-        """
+        """Remove every entry and request, and what killed processes left; return the bytes freed."""
         freed = self.size()
         for folder in self._entries():
             with self.lock(folder.name):

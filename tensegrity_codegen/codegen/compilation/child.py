@@ -80,8 +80,8 @@ def run_several(
         while running:
             _collect(running, outcomes)
     finally:
-        for item in running.values():  # after Ctrl-C above all
-            item.stop()
+        for supervised in running.values():  # after Ctrl-C above all
+            supervised.stop()
     return [outcomes[number] for number in range(len(commands))]
 
 
@@ -121,12 +121,12 @@ class _Supervised:
 
     def finish(self) -> ChildOutcome:
         """Wait for the end of the command and return how it was."""
-        words = self.report.read().decode("ascii").split()
-        if len(words) != 4:
+        fields = self.report.read().decode("ascii").split()
+        if len(fields) != 4:
             raise OSError(f"the supervisor of {self.command[0]} ended early: {_read_log(self.log)}")
         log = _read_log(self.log)
         self.stop()
-        return ChildOutcome(words[0], int(words[1]), log, float(words[2]), int(words[3]))
+        return ChildOutcome(fields[0], int(fields[1]), log, float(fields[2]), int(fields[3]))
 
     def stop(self) -> None:
         """End the command and its supervisor, if they still run."""
@@ -141,8 +141,8 @@ class _Supervised:
 def _collect(running: dict[int, _Supervised], outcomes: dict[int, ChildOutcome]) -> None:
     """Move those that have ended, at least one, from `running` to `outcomes`."""
     with selectors.DefaultSelector() as selector:
-        for number, item in running.items():
-            selector.register(item.report, selectors.EVENT_READ, number)
+        for number, supervised in running.items():
+            selector.register(supervised.report, selectors.EVENT_READ, number)
         ended = [key.data for key, _ in selector.select()]
     for number in ended:
         outcomes[number] = running[number].finish()
@@ -150,11 +150,7 @@ def _collect(running: dict[int, _Supervised], outcomes: dict[int, ChildOutcome])
 
 
 def _run_alone(
-    command: list[str],
-    folder: Path,
-    environment: dict[str, str],
-    timeout: float,
-    memory_limit: int | None,
+    command: list[str], folder: Path, environment: dict[str, str], timeout: float, memory_limit: int | None
 ) -> ChildOutcome:
     """Run directly, where there is no fork: time limit only."""
     started = time.monotonic()

@@ -53,8 +53,8 @@ def read_code_size(data: bytes) -> int | None:
             return _read_macho(data)
         if len(data) >= 2 and struct.unpack_from("<H", data)[0] in COFF_MACHINES:
             count = struct.unpack_from("<H", data, 2)[0]
-            first = 20 + struct.unpack_from("<H", data, 16)[0]
-            headers = [first + 40 * k for k in range(count)]
+            headers_start = 20 + struct.unpack_from("<H", data, 16)[0]
+            headers = [headers_start + 40 * k for k in range(count)]
             code = [at for at in headers if _text(data, at, 8).startswith(CODE_NAMES)]
             size: int = sum(struct.unpack_from("<I", data, at + 16)[0] for at in code)
             return size
@@ -116,11 +116,11 @@ def _read_leb128(data: bytes, at: int) -> tuple[int, int]:
             return value, at
 
 
-def _text(data: bytes, start: int, most: int | None = None) -> str:
-    """Return the text that starts there and ends at a zero byte, or after `most` bytes."""
+def _text(data: bytes, start: int, size: int | None = None) -> str:
+    """Return the text that starts there and ends at a zero byte, or after `size` bytes."""
     end = data.find(b"\0", start)
     end = len(data) if end < 0 else end
-    return data[start : end if most is None else min(end, start + most)].decode("ascii", "replace")
+    return data[start : end if size is None else min(end, start + size)].decode("ascii", "replace")
 
 
 def read_stack_use(text: str) -> dict[str, int]:
@@ -187,8 +187,8 @@ def compile_library(
     started = time.monotonic()
     with _written(sources) as folder:
         limits = (compiler, folder, timeout, memory_limit)
-        apart = len(units) > 1 or target.is_archive
-        outcomes = _compile_objects(units, flags, target, *limits) if apart else []
+        has_objects = len(units) > 1 or target.is_archive
+        outcomes = _compile_objects(units, flags, target, *limits) if has_objects else []
         inputs = tuple(f"{unit}.o" for unit in units) if outcomes else units
         command = build_command(compiler, flags, inputs, output, target=target)
         outcomes += run_compiler([command], *limits)
@@ -207,10 +207,7 @@ def compile_library(
 def object_size(
     sources: Mapping[str, str], *, compiler: Compiler, flags: FlagSet, target: Target | None = None
 ) -> int | None:
-    """Return the bytes of machine code and constants that `sources` compile to, None for an unknown format.
-
-    Arguments and errors as in compile_library; nothing is linked.
-    """
+    """Return the bytes of code and constants that `sources` compile to, None for an unknown format."""
     with _compiled(sources, compiler, flags, target) as folder:
         sizes = [read_code_size(path.read_bytes()) for path in folder.glob("*.o")]
     return None if None in sizes else sum(size for size in sizes if size is not None)
@@ -219,10 +216,7 @@ def object_size(
 def stack_use(
     sources: Mapping[str, str], *, compiler: Compiler, flags: FlagSet, target: Target | None = None
 ) -> dict[str, int]:
-    """Return the bytes of stack of each function that is not inlined; empty where the compiler does not say.
-
-    Arguments and errors as in compile_library; nothing is linked.
-    """
+    """Return the bytes of stack of each function that is not inlined, none if the compiler reports none."""
     flags = replace(flags, options=(*flags.options, "-fstack-usage"))
     with _compiled(sources, compiler, flags, target) as folder:
         return read_stack_use("".join(path.read_text("utf-8") for path in sorted(folder.rglob("*.su"))))
@@ -332,10 +326,7 @@ def _explain_failure(outcome: ChildOutcome, timeout: float, memory_limit: int | 
     """Return what went wrong and what to try."""
     smaller = "request fewer quantities"
     if outcome.ended == "time":
-        return (
-            f"the compiler met the time limit of {timeout:g} s",
-            f"allow more time, or {smaller}",
-        )
+        return (f"the compiler met the time limit of {timeout:g} s", f"allow more time, or {smaller}")
     if memory_limit is not None and OUT_OF_MEMORY.search(outcome.log):
         return (
             f"the compiler met the memory limit of {memory_limit / 2**20:g} MiB",

@@ -59,8 +59,8 @@ def hash_package(*folders: Path) -> str:
         for name in _list_sources(folder):
             with open(os.path.join(folder, name), "rb") as file:  # noqa: PTH118, PTH123 - half of pathlib's time
                 data = file.read()
-            place = name.replace(os.sep, "/").encode("utf-8")
-            digest.update(b"%d:%s%d:" % (len(place), place, len(data)))
+            path = name.replace(os.sep, "/").encode("utf-8")
+            digest.update(b"%d:%s%d:" % (len(path), path, len(data)))
             digest.update(data)
     return digest.hexdigest()
 
@@ -74,17 +74,17 @@ def hash_package_state(*folders: Path) -> str:
     states = []
     for folder in folders:
         for name in _list_sources(folder):
-            found = os.stat(os.path.join(folder, name))  # noqa: PTH116, PTH118 - half of pathlib's time
-            states.append(f"{name} {found.st_size} {found.st_mtime_ns} {found.st_ctime_ns}")
+            status = os.stat(os.path.join(folder, name))  # noqa: PTH116, PTH118 - half of pathlib's time
+            states.append(f"{name} {status.st_size} {status.st_mtime_ns} {status.st_ctime_ns}")
     return hash_text(*map(str, folders), *states)
 
 
 def _list_sources(folder: Path) -> list[str]:
     """Return the names of the source files below a folder, relative to it."""
     top = len(str(folder)) + 1
-    places = ((place[top:], names) for place, _, names in os.walk(folder))
-    found = (os.path.join(place, name) for place, names in places for name in names)  # noqa: PTH118
-    return sorted(name for name in found if name.endswith((".py", ".j2", ".c", ".h")))
+    walked = ((folder_path[top:], names) for folder_path, _, names in os.walk(folder))
+    paths = (os.path.join(folder_path, name) for folder_path, names in walked for name in names)  # noqa: PTH118
+    return sorted(name for name in paths if name.endswith((".py", ".j2", ".c", ".h")))
 
 
 def _is_empty(value: Any) -> bool:
@@ -93,23 +93,28 @@ def _is_empty(value: Any) -> bool:
 
 def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
+        fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
         lagging = getattr(value, "lagging_actuators", {})
-        late = {"lagging": [_plain((item.name, item.rate, item.time_constant)) for item in lagging.values()]}
+        late = {
+            "lagging": [
+                _plain((actuator.name, actuator.rate, actuator.time_constant))
+                for actuator in lagging.values()
+            ]
+        }
         return (late if lagging else {}) | {
-            name: _plain(item)
-            for name, item in fields.items()
-            if name not in NOT_IN_CODE and not (name in ONLY_IF_ANY and _is_empty(item))
+            name: _plain(field_value)
+            for name, field_value in fields.items()
+            if name not in NOT_IN_CODE and not (name in ONLY_IF_ANY and _is_empty(field_value))
         }
     if isinstance(value, np.ndarray):
         data = np.ascontiguousarray(value)
         little = data.astype(data.dtype.newbyteorder("<"))
         return [str(little.dtype.str), list(data.shape), hashlib.sha256(little.tobytes()).hexdigest()]
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         plain = PLAIN_TYPES.issuperset(map(type, value))  # names and indices, of which there are many
-        return list(value) if plain else [_plain(item) for item in value]
+        return list(value) if plain else [_plain(element) for element in value]
     if isinstance(value, float):
         return value.hex()
     return value

@@ -51,13 +51,15 @@ WHOLE_REGISTERS = ("-mprefer-vector-width=512",) if platform.machine().lower() i
 FLAG_SETS = {
     "reference": FlagSet("reference", REFERENCE),
     "native": FlagSet(
-        "native",
-        (*REFERENCE, THIS_CPU, *WHOLE_REGISTERS, "-DTENSEGRITY_NATIVE"),
-        portable=False,
+        "native", (*REFERENCE, THIS_CPU, *WHOLE_REGISTERS, "-DTENSEGRITY_NATIVE"), portable=False
     ),
     "small": FlagSet(
         "small",
-        (*(item if item != "-O2" else "-Os" for item in REFERENCE), "-ffunction-sections", "-fdata-sections"),
+        (
+            *(option if option != "-O2" else "-Os" for option in REFERENCE),
+            "-ffunction-sections",
+            "-fdata-sections",
+        ),
     ),
 }
 MEASURED = ("reference", "native")  # flag sets that are compared for speed
@@ -70,12 +72,7 @@ MEASURED = ("reference", "native")  # flag sets that are compared for speed
 # zig compiles for the CPU it runs on, with debug information and (without -O) with traps for undefined
 # behaviour, unless told otherwise. These come first, so that a flag set has the last word.
 OWN_OPTIONS = {
-    "gcc": (
-        "-fno-tree-slp-vectorize",
-        "-fvect-cost-model=dynamic",
-        "-fno-tree-pre",
-        "-fno-code-hoisting",
-    ),
+    "gcc": ("-fno-tree-slp-vectorize", "-fvect-cost-model=dynamic", "-fno-tree-pre", "-fno-code-hoisting"),
     "zig": ("-mcpu=baseline", "-g0", "-fno-sanitize=undefined"),
 }
 
@@ -88,7 +85,7 @@ def find_flags(name: str, where: str = "model.flags") -> FlagSet:
 
 def compile_quickly(flags: FlagSet) -> FlagSet:
     """Return the flag set with less optimisation, for functions that are called a few hundred times."""
-    options = tuple("-O1" if item == "-O2" else item for item in flags.options)
+    options = tuple("-O1" if option == "-O2" else option for option in flags.options)
     return replace(flags, options=options)
 
 
@@ -101,10 +98,7 @@ def build_command(
     shared: bool = True,
     target: Target | None = None,
 ) -> tuple[str, ...]:
-    """Return the command that makes a library of all sources, or (shared=False) an object of one.
-
-    An archive is made of object files.
-    """
+    """Return the command that makes a library of all sources, or (shared=False) an object of one."""
     target = target or find_system()
     if shared and target.is_archive:
         return (*compiler.command[:-1], "ar", "rcsD", output, *sources)  # zig cc -> zig ar
@@ -112,12 +106,12 @@ def build_command(
     libraries = target.libraries if shared else ()
     # A target that chooses a processor replaces the compiler's own choice.
     chosen = any(option.startswith("-mcpu=") for option in target.options)
-    own = tuple(
+    defaults = tuple(
         option
         for option in OWN_OPTIONS.get(compiler.name, ())
         if not (chosen and option.startswith("-mcpu="))
     )
-    options = (*own, *flags.options, *WARNINGS, *target.position, *target.options)
+    options = (*defaults, *flags.options, *WARNINGS, *target.position, *target.options)
     return (*compiler.command, *options, *kind, *sources, "-o", output, *libraries)
 
 
@@ -145,13 +139,13 @@ def describe_toolchain(compiler: Compiler, flags: FlagSet, target: Target | None
     """Return all that makes two compilations of one source differ, as one text to hash into a cache key."""
     command = build_command(compiler, flags, ("SOURCE.c",), "OUTPUT", target=target)
     machine = f"{sys.platform} {platform.machine()}"
-    parts = [compiler.name, compiler.version, *command, machine]
+    lines = [compiler.name, compiler.version, *command, machine]
     if target is not None and target.name:
-        parts += [
+        lines += [
             target.name,
             *build_command(compiler, flags, ("SOURCE.c",), "O", shared=False, target=target),
         ]
-    return "\n".join(parts if flags.portable else [*parts, describe_cpu()])
+    return "\n".join(lines if flags.portable else [*lines, describe_cpu()])
 
 
 def describe_cpu() -> str:
@@ -160,8 +154,8 @@ def describe_cpu() -> str:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:
         return platform.processor()
-    wanted = ("model name", "flags", "Features", "CPU part", "isa")
-    rows = {line for line in text.splitlines() if line.split("\t")[0].strip(" :") in wanted}
+    keys = ("model name", "flags", "Features", "CPU part", "isa")
+    rows = {line for line in text.splitlines() if line.split("\t")[0].strip(" :") in keys}
     return hashlib.sha256("\n".join(sorted(rows)).encode("utf-8")).hexdigest()
 
 
@@ -230,5 +224,5 @@ LISTED_SETS = re.compile(rb"instruction sets:((?: [a-z0-9.]+)*)\0")
 
 def find_instruction_sets(library: bytes) -> tuple[str, ...]:
     """Return the instruction sets beyond the baseline that a compiled library says it may use."""
-    found = LISTED_SETS.search(library)
-    return tuple(found[1].decode("ascii").split()) if found else ()
+    listing = LISTED_SETS.search(library)
+    return tuple(listing[1].decode("ascii").split()) if listing else ()

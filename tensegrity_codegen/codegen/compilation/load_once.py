@@ -26,12 +26,12 @@ def main(path: str, name: str, abi_version: str, scene_hash: str, *symbols: str)
     except OSError as error:
         return str(error)
     try:
-        found = Description.in_dll(library, f"{name}_descriptor")
+        descriptor = Description.in_dll(library, f"{name}_descriptor")
     except ValueError:
         return f"it has no symbol {name}_descriptor"
-    if (found.abi_version, found.name.decode("ascii", "replace")) != (int(abi_version), name):
+    if (descriptor.abi_version, descriptor.name.decode("ascii", "replace")) != (int(abi_version), name):
         return "it describes itself as another library"
-    if found.scene_hash.decode("ascii", "replace") != scene_hash:
+    if descriptor.scene_hash.decode("ascii", "replace") != scene_hash:
         return "it was made from another scene"
     missing = [symbol for symbol in symbols if not hasattr(library, symbol)]
     return f"it has no symbol {', '.join(missing[:5])}" if missing else ""

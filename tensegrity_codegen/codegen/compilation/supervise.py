@@ -70,8 +70,8 @@ def _set_group(child: int) -> None:
 def _watch(child: int, deadline: float, wake: int) -> tuple[str, int, int]:
     """Wait for the end of the child, the deadline, SIGTERM or the end of standard input."""
     while True:
-        left = deadline - time.monotonic()
-        ready = select.select([0, wake], [], [], max(left, 0.0))[0]
+        remaining = deadline - time.monotonic()
+        ready = select.select([0, wake], [], [], max(remaining, 0.0))[0]
         signals = os.read(wake, 512) if wake in ready else b""
         done, status, usage = os.wait4(child, os.WNOHANG)
         if done:

@@ -43,49 +43,43 @@ sys.exit(0 if check(2.25) == 2.0 else 3)
 
 
 def find_compilers() -> tuple[Compiler, ...]:
-    """Return the compilers that answer, in the order of choice: $CC, cc, gcc, clang, zig (package ziglang).
-
-    A program under several names is listed once; one that is broken or silent for 10 s is left out.
-    """
+    """Return the compilers that answer, each once, in the order $CC, cc, gcc, clang, zig (package)."""
     return tuple(_list_compilers())
 
 
-def find_compiler(wanted: str | None = None) -> Compiler:
-    """Return the compiler to use: the first one found, or the one that is wanted.
+def find_compiler(requested: str | None = None) -> Compiler:
+    """Return the compiler to use: the first one found, or the one that is requested.
 
-    wanted: "gcc", "clang" or "zig", or a command such as "cc", "/usr/bin/gcc-12" or "ccache gcc". Raises
-    CompilerMissingError if there is none, or if $CC (with nothing wanted) or `wanted` does not work.
+    requested: "gcc", "clang" or "zig", or a command such as "cc", "/usr/bin/gcc-12" or "ccache gcc". Raises
+    CompilerMissingError if there is none, or if $CC (without a request) or `requested` does not work.
     """
-    if wanted is None:
+    if requested is None:
         return _choose_first()
-    named = (compiler for compiler in _list_compilers() if compiler.name == wanted)
-    compiler = (next(named, None) or _probe(_split(wanted))) if isinstance(wanted, str) else None
+    named = (compiler for compiler in _list_compilers() if compiler.name == requested)
+    compiler = (next(named, None) or _probe(_split(requested))) if isinstance(requested, str) else None
     if compiler is None:
         raise CompilerMissingError(
             "the requested compiler was not found or does not work",
             where="compiler",
-            given=wanted,
+            given=requested,
             allowed=_list_names(),
             hint=INSTALL_HINT,
         )
     return compiler
 
 
-def find_cross_compiler(target: Target, wanted: str | None = None) -> Compiler:
-    """Return the compiler for another machine, which is zig.
-
-    Raises CompilerMissingError if zig is not installed or does not work, or something else is wanted.
-    """
-    if wanted is None:
+def find_cross_compiler(target: Target, requested: str | None = None) -> Compiler:
+    """Return the compiler for another machine, which is zig."""
+    if requested is None:
         compiler = next((item for item in _list_compilers() if item.name == "zig"), None)
     else:
-        compiler = find_compiler(wanted)
+        compiler = find_compiler(requested)
     if compiler is None or compiler.name != "zig":
         raise CompilerMissingError(
             "libraries for other machines are compiled by zig"
             + (", which is not installed" if compiler is None else ""),
             where="compiler",
-            given=f"target {target.name}" + ("" if compiler is None else f", compiler {wanted}"),
+            given=f"target {target.name}" + ("" if compiler is None else f", compiler {requested}"),
             allowed="zig",
             hint=f"install zig as a Python package: {name_install('cc')}"
             if compiler is None
@@ -95,10 +89,7 @@ def find_cross_compiler(target: Target, wanted: str | None = None) -> Compiler:
 
 
 def check_compiler(compiler: Compiler) -> str:
-    """Compile, load and run a tiny library; return one line that says what was done and how long it took.
-
-    A process of its own loads the library, so that a bad one cannot crash this one. Raises CompileError.
-    """
+    """Compile, load and run a tiny library; return one line that says what was done and how long it took."""
     artifact = compile_library(
         {"check.c": CHECK_SOURCE},
         name="check",
@@ -176,10 +167,10 @@ def _list_names() -> str:
 
 def _split(text: str) -> tuple[str, ...]:
     try:
-        parts = shlex.split(text, posix=os.name == "posix")
+        words = shlex.split(text, posix=os.name == "posix")
     except ValueError:  # an unclosed quote
-        parts = []
-    return tuple(part.strip('"') for part in parts)
+        words = []
+    return tuple(word.strip('"') for word in words)
 
 
 def _probe(command: tuple[str, ...]) -> Compiler | None:
@@ -195,8 +186,8 @@ def _ask_version(command: tuple[str, ...]) -> Compiler | None:
     driver = _find_zig(command)
     zig = driver is not None
     question = (*driver, "version") if driver else (*command, "--version")
-    asked = Compiler("zig" if zig else "", command, "")
-    environment = compiler_environment(asked, Path(tempfile.gettempdir()))
+    candidate = Compiler("zig" if zig else "", command, "")
+    environment = compiler_environment(candidate, Path(tempfile.gettempdir()))
     root = Path(Path.cwd().anchor)  # a question writes nothing: it needs no folder of its own
     try:
         outcome = run_limited(question, folder=root, environment=environment, timeout=VERSION_TIMEOUT)
@@ -228,14 +219,11 @@ TIMEOUT = 60.0  # s
 
 
 def check_library(library: Path, manifest: Manifest, compiler: Compiler, log: str = "") -> None:
-    """Load a library in a process of its own, and compare it with its manifest.
-
-    Raises CompileError if the library does not load, crashes, or is not what the manifest says.
-    """
+    """Load a library in a process of its own, and compare it with its manifest."""
     symbols = [spec.symbol for spec in manifest.functions]
-    words = [manifest.name, str(manifest.abi_version), manifest.scene_hash, *symbols]
+    arguments = [manifest.name, str(manifest.abi_version), manifest.scene_hash, *symbols]
     outcome = run_limited(
-        [sys.executable, "-I", "-S", str(SCRIPT), str(library.absolute()), *words],
+        [sys.executable, "-I", "-S", str(SCRIPT), str(library.absolute()), *arguments],
         folder=library.parent,
         environment=os.environ,
         timeout=TIMEOUT,
@@ -248,15 +236,11 @@ def check_library(library: Path, manifest: Manifest, compiler: Compiler, log: st
 def check_foreign_library(
     library: Path, manifest: Manifest, target: Target, compiler: Compiler, log: str = ""
 ) -> None:
-    """Compare a library for another machine, which cannot be loaded here, with its manifest.
-
-    Raises CompileError if it is for another machine than `target`, or lacks the scene's hash or the name of a
-    function.
-    """
+    """Compare a library for another machine, which cannot be loaded here, with its manifest."""
     data = library.read_bytes()
-    found = describe_binary(data)
-    if found != target.binary:
-        raise _refuse(f"it is {found or 'no library'}, and not {target.binary}", compiler, log)
+    binary = describe_binary(data)
+    if binary != target.binary:
+        raise _refuse(f"it is {binary or 'no library'}, and not {target.binary}", compiler, log)
     if manifest.scene_hash.encode("ascii") not in data:
         raise _refuse("it was made from another scene", compiler, log)
     missing = [spec.symbol for spec in manifest.functions if spec.symbol.encode("ascii") not in data]

@@ -79,12 +79,9 @@ def state_sizes(model: EmittedModel) -> dict[str, int]:
 
 
 def event_memory(kinds: Sequence[str], functions: Iterable[FunctionSpec], sizes: Mapping[str, int]) -> int:
-    """Return how many doubles the search for events of these kinds works with, event_memory in C.
-
-    sizes: of a state, see state_sizes.
-    """
+    """Return how many doubles the search for events of these kinds works with, event_memory in C."""
     quantities = [EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES]
-    margins = 1 + sum(item.shape[0] for item in functions if item.quantity in quantities)
+    margins = 1 + sum(function.shape[0] for function in functions if function.quantity in quantities)
     return count_bytes("event_memory", "events.h", {**sizes, "N_MARGINS": margins}) // 8 if kinds else 0
 
 
@@ -102,7 +99,7 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
     setting = find_setting_events(subject)
     counts |= {
         "yield": 2 * int(subject.yields.sum()),
-        "motor": sum(item.time_constant > 0 for item in subject.actuators),
+        "motor": sum(actuator.time_constant > 0 for actuator in subject.actuators),
         "ring": len(name_rings(subject.sliding)),
     }
     if setting and sum(counts.values()) > MOST_WATCHED:
@@ -115,11 +112,7 @@ def choose_events(request: ModelRequest, subject: Any) -> tuple[str, ...]:
 def find_events(
     request: ModelRequest, is_offered: Callable[[str], bool], subject: Any
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the kinds of events that integrators shall watch, and the quantities that these take.
-
-    Where the request names none: see choose_events. is_offered: whether the model has a quantity. Raises
-    FormulationError for an unknown kind.
-    """
+    """Return the kinds of events that integrators shall watch, and the quantities that these take."""
     if not request.integrators:
         return (), ()
     kinds = request.events
@@ -153,21 +146,21 @@ def events_context(
 
     reach: quantity -> how many coordinates, from the first, it depends on; all of those that it lacks.
     """
-    first = 0
+    offset = 0
     kinds: list[dict[str, Any]] = []
-    for word in spec.events:
-        if word in EVENT_QUANTITIES:
-            function = functions[EVENT_QUANTITIES[word]]
+    for event in spec.events:
+        if event in EVENT_QUANTITIES:
+            function = functions[EVENT_QUANTITIES[event]]
             kinds.append(
                 {
-                    "word": word,
+                    "word": event,
                     "quantity": function.quantity,
                     "arguments": function.arguments,
-                    "first": first,
+                    "first": offset,
                     "count": function.shape[0],
                 }
             )
-            first += function.shape[0]
+            offset += function.shape[0]
     setting = [kind for kind in SET_STATES if manifest.subjects_of(kind)]
     continuous = tuple(kind for kind in CONTINUOUS if kind != "stick" or "stick" not in setting)
     contacts = [kind for kind in kinds if kind["word"] in BEGINNINGS]
@@ -176,7 +169,7 @@ def events_context(
     return {
         "kinds": kinds,
         "cables": list(spec.cables),
-        "n_margins": first + 1,
+        "n_margins": offset + 1,
         "first_contact": contacts[0]["first"] if contacts else 0,
         "n_contacts": sum(kind["count"] for kind in contacts),
         "n_kinks": sum(kind["count"] for kind in kinds if kind["word"] in continuous),

@@ -62,8 +62,8 @@ class SaddlePattern:
     def entry(self, a: int, b: int) -> int:
         """Return the index in entry_column of the entry of two unknowns a and b, off the diagonal."""
         row, column = sorted((self.elimination_row[a], self.elimination_row[b]), reverse=True)
-        first, last = self.entry_start[row], self.entry_start[row + 1]
-        return first + self.entry_column[first:last].index(column)
+        start, end = self.entry_start[row], self.entry_start[row + 1]
+        return start + self.entry_column[start:end].index(column)
 
 
 def build_saddle_pattern(
@@ -103,10 +103,7 @@ def build_saddle_pattern(
 
 
 def order_blocks(predecessors: Sequence[set[int]], edges: Iterable[tuple[int, int]]) -> list[int]:
-    """Return the blocks of a graph in an order of least degree.
-
-    predecessors: the blocks that must come before each one.
-    """
+    """Return the blocks of a graph in an order of least degree."""
     neighbours: list[set[int]] = [set() for _ in predecessors]
     for a, b in edges:
         neighbours[a].add(b)
@@ -203,21 +200,18 @@ NO_PLACE = 2**30
 
 
 def implicit_spec(
-    name: str,
-    model: EmittedModel,
-    functions: Sequence[FunctionSpec],
-    events: WatchedEvents,
-    driven: int = 0,
+    name: str, model: EmittedModel, functions: Sequence[FunctionSpec], events: WatchedEvents, driven: int = 0
 ) -> IntegratorSpec:
-    """Return what a library says of the integrator.
-
-    events: what it watches; driven: how many numbers can change with time.
-
-    Raises FormulationError for a model without its functions.
-    """
-    by_name, subject, frame = {item.quantity: item for item in functions}, model.subject, model.frame
-    if not all(item in by_name for item in IMPLICIT.quantities) or not isinstance(subject, Structure):
-        in_nodes = " or ".join(repr(item.name) for item in FORMULATIONS.values() if item.in_nodes)
+    """Return what a library says of the integrator."""
+    by_name, subject, frame = (
+        {function.quantity: function for function in functions},
+        model.subject,
+        model.frame,
+    )
+    if not all(quantity in by_name for quantity in IMPLICIT.quantities) or not isinstance(subject, Structure):
+        in_nodes = " or ".join(
+            repr(formulation.name) for formulation in FORMULATIONS.values() if formulation.in_nodes
+        )
         raise FormulationError(
             f"the integrator {name!r} needs node coordinates and member forces",
             where=f"{model.name}: model.integrators",
@@ -225,13 +219,13 @@ def implicit_spec(
             allowed=f"formulation {in_nodes}, emitters 'unrolled' and 'table'",
             hint="use rk54 in other formulations",
         )
-    place = set(frame.coordinate_node_axis)
+    free = set(frame.coordinate_node_axis)
 
     def moving(mask: NDArray[np.bool_]) -> tuple[int, ...]:
         """Return those of the members that join a free coordinate."""
         ends = frame.connectivity
-        found = np.flatnonzero(mask).tolist()
-        return tuple(e for e in found if any((n, axis) in place for n in ends[e] for axis in frame.axes))
+        candidates = np.flatnonzero(mask).tolist()
+        return tuple(e for e in candidates if any((n, axis) in free for n in ends[e] for axis in frame.axes))
 
     members = moving(subject.is_mixed)
     changing = model.arguments["damping"].over if "damping" in model.arguments else ()
@@ -240,10 +234,10 @@ def implicit_spec(
     damped = moving(much & ~subject.passes_rings)
     used = {
         argument
-        for item in (*IMPLICIT.quantities, *events.quantities)
-        for argument in by_name[item].arguments
+        for quantity in (*IMPLICIT.quantities, *events.quantities)
+        for argument in by_name[quantity].arguments
     }
-    passed = tuple(item for item in ARGUMENTS if item in used - {"coordinate", "velocity"})
+    passed = tuple(argument for argument in ARGUMENTS if argument in used - {"coordinate", "velocity"})
     tables = implicit_tables(members, damped, frame, by_name, events.memory, driven)
     return IntegratorSpec(
         name,
@@ -266,15 +260,11 @@ def implicit_tables(
     margins: int,
     driven: int = 0,
 ) -> dict[str, Any]:
-    """Return the tables that the template of the integrator reads, and the size of its work memory.
-
-    members: those with a multiplier; damped: cables that the matrix holds besides; frame: of the model, or
-    its manifest; margins: memory of events; driven: numbers that can change with time.
-    """
-    place = {tuple(key): k for k, key in enumerate(frame.coordinate_node_axis)}
+    """Return the tables that the template of the integrator reads, and the size of its work memory."""
+    coordinate_index = {tuple(key): k for k, key in enumerate(frame.coordinate_node_axis)}
     axes, n = frame.axes, len(frame.coordinate_name)
     ends = [frame.connectivity[member] for member in (*members, *damped)]
-    coordinate = [[place.get((node, axis), -1) for node in pair for axis in axes] for pair in ends]
+    coordinate = [[coordinate_index.get((node, axis), -1) for node in pair for axis in axes] for pair in ends]
     masses = _mass_entries(functions["mass_matrix"].pattern, n)
     nodes: dict[int, list[int]] = {}
     for k, (node, _) in enumerate(frame.coordinate_node_axis):
@@ -319,7 +309,7 @@ def implicit_tables(
         "rows": [
             row for row in range(saddle.size) if saddle.factor_start[row + 1] > saddle.factor_start[row]
         ],
-        **{item.name: getattr(saddle, item.name) for item in fields(saddle)},
+        **{field.name: getattr(saddle, field.name) for field in fields(saddle)},
         "law_size": law,
         "work_size": count_bytes(f"{STIFF_INTEGRATOR}_work", f"{STIFF_INTEGRATOR}_work.h", sizes) // 8,
     }
@@ -360,12 +350,15 @@ N_RIGID = {1: 1, 2: 3, 3: 6}  # axes -> rigid motions
 
 def check_keep(request: ModelRequest, name: str) -> None:
     """Raise FormulationError for what no integrator can keep in this formulation; name: of the scene."""
-    for word in request.keep:
-        if word not in KEEP_CHOICES:
+    for quantity in request.keep:
+        if quantity not in KEEP_CHOICES:
             raise FormulationError(
-                "unknown thing to keep", where="model.keep", given=word, hint=suggest(word, KEEP_CHOICES)
+                "unknown thing to keep",
+                where="model.keep",
+                given=quantity,
+                hint=suggest(quantity, KEEP_CHOICES),
             )
-    in_nodes = [item.name for item in FORMULATIONS.values() if item.in_nodes]
+    in_nodes = [formulation.name for formulation in FORMULATIONS.values() if formulation.in_nodes]
     if request.keep and (request.formulation not in in_nodes or request.precision != "double"):
         raise FormulationError(
             "the energy is kept in node coordinates and double precision alone",

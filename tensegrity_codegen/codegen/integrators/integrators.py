@@ -74,17 +74,17 @@ def integrator_spec(
             given=name,
             hint='add "acceleration" to the wanted quantities',
         )
-    kept = KEPT_QUANTITIES[:2] if keep and row.keeps_energy else ()
+    energy_quantities = KEPT_QUANTITIES[:2] if keep and row.keeps_energy else ()
     pulled = OF_NODES if PULL in driven else ()
     _check_called(model, row, functions)
     moving = moved_quantities(model)
     of_derivatives = list_derivative_quantities(model.arguments)
-    own = (*PROJECTION, SETTLING, *row.quantities)
-    names = (*moving, *own, *watched.quantities, *kept, *pulled, *of_derivatives)
+    method_quantities = (*PROJECTION, SETTLING, *row.quantities)
+    names = (*moving, *method_quantities, *watched.quantities, *energy_quantities, *pulled, *of_derivatives)
     called = [f for f in functions if f.quantity in names]
     used = {a for f in called for a in f.arguments} - {*STATE, "column", *WEIGHTS}
     passed = tuple(a for a in model.arguments if a in used)
-    energy = keeper_memory(model, {f.quantity: f for f in functions}) if kept else 0
+    energy = keeper_memory(model, {f.quantity: f for f in functions}) if energy_quantities else 0
     size = count_driven(model, driven) if row.follows_events else 0
     sizes = {
         **state_sizes(model),
@@ -106,7 +106,7 @@ def integrator_spec(
         watched.kinds,
         watched.cables,
         unwatched=watched.unwatched,
-        keeps=keep if kept else (),
+        keeps=keep if energy_quantities else (),
         adjoint_work=adjoint_work,
         tape_row=tape_row,
     )
@@ -153,7 +153,7 @@ def _count_adjoint(model: EmittedModel, row: Integrator, sizes: Mapping[str, int
     assert row.tableau is not None
     moved = 2 * sizes["N"] + len(model.frame.internal_name)
     margins, jumps = sizes.get("N_CABLE_MARGIN", 0), "N_MARGIN_JUMP" in sizes
-    own = {
+    adjoint_sizes = {
         **sizes,
         "METHOD_RATES": row.rates,
         "N_MOVED": moved,
@@ -161,7 +161,7 @@ def _count_adjoint(model: EmittedModel, row: Integrator, sizes: Mapping[str, int
         "N_CABLE_MARGINS": margins,
         "WITH_MARGIN_JUMPS": jumps,
     }
-    work = count_bytes("method_adjoint_work", "adjoint.h", own) // 8
+    work = count_bytes("method_adjoint_work", "adjoint.h", adjoint_sizes) // 8
     return work, 4 + moved * (row.tableau.stages + 1) + jumps * margins
 
 
@@ -193,9 +193,11 @@ def integrator_context(
     passed = {name for spec in manifest.integrators for name in spec.arguments}
     return {
         "integrators": integrators,
-        "example_integrator": min(integrators, key=lambda item: item["template"] == "fixed", default=None),
-        "explicit": next((item for item in integrators if item["name"] in explicit), None),
-        "motion_arguments": [item for name, item in arguments.items() if name in passed],
+        "example_integrator": min(
+            integrators, key=lambda integrator: integrator["template"] == "fixed", default=None
+        ),
+        "explicit": next((integrator for integrator in integrators if integrator["name"] in explicit), None),
+        "motion_arguments": [argument for name, argument in arguments.items() if name in passed],
         "motion_call": _motion_call,
         "motion_functions": [
             {
@@ -243,8 +245,8 @@ def _pull_context(manifest: Manifest, functions: Mapping[str, FunctionSpec]) -> 
 
 def _motion_call(names: Iterable[str]) -> str:
     """Return the arguments of a kernel: coordinate and velocity, and the others as fields of `with`."""
-    own = (*STATE, "column", *WEIGHTS)
-    return "".join(f"{name}, " if name in own else f"with->{name}, " for name in names)
+    state_names = (*STATE, "column", *WEIGHTS)
+    return "".join(f"{name}, " if name in state_names else f"with->{name}, " for name in names)
 
 
 def _method_settings(spec: IntegratorSpec, row: Integrator, keeps_constraints: bool) -> dict[str, bool]:
@@ -270,7 +272,7 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
     columns = context["columns"] or {}
     has_jumps = bool(columns and events and columns["has_jumps"])
     # Bars whose lengths follow their tensions: where a force jumps, places do.
-    moves_places = any("velocity" in item.arguments for item in explicit.get("projection", ())[:1])
+    moves_places = any("velocity" in function.arguments for function in explicit.get("projection", ())[:1])
     return {
         "WITH_PROFILE": bool(context["driven"]),
         "WITH_EVENTS": bool(events),
@@ -281,10 +283,10 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
         "WITH_MARGIN_JUMPS": has_jumps,
         "WITH_PROFILE_RATE": has_jumps and bool(columns["is_directed"] or columns["has_adjoint"]),
         "WITH_COLUMN_JUMPS": has_jumps and columns["has_columns"],
-        "WITH_EVENT_FORECAST": any(events.get(word) for word in ("is_smooth", "n_contacts", "n_rings")),
+        "WITH_EVENT_FORECAST": any(events.get(key) for key in ("is_smooth", "n_contacts", "n_rings")),
         **{
-            f"WITH_{word.upper()}_EVENTS": any(kind["word"] == word for kind in events.get("kinds", ()))
-            for word in ("switch", "collision", "ground", "stick", "yield", "motor", "ring")
+            f"WITH_{event.upper()}_EVENTS": any(kind["word"] == event for kind in events.get("kinds", ()))
+            for event in ("switch", "collision", "ground", "stick", "yield", "motor", "ring")
         },
         "WITH_CONTACT_EVENTS": bool(events.get("n_contacts")),
         "WITH_LOUD_MARGINS": any([events.get("n_contacts"), events.get("n_rings"), events and moves_places]),

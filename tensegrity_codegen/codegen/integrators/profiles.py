@@ -34,7 +34,7 @@ def find_driven(
         )
     used = {name for function in functions for name in function.arguments}
     rates = ("acceleration", "cable_force", "state_derivative")
-    moving = [item.arguments for item in functions if item.quantity in rates]
+    moving = [function.arguments for function in functions if function.quantity in rates]
     if not request.driven and not any("input" in names for names in moving):
         return ()
     arguments = (name for name in model.arguments if name in used and name not in CONSTANT)
@@ -43,7 +43,7 @@ def find_driven(
 
 def count_driven(model: EmittedModel, driven: Sequence[str]) -> int:
     """Return how many numbers these arguments have."""
-    sizes = {name: item.nominal.size for name, item in model.arguments.items()}
+    sizes = {name: argument.nominal.size for name, argument in model.arguments.items()}
     return int(sum(sizes.get(name, pull_size(model.frame.axes)) for name in driven))
 
 
@@ -93,24 +93,26 @@ def columns_context(manifest: Manifest, is_dense: bool) -> dict[str, Any] | None
 
     is_dense: whether an integrator has dense output of its own.
     """
-    functions = {item.quantity: item for item in manifest.functions}
+    functions = {function.quantity: function for function in manifest.functions}
     has_adjoint = "adjoint_rate" in functions
     if not manifest.column_name and not has_adjoint:
         return None
-    rows, first = {}, 0
+    rows, offset = {}, 0
     for name in DIRECTED:
-        for item in (item for item in manifest.arguments if item.name == name):
-            rows[name] = list(range(first, first + len(item.nominal)))
-            first += len(item.nominal)
-    sizes = {item.name: len(item.nominal) for item in manifest.arguments} | {PULL: pull_size(manifest.axes)}
+        for argument in (argument for argument in manifest.arguments if argument.name == name):
+            rows[name] = list(range(offset, offset + len(argument.nominal)))
+            offset += len(argument.nominal)
+    sizes = {argument.name: len(argument.nominal) for argument in manifest.arguments} | {
+        PULL: pull_size(manifest.axes)
+    }
     driven = [row for name in manifest.driven for row in rows.get(name, [-1] * sizes[name])]
     margins = functions.get("cable_margin")
     moved = 2 * len(manifest.coordinate_name) + len(manifest.internal_name)
-    is_directed = any("direction" in item.arguments for item in functions.values())
+    is_directed = any("direction" in function.arguments for function in functions.values())
     return {
         "cables": margins.shape[0] if margins else 0,
         "moved": moved,
-        "directed": first,
+        "directed": offset,
         "driven": driven,
         "is_directed": is_directed,
         "has_columns": bool(manifest.column_name),

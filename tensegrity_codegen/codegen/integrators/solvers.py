@@ -33,12 +33,12 @@ def solver_spec(model: EmittedModel, name: str, functions: tuple[FunctionSpec, .
             "unknown solver", where="model.solvers", given=name, hint=suggest(name, SOLVERS)
         )
     count = len(model.frame.coordinate_name)
-    _check(model, name, {item.quantity for item in functions}, count)
+    _check(model, name, {function.quantity for function in functions}, count)
     needed = _needed(functions)
     passed = tuple(
         argument
         for argument in model.arguments
-        if argument != "coordinate" and any(argument in item.arguments for item in needed.values())
+        if argument != "coordinate" and any(argument in function.arguments for function in needed.values())
     )
     pattern = needed["stiffness"].pattern
     nonzeros = len(pattern.row) if pattern is not None else count * count
@@ -64,8 +64,8 @@ def _check(model: EmittedModel, name: str, present: set[str], count: int) -> Non
             allowed="bars with axial_stiffness or spring_constant",
             hint="leave the solver out and call find_equilibrium in Python, or give the bars a stiffness",
         )
-    force = next((item for item in FORCES if item in model.quantities), FORCES[0])
-    missing = [item for item in (ENERGY, force, STIFFNESS) if item not in present]
+    force = next((quantity for quantity in FORCES if quantity in model.quantities), FORCES[0])
+    missing = [quantity for quantity in (ENERGY, force, STIFFNESS) if quantity not in present]
     if missing:
         raise FormulationError(
             "the solver needs quantities that are not wanted",
@@ -91,7 +91,7 @@ def _check(model: EmittedModel, name: str, present: set[str], count: int) -> Non
 
 
 def _needed(functions: tuple[FunctionSpec, ...]) -> dict[str, FunctionSpec]:
-    by_name = {item.quantity: item for item in functions}
+    by_name = {function.quantity: function for function in functions}
     force = next(name for name in FORCES if name in by_name)
     return {"energy": by_name[ENERGY], "force": by_name[force], "stiffness": by_name[STIFFNESS]}
 
@@ -101,9 +101,9 @@ def _find_tension(
 ) -> FunctionSpec | None:
     """Return the function for tensions of members between two nodes, None where steps cannot damp members."""
     is_plain = bool(frame.coordinate_node_axis) and not frame.ring_nodes
-    found = next((item for item in functions if item.quantity == TENSION), None)
-    known = {"coordinate", *AT_REST, *passed}
-    return found if found is not None and is_plain and known.issuperset(found.arguments) else None
+    tension = next((function for function in functions if function.quantity == TENSION), None)
+    available = {"coordinate", *AT_REST, *passed}
+    return tension if tension is not None and is_plain and available.issuperset(tension.arguments) else None
 
 
 def _member_context(manifest: Manifest, still: int) -> dict[str, Any]:
@@ -113,7 +113,7 @@ def _member_context(manifest: Manifest, still: int) -> dict[str, Any]:
     """
     n_coordinates, shape = len(manifest.coordinate_name), (len(manifest.node_name), 3)
     number, anchor, fixed = np.full(shape, n_coordinates), np.full(shape, -1), manifest.stated_position.copy()
-    moved = next((item for item in manifest.arguments if item.name == "anchor_position"), None)
+    moved = next((argument for argument in manifest.arguments if argument.name == "anchor_position"), None)
     if moved is not None:
         rows = [manifest.node_name.index(name) for name in moved.over]
         anchor[np.ix_(rows, manifest.axes)] = np.arange(len(moved.nominal)).reshape(moved.shape)
@@ -150,7 +150,7 @@ def solver_context(
         "varied": arguments[spec.varied] if spec.varied else None,
         "members": members,
         "nonzeros": len(pattern.row) if pattern is not None else 0,
-        "quantity": {role: item.quantity for role, item in needed.items()},
-        "kernel_arguments": {role: list(item.arguments) for role, item in needed.items()},
+        "quantity": {role: function.quantity for role, function in needed.items()},
+        "kernel_arguments": {role: list(function.arguments) for role, function in needed.items()},
         "unit": needed["force"].unit,
     }

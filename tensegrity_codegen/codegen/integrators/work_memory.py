@@ -30,12 +30,12 @@ def count_bytes(struct: str, file: str, sizes: Mapping[str, int]) -> int:
         field inside `#if NAME` counts where that name is in `sizes` and not 0.
     Raises KeyError for a constant or a type without a size.
     """
-    known = {**SIZES, **sizes}
+    values = {**SIZES, **sizes}
     total = 0
     for (condition, kind), counts in _read_fields(plain_c_folder(template_folder()) / file, struct):
         if not condition or sizes.get(condition):
             for is_pointer, length in counts:
-                total += POINTER if is_pointer else known[kind] * _evaluate(length, known)
+                total += POINTER if is_pointer else values[kind] * _evaluate(length, values)
     return -(-total // SIZES["double"]) * SIZES["double"]
 
 
@@ -43,10 +43,10 @@ def count_bytes(struct: str, file: str, sizes: Mapping[str, int]) -> int:
 def _read_fields(path: Path, struct: str) -> tuple[tuple[tuple[str, str], tuple[tuple[bool, str], ...]], ...]:
     """Return the fields of a struct: condition and type, then whether a pointer, and the length, of each."""
     text = COMMENT.sub("", path.read_text(encoding="utf-8"))
-    found = re.search(STRUCT.format(name=struct), text)
-    assert found is not None, f"{path.name} has no struct {struct}"
+    definition = re.search(STRUCT.format(name=struct), text)
+    assert definition is not None, f"{path.name} has no struct {struct}"
     fields, condition = [], ""
-    for line in found[1].splitlines():
+    for line in definition[1].splitlines():
         word = line.strip()
         if word.startswith("#if "):
             condition = word.removeprefix("#if ")
@@ -55,7 +55,7 @@ def _read_fields(path: Path, struct: str) -> tuple[tuple[tuple[str, str], tuple[
         elif word:
             match = FIELD.fullmatch(word)
             assert match is not None, f"{path.name}: {word}"
-            counts = tuple(_read_field(item.strip()) for item in match[2].split(","))
+            counts = tuple(_read_field(declarator.strip()) for declarator in match[2].split(","))
             fields.append(((condition, match[1]), counts))
     return tuple(fields)
 

@@ -49,60 +49,62 @@ class _Run:
 
 
 def write_columns(
-    parts: NodePosition, sparsity: ca.Sparsity, result: str, place: Mapping[int, tuple[int, int]]
+    model: NodePosition, sparsity: ca.Sparsity, result: str, lane_of_member: Mapping[int, tuple[int, int]]
 ) -> list[str] | None:
     """Return the statements; None where the rows of a node are not x, x and y, or x, y and z in a row.
 
-    place: member -> (number of its four, lane), of members whose blocks stand in block0, block1, ...
+    lane_of_member: member -> (number of its four, lane), of members whose blocks stand in block0, block1, ...
     """
-    runs = _find_runs(parts, sparsity)
+    runs = _find_runs(model, sparsity)
     if runs is None:
         return None
-    terms = _find_terms(parts, place)
+    terms = _find_terms(model, lane_of_member)
     lines = []
-    for number in sorted({number for number, _ in place.values()}):
+    for number in sorted({number for number, _ in lane_of_member.values()}):
         lines += [f"lanes_xyz column{number}[12];", f"four_join_columns(block{number}, column{number});"]
-    axis_of = {coordinate: key for key, coordinate in parts.map.index.items()}
-    names = parts.structure.node_name
+    axis_of = {coordinate: key for key, coordinate in model.map.index.items()}
+    names = model.structure.node_name
     for run in runs:
         node, axis = axis_of[run.column]
-        value = _sum(terms[run.node, node], parts.map.axes.index(axis), place)
+        value = _sum(terms[run.node, node], model.map.axes.index(axis), lane_of_member)
         rows, column = names[run.node], f"{names[node]}_{'xyz'[axis]}"
         lines += _store(result, run, sparsity.nnz(), value, plain_comment(f"{rows}, {column}"))
     return lines
 
 
-def _find_runs(parts: NodePosition, sparsity: ca.Sparsity) -> list[_Run] | None:
-    node_axis = {coordinate: key for key, coordinate in parts.map.index.items()}
+def _find_runs(model: NodePosition, sparsity: ca.Sparsity) -> list[_Run] | None:
+    node_axis = {coordinate: key for key, coordinate in model.map.index.items()}
     runs, (start, rows) = [], (sparsity.colind(), sparsity.row())
     for column in range(sparsity.size2()):
-        place = start[column]
+        entry = start[column]
         keys = [node_axis[row] for row in rows[start[column] : start[column + 1]]]
         for node, group in itertools.groupby(keys, key=lambda key: key[0]):
             axes = [axis for _, axis in group]
-            n_free = sum((node, axis) in parts.map.index for axis in parts.map.axes)
+            n_free = sum((node, axis) in model.map.index for axis in model.map.axes)
             if axes != list(range(len(axes))) or len(axes) != n_free:
                 return None
-            runs.append(_Run(column, node, place, len(axes)))
-            place += len(axes)
+            runs.append(_Run(column, node, entry, len(axes)))
+            entry += len(axes)
     return runs
 
 
-def _find_terms(parts: NodePosition, place: Mapping[int, tuple[int, int]]) -> dict[tuple[int, int], Terms]:
+def _find_terms(
+    model: NodePosition, lane_of_member: Mapping[int, tuple[int, int]]
+) -> dict[tuple[int, int], Terms]:
     """Return (node of the rows, node of the columns) -> terms, as CoordinateMap.member_matrix adds them."""
     terms: dict[tuple[int, int], Terms] = {}
-    for e, end in parts.members.plan.ends.tolist():
-        if e in place:
-            own, other = parts.ends[e][end], parts.ends[e][1 - end]
-            terms.setdefault((own, own), []).append((e, 1))
-            terms.setdefault((other, own), []).append((e, -1))
+    for e, end in model.members.plan.ends.tolist():
+        if e in lane_of_member:
+            node, far_node = model.ends[e][end], model.ends[e][1 - end]
+            terms.setdefault((node, node), []).append((e, 1))
+            terms.setdefault((far_node, node), []).append((e, -1))
     return terms
 
 
-def _sum(terms: Sequence[tuple[int, int]], axis: int, place: Mapping[int, tuple[int, int]]) -> str:
+def _sum(terms: Sequence[tuple[int, int]], axis: int, lane_of_member: Mapping[int, tuple[int, int]]) -> str:
     value = ""
     for e, sign in terms:
-        number, lane = place[e]
+        number, lane = lane_of_member[e]
         term = f"column{number}[{4 * axis + lane}]"
         if not value:
             value = term if sign > 0 else f"xyz_negative({term})"
@@ -123,11 +125,11 @@ def _store(result: str, run: _Run, size: int, value: str, comment: str) -> list[
         return [_with_comment(f"xyz_store({at}, {value});", comment)]
     if run.count == 3:
         return [_with_comment(f"xyz_store_last({at}, {value});", comment)]
-    part = f"part{run.column}_{run.node}"
+    spare = f"part{run.column}_{run.node}"
     return [
-        f"double {part}[4];",
-        _with_comment(f"xyz_store({part}, {value});", comment),
-        *(f"{result}[{run.first + k}] = {part}[{k}];" for k in range(run.count)),
+        f"double {spare}[4];",
+        _with_comment(f"xyz_store({spare}, {value});", comment),
+        *(f"{result}[{run.first + k}] = {spare}[{k}];" for k in range(run.count)),
     ]
 
 
@@ -140,17 +142,17 @@ MAX_SUM = "1e200"  # of length_sum and density_sum
 MAX_EXTERNAL_FORCE = 1e290  # N
 
 
-def can_check_by_sums(parts: NodePosition, arguments: Sequence[str]) -> bool:
+def can_check_by_sums(model: NodePosition, arguments: Sequence[str]) -> bool:
     """Return whether a function of these arguments can be checked by sums over the members.
 
     It takes coordinates alone, each of a node that has a member, and external forces are numbers, not huge.
     """
     if list(arguments) != ["coordinate"]:
         return False
-    joined = set(np.unique(parts.structure.connectivity).tolist())
-    if not set(parts.map.coordinate_nodes()) <= joined:
+    joined = set(np.unique(model.structure.connectivity).tolist())
+    if not set(model.map.coordinate_nodes()) <= joined:
         return False
-    external = [ca.SX(value) for vector in parts.external_force for value in vector]
+    external = [ca.SX(value) for vector in model.external_force for value in vector]
     return all(value.is_constant() and abs(float(value)) < MAX_EXTERNAL_FORCE for value in external)
 
 
@@ -165,11 +167,11 @@ BLOCK_ENTRIES = 6  # entries of the upper triangle of a block, row by row
 class BlockLines(ForceLines):
     """The statements of one matrix that adds symmetric blocks of the members."""
 
-    def __init__(self, parts: NodePosition, function: PrunedFunction, kernels: Kernels) -> None:
-        nodes = list(parts.map.coordinate_nodes())
-        by_sums = can_check_by_sums(parts, function.arguments)
+    def __init__(self, model: NodePosition, function: PrunedFunction, kernels: Kernels) -> None:
+        nodes = list(model.map.coordinate_nodes())
+        by_sums = can_check_by_sums(model, function.arguments)
         super().__init__(
-            parts, nodes, function.arguments, True, kernels, has_forces=False, is_checked_by_sums=by_sums
+            model, nodes, function.arguments, True, kernels, has_forces=False, is_checked_by_sums=by_sums
         )
         self.function = function
 
@@ -195,8 +197,8 @@ class BlockLines(ForceLines):
         )
         return [*self.scalars.lines(), *sum_declarations, *self._lines, *sums, return_statement]
 
-    def _sums_of_entries(self, place: dict[int, tuple[int, int]]) -> list[str]:
-        members = list(place)
+    def _sums_of_entries(self, lane_of_member: dict[int, tuple[int, int]]) -> list[str]:
+        members = list(lane_of_member)
         entry = ca.SX.sym("entry", BLOCK_ENTRIES, len(members))
         blocks = {e: _symmetric(entry[:, k]) for k, e in enumerate(members)}
         matrix = self.parts.map.member_matrix(blocks, self.parts.ends, self.parts.members.plan.ends)
@@ -205,7 +207,7 @@ class BlockLines(ForceLines):
         def text(name: str, k: int) -> str:
             if name != "entry":
                 return f"{name}[{k}]"
-            four, lane = place[members[k // BLOCK_ENTRIES]]
+            four, lane = lane_of_member[members[k // BLOCK_ENTRIES]]
             return f"block{four}[{4 * (k % BLOCK_ENTRIES) + lane}]"
 
         sums = ca.Function("sums", [entry], [stored_entries])
@@ -221,9 +223,9 @@ def _symmetric(entry: ca.SX) -> MemberBlocks:
 _IS_STATIC = {"force": False, "static_force": True, "spring_force": True}
 FORCE_QUANTITIES: Mapping[str, bool] = {
     **{
-        item.name: _IS_STATIC[item.uses[0]]
-        for item in NODE_QUANTITIES
-        if item.uses[0] in _IS_STATIC and len(item.uses) == 1
+        quantity.name: _IS_STATIC[quantity.uses[0]]
+        for quantity in NODE_QUANTITIES
+        if quantity.uses[0] in _IS_STATIC and len(quantity.uses) == 1
     },
     "acceleration": False,
     "state_derivative": False,
@@ -238,9 +240,11 @@ def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precisio
     parts = model.parts
     if not isinstance(parts, NodePosition) or len(parts.structure.axes) != 3 or precision.name != "double":
         return UNROLLED.write(model, functions, precision)
-    lane_functions = [item for item in functions if item.quantity.name in {*FORCE_QUANTITIES, *BLOCKS}]
+    lane_functions = [
+        function for function in functions if function.quantity.name in {*FORCE_QUANTITIES, *BLOCKS}
+    ]
     unrolled = UNROLLED.write(
-        model, tuple(item for item in functions if item not in lane_functions), precision
+        model, tuple(function for function in functions if function not in lane_functions), precision
     )
     kernels, checked_by_sums = _Kernels(), set[str]()
     statements = dict(unrolled.statements)
@@ -266,8 +270,8 @@ class _Kernels:
     def __call__(self, kind: KernelKind) -> DensityKernel:
         if kind not in self._by_kind:
             kernel = build_kernel(kind, f"lanes_density{len(self.by_text)}")
-            text = (kernel.parameters, kernel.lines)
-            self._by_kind[kind] = self.by_text.setdefault(text, kernel)
+            key = (kernel.parameters, kernel.lines)
+            self._by_kind[kind] = self.by_text.setdefault(key, kernel)
         return self._by_kind[kind]
 
 
@@ -292,7 +296,7 @@ def _force_function(parts: NodePosition, function: PrunedFunction, kernels: _Ker
 
 
 def _write_node_forces(
-    parts: NodePosition, result: str, entries_of_node: Mapping[int, list[tuple[int, int]]], by_sums: bool
+    model: NodePosition, result: str, entries_of_node: Mapping[int, list[tuple[int, int]]], by_sums: bool
 ) -> list[str]:
     """Return statements that store node forces.
 
@@ -303,29 +307,29 @@ def _write_node_forces(
     size = sum(len(entries) for entries in entries_of_node.values())
     lines = []
     for node, entries in entries_of_node.items():
-        first, force = entries[0][0], _name_vector(parts, "force", node)
+        start, force = entries[0][0], _name_vector(model, "force", node)
         if len(entries) == 3:
-            last = "_last" if first + 4 > size else ""
-            lines.append(f"xyz_store{last}({result} + {first}, {force});")
+            suffix = "_last" if start + 4 > size else ""
+            lines.append(f"xyz_store{suffix}({result} + {start}, {force});")
             continue
-        components = _name_vector(parts, "part", node)
+        components = _name_vector(model, "part", node)
         lines += [f"double {components}[4];", f"xyz_store({components}, {force});"]
-        lines += [f"{result}[{place}] = {components}[{axis}];" for place, axis in entries]
+        lines += [f"{result}[{entry}] = {components}[{axis}];" for entry, axis in entries]
     if by_sums:
         return [*lines, f"return pack_is_below(length_sum + density_sum, {MAX_SUM});"]
-    return [*lines, *_check_finite(parts, entries_of_node)]
+    return [*lines, *_check_finite(model, entries_of_node)]
 
 
-def _name_vector(parts: NodePosition, what: str, node: int) -> str:
-    return name_local(what, parts.structure.node_name[node], node)
+def _name_vector(model: NodePosition, prefix: str, node: int) -> str:
+    return name_local(prefix, model.structure.node_name[node], node)
 
 
-def _check_finite(parts: NodePosition, entries_of_node: Mapping[int, list[tuple[int, int]]]) -> list[str]:
+def _check_finite(model: NodePosition, entries_of_node: Mapping[int, list[tuple[int, int]]]) -> list[str]:
     """Return statements that return whether all entries are finite: x - x is 0 then; in two sums."""
     lines, sums = [], ["finite0", "finite1"][: len(entries_of_node)]
     for k, (node, entries) in enumerate(entries_of_node.items()):
         axes = sum(1 << axis for _, axis in entries)
-        force = _name_vector(parts, "force", node)
+        force = _name_vector(model, "force", node)
         vector = force if axes == 7 else f"XYZ_ONLY({force}, {axes})"
         difference = f"xyz_minus({vector}, {vector})"
         name = sums[k % len(sums)]
@@ -338,21 +342,21 @@ def _check_finite(parts: NodePosition, entries_of_node: Mapping[int, list[tuple[
     return [*lines, f"return xyz_is_zero({total});"]
 
 
-def _write_from_forces(parts: NodePosition, function: PrunedFunction) -> tuple[list[int], list[str]]:
+def _write_from_forces(model: NodePosition, function: PrunedFunction) -> tuple[list[int], list[str]]:
     """Return the nodes whose force a quantity needs, and its statements from these."""
-    n_nodes, names = parts.structure.n_nodes, function.arguments
+    n_nodes, names = model.structure.n_nodes, function.arguments
     force = ca.SX.sym("force", 3, n_nodes)
     vectors = [[force[k, node] for k in range(3)] for node in range(n_nodes)]
-    expression = ca.densify(ca.cse(parts.with_net_force(vectors).builders()[function.quantity.name]()))
+    expression = ca.densify(ca.cse(model.with_net_force(vectors).builders()[function.quantity.name]()))
     nodes = [node for node in range(n_nodes) if ca.depends_on(expression, ca.vertcat(*vectors[node]))]
-    symbols = [parts.arguments.symbols[name] for name in names]
+    symbols = [model.arguments.symbols[name] for name in names]
     body = print_body(
         ca.Function("rest", [force, *symbols], [expression]),
         ["force", *names],
         [function.quantity.name],
         place=lambda name, k: f"force[{k // 3 * 4 + k % 3}]" if name == "force" else f"{name}[{k}]",
     )
-    stores = [f"xyz_store(force + {4 * node}, {_name_vector(parts, 'force', node)});" for node in nodes]
+    stores = [f"xyz_store(force + {4 * node}, {_name_vector(model, 'force', node)});" for node in nodes]
     return nodes, [f"double force[{4 * n_nodes}];", *stores, *body.lines]
 
 

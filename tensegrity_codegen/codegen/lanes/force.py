@@ -28,13 +28,13 @@ Scalar = Any
 class ScalarTexts:
     """Text of values of `arguments`; the C array `given` takes those that have to be worked out.
 
-    kept: the arguments that the function takes. Its result does not depend on the others; where they stand
-    beside what it needs, in another component of a node, they are one.
+    read_names: the arguments of the function. Its result does not depend on the others; where they stand in
+    another component of a node, they are one.
     """
 
-    def __init__(self, arguments: SymbolicArguments, kept: Sequence[str]) -> None:
-        self.symbols = {name: arguments.symbols[name] for name in kept}
-        self._others = [symbol for name, symbol in arguments.symbols.items() if name not in kept]
+    def __init__(self, arguments: SymbolicArguments, read_names: Sequence[str]) -> None:
+        self.symbols = {name: arguments.symbols[name] for name in read_names}
+        self._others = [symbol for name, symbol in arguments.symbols.items() if name not in read_names]
         self._place = {
             symbol[k].element_hash(): (name, k)
             for name, symbol in self.symbols.items()
@@ -49,10 +49,10 @@ class ScalarTexts:
 
     def text(self, value: Scalar) -> str:
         """Return the C text of a scalar."""
-        found = self.place(value)
-        if found is not None:
-            return f"{found[0]}[{found[1]}]"
-        ones = [ca.SX.ones(other.shape) for other in self._others]
+        entry = self.place(value)
+        if entry is not None:
+            return f"{entry[0]}[{entry[1]}]"
+        ones = [ca.SX.ones(symbol.shape) for symbol in self._others]
         (value,) = ca.substitute([value], self._others, ones) if self._others else (value,)
         if value.is_constant():
             return print_number(float(value))
@@ -64,10 +64,10 @@ class ScalarTexts:
 
     def four(self, values: Sequence[Scalar]) -> str:
         """Return the C text of one value of each of four members, loaded at once where they lie in a row."""
-        places = [self.place(value) for value in values]
-        first = places[0]
-        if first is not None and places == [(first[0], first[1] + k) for k in range(4)]:
-            return f"four_load({first[0]} + {first[1]})"
+        entries = [self.place(value) for value in values]
+        start = entries[0]
+        if start is not None and entries == [(start[0], start[1] + k) for k in range(4)]:
+            return f"four_load({start[0]} + {start[1]})"
         return f"four_of({', '.join(self.text(value) for value in values)})"
 
     def lines(self) -> list[str]:
@@ -111,13 +111,15 @@ class ForceLines:
             "axial_stiffness": list(values.axial_stiffness),
             "rest_length": list(values.rest_length),
             "damping": [ca.SX(0.0)] * self.structure.n_members if self.is_static else list(values.damping),
-            **{name: list(items) for name, items in values.law_parameter.items()},
+            **{name: list(parameters) for name, parameters in values.law_parameter.items()},
         }
         # mu = k + EA / rho stands for both where it is a number.
         for e in range(self.structure.n_members):
-            parts = [self.values[name][e] for name in ("spring_constant", "axial_stiffness", "rest_length")]
-            if all(part.is_constant() for part in parts):
-                self.values["spring_constant"][e] = compute_spring_constant(*parts)
+            stiffness = [
+                self.values[name][e] for name in ("spring_constant", "axial_stiffness", "rest_length")
+            ]
+            if all(value.is_constant() for value in stiffness):
+                self.values["spring_constant"][e] = compute_spring_constant(*stiffness)
                 self.values["axial_stiffness"][e] = ca.SX(0.0)
 
     def lines(self) -> list[str]:
@@ -139,13 +141,13 @@ class ForceLines:
             later.append(f"{force} = xyz_{'plus' if end else 'minus'}({force}, {pull});")
         return [*self.scalars.lines(), *self._sums_begin(), *self._lines, *later]
 
-    def of_node(self, what: str, node: int) -> str:
+    def of_node(self, prefix: str, node: int) -> str:
         """Return the C name of a vector of a node."""
-        return name_local(what, self.structure.node_name[node], node)
+        return name_local(prefix, self.structure.node_name[node], node)
 
-    def of_member(self, what: str, member: int) -> str:
+    def of_member(self, prefix: str, member: int) -> str:
         """Return the C name of a vector of a member."""
-        return name_local(what, self.structure.member_name[member], member)
+        return name_local(prefix, self.structure.member_name[member], member)
 
     def _sums_begin(self) -> list[str]:
         names = ("length_sum", "density_sum")[: 1 + self.has_forces] if self.is_checked_by_sums else ()
@@ -162,8 +164,8 @@ class ForceLines:
             if not self.wanted[self.structure.connectivity[e]].any():
                 continue
             used = tuple(name for name in MEMBER_VALUES if not self.values[name][e].is_zero())
-            apart = None if self.structure.is_linear[e] else bool(self.structure.tension_only[e])
-            by_kind.setdefault((used, apart), []).append(e)
+            tension_only = None if self.structure.is_linear[e] else bool(self.structure.tension_only[e])
+            by_kind.setdefault((used, tension_only), []).append(e)
         return [
             [tuple(members[k : k + 4]) for k in range(0, len(members), 4)] for members in by_kind.values()
         ]
@@ -181,12 +183,12 @@ class ForceLines:
             self._lines.append(f"lanes_xyz {self.of_node('force', node)} = xyz_of({self._three(force)});")
 
     def _vector(self, name: str, vector: Sequence[Scalar], argument: str) -> None:
-        places = [self.scalars.place(value) for value in vector]
-        first = places[0]
+        entries = [self.scalars.place(value) for value in vector]
+        start = entries[0]
         value = f"xyz_of({self._three(vector)})"
-        if first is not None and places == [(argument, first[1] + k) for k in range(3)]:
-            last = "_last" if first[1] + 4 > self.parts.arguments.symbols[argument].numel() else ""
-            value = f"xyz_load{last}({argument} + {first[1]})"
+        if start is not None and entries == [(argument, start[1] + k) for k in range(3)]:
+            suffix = "_last" if start[1] + 4 > self.parts.arguments.symbols[argument].numel() else ""
+            value = f"xyz_load{suffix}({argument} + {start[1]})"
         self._lines.append(f"const lanes_xyz {name} = {value};")
 
     def _three(self, vector: Sequence[Scalar]) -> str:
@@ -227,24 +229,24 @@ class ForceLines:
                 self._value(f"{name}_{number}", [self.values[name][e] for e in members])
             elif name == "two_sided":
                 # Zero is less than one, not than zero: a comparison makes the mask.
-                self._value(f"{name}_{number}", [ca.SX(0.0 if one else 1.0) for one in only])
+                self._value(f"{name}_{number}", [ca.SX(0.0 if is_cable else 1.0) for is_cable in only])
         return kernel
 
-    def _difference(self, what: str, member: int, of: str) -> None:
+    def _difference(self, prefix: str, member: int, of: str) -> None:
         """Take the difference of a vector of the two nodes of a member."""
         i, j = (self.of_node(of, int(node)) for node in self.structure.connectivity[member])
-        self._lines.append(f"const lanes_xyz {self.of_member(what, member)} = xyz_minus({i}, {j});")
+        self._lines.append(f"const lanes_xyz {self.of_member(prefix, member)} = xyz_minus({i}, {j});")
 
-    def _split(self, number: int, names: Sequence[str], what: str, members: Sequence[int]) -> None:
+    def _split(self, number: int, names: Sequence[str], prefix: str, members: Sequence[int]) -> None:
         fours = [f"{name}_{number}" for name in names]
         self._lines.append(f"lanes_four {', '.join(fours)};")
-        vectors = ", ".join(self.of_member(what, e) for e in members)
+        vectors = ", ".join(self.of_member(prefix, e) for e in members)
         self._lines.append(f"four_split({vectors}, {', '.join(f'&{four}' for four in fours)});")
 
     def _value(self, name: str, values: list[Scalar]) -> None:
         value = self.scalars.four(values)
-        if all(item.is_constant() for item in values):
-            value = f"four_of({', '.join(print_number(float(item)) for item in values)})"
+        if all(scalar.is_constant() for scalar in values):
+            value = f"four_of({', '.join(print_number(float(scalar)) for scalar in values)})"
         self._lines.append(f"const lanes_four {name} = {value};")
 
     def _passed(self, number: int, kernel: DensityKernel) -> str:

@@ -41,20 +41,20 @@ def _print_packs(
     """
     lines: list[str] = []
     work: list[str] = []
-    for k, item in enumerate(read_instructions(function)):
-        operands = [work[operand] for operand in item.operands]
+    for k, instruction in enumerate(read_instructions(function)):
+        operands = [work[operand] for operand in instruction.operands]
         work.append(f"t{k}")
-        if item.operation == ca.OP_CONST:
-            work[k] = _fill(item.value)
-        elif item.operation == ca.OP_INPUT:
-            work[k] = inputs[item.place[0]]
-        elif item.operation == ca.OP_OUTPUT:
-            lines.append(put(item.place[1], operands[0]))
-        elif item.operation in operations:
-            text = operations[item.operation].format(a=operands[0], b=operands[-1], one=_fill(1.0))
+        if instruction.operation == ca.OP_CONST:
+            work[k] = _fill(instruction.value)
+        elif instruction.operation == ca.OP_INPUT:
+            work[k] = inputs[instruction.place[0]]
+        elif instruction.operation == ca.OP_OUTPUT:
+            lines.append(put(instruction.place[1], operands[0]))
+        elif instruction.operation in operations:
+            text = operations[instruction.operation].format(a=operands[0], b=operands[-1], one=_fill(1.0))
             lines.append(f"const lanes_pack t{k} = {text};")
         else:
-            problem = f"CasADi operation {item.operation} has no form in lanes"
+            problem = f"CasADi operation {instruction.operation} has no form in lanes"
             raise FormulationError(problem, where="codegen.lanes")
     return lines
 

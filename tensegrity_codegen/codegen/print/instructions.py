@@ -35,22 +35,22 @@ class Instruction:
 
 def read_instructions(function: ca.Function) -> list[Instruction]:
     """Return the instructions of an SX function in CasADi's own order, whose work places are used again."""
-    found: list[Instruction] = []
+    instructions: list[Instruction] = []
     work: dict[int, int] = {}
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         source, target = function.instruction_input(k), function.instruction_output(k)
         if operation == ca.OP_CONST:
-            found.append(Instruction(operation, value=function.instruction_constant(k)))
+            instructions.append(Instruction(operation, value=function.instruction_constant(k)))
         elif operation == ca.OP_INPUT:
-            found.append(Instruction(operation, place=(source[0], source[1])))
+            instructions.append(Instruction(operation, place=(source[0], source[1])))
         elif operation == ca.OP_OUTPUT:
-            found.append(Instruction(operation, (work[source[0]],), (target[0], target[1])))
+            instructions.append(Instruction(operation, (work[source[0]],), (target[0], target[1])))
             continue
         else:
-            found.append(Instruction(operation, tuple(work[place] for place in source)))
+            instructions.append(Instruction(operation, tuple(work[slot] for slot in source)))
         work[target[0]] = k
-    return found
+    return instructions
 
 
 # Cycles until a result is there, and for which the divider is taken: about those of current x86 cores.
@@ -70,11 +70,14 @@ def order_instructions(instructions: Sequence[Instruction]) -> list[int]:
 class _Order:
     def __init__(self, instructions: Sequence[Instruction]) -> None:
         self.printed = [
-            k for k, item in enumerate(instructions) if item.is_operation or item.operation == ca.OP_OUTPUT
+            k
+            for k, instruction in enumerate(instructions)
+            if instruction.is_operation or instruction.operation == ca.OP_OUTPUT
         ]
-        self.operation = [item.operation for item in instructions]
+        self.operation = [instruction.operation for instruction in instructions]
         self.operands = [
-            tuple({k for k in item.operands if instructions[k].is_operation}) for item in instructions
+            tuple({k for k in instruction.operands if instructions[k].is_operation})
+            for instruction in instructions
         ]
         self.readers: list[list[int]] = [[] for _ in instructions]
         for k in self.printed:
@@ -96,11 +99,11 @@ class _Order:
         order: list[int] = []
         issued = set[int]()
         ready: list[int] = []
-        cycle = divider = first = entered = 0
+        cycle = divider = oldest = entered = 0
         while len(order) < len(self.printed):
-            while first < len(self.printed) and self.printed[first] in issued:
-                first += 1
-            while entered < min(first + LOOK_AHEAD, len(self.printed)):
+            while oldest < len(self.printed) and self.printed[oldest] in issued:
+                oldest += 1
+            while entered < min(oldest + LOOK_AHEAD, len(self.printed)):
                 ready += [self.printed[entered]] if not self.waits_for[self.printed[entered]] else []
                 entered += 1
             limit = self.printed[entered - 1]

@@ -56,10 +56,7 @@ class PrintedLanes:
 
 
 def print_lanes(
-    function: ca.Function,
-    inputs: Sequence[str],
-    output: str,
-    precision: Precision = PRECISIONS["double"],
+    function: ca.Function, inputs: Sequence[str], output: str, precision: Precision = PRECISIONS["double"]
 ) -> PrintedLanes:
     """Return the statements that evaluate an SX function for as many lanes as a wide has.
 
@@ -85,61 +82,63 @@ class _Lanes:
     def print(self) -> PrintedLanes:
         as_numbers = self._read_as_numbers()
         for k in order_instructions(self.instructions):
-            item = self.instructions[k]
-            if item.operation == ca.OP_OUTPUT:
-                self._put(item.place[1], self._number(item.operands[0]))
-            elif item.operation in TRUTHS:
-                self.lines.append(f"const wide_mask m{k} = {self._truth(item)};")
+            instruction = self.instructions[k]
+            if instruction.operation == ca.OP_OUTPUT:
+                self._put(instruction.place[1], self._number(instruction.operands[0]))
+            elif instruction.operation in TRUTHS:
+                self.lines.append(f"const wide_mask m{k} = {self._truth(instruction)};")
                 if k in as_numbers:
                     self.lines.append(f"const wide t{k} = wide_if(m{k}, {self._literal(1.0)});")
-            elif item.operation == ca.OP_SQRT:
-                self.lines.append(f"WIDE_{self._rank(k)}ROOT(t{k}, {self._number(item.operands[0])});")
-            elif item.is_operation:
-                self._print_number(k, item)
+            elif instruction.operation == ca.OP_SQRT:
+                self.lines.append(f"WIDE_{self._rank(k)}ROOT(t{k}, {self._number(instruction.operands[0])});")
+            elif instruction.is_operation:
+                self._print_number(k, instruction)
         return PrintedLanes(tuple(self.lines), frozenset(self.reads))
 
     def _put(self, entry: int, value: str) -> None:
         """Hand out a block of results as soon as it is complete."""
         self.results[entry] = value
-        first = entry // BLOCK * BLOCK
+        start = entry // BLOCK * BLOCK
         size = self.function.nnz_out(0)
-        block = range(first, min(first + BLOCK, size))
+        block = range(start, min(start + BLOCK, size))
         if all(k in self.results for k in block):
             values = [self.results[k] for k in block]
             values += values[-1:] * (BLOCK - len(values))
-            given = f"{self.output}, {first}, {size}, {len(block)}, stride, in_lanes, {', '.join(values)}"
-            self.lines.append(f"put_results({given}, &probe);")
+            arguments = f"{self.output}, {start}, {size}, {len(block)}, stride, in_lanes, {', '.join(values)}"
+            self.lines.append(f"put_results({arguments}, &probe);")
 
     def _read_as_numbers(self) -> set[int]:
         """Return the comparisons whose one or zero something reckons with."""
-        found: set[int] = set()
-        for item in self.instructions:
-            if item.operation in COMBINED:
+        numeric: set[int] = set()
+        for instruction in self.instructions:
+            if instruction.operation in COMBINED:
                 continue
-            chooser = item.operation == ca.OP_IF_ELSE_ZERO
-            found.update(item.operands[1:] if chooser else item.operands)
-        return found
+            chooser = instruction.operation == ca.OP_IF_ELSE_ZERO
+            numeric.update(instruction.operands[1:] if chooser else instruction.operands)
+        return numeric
 
-    def _truth(self, item: Instruction) -> str:
-        if item.operation in COMPARISONS:
-            operands = [self._number(k) for k in item.operands]
-            return COMPARISONS[item.operation].format(a=operands[0], b=operands[-1])
-        operands = [self._mask(k) for k in item.operands]
-        return COMBINED[item.operation].format(a=operands[0], b=operands[-1])
+    def _truth(self, instruction: Instruction) -> str:
+        if instruction.operation in COMPARISONS:
+            operands = [self._number(k) for k in instruction.operands]
+            return COMPARISONS[instruction.operation].format(a=operands[0], b=operands[-1])
+        operands = [self._mask(k) for k in instruction.operands]
+        return COMBINED[instruction.operation].format(a=operands[0], b=operands[-1])
 
-    def _print_number(self, k: int, item: Instruction) -> None:
-        operands = item.operands
-        if item.operation == ca.OP_IF_ELSE_ZERO:
+    def _print_number(self, k: int, instruction: Instruction) -> None:
+        operands = instruction.operands
+        if instruction.operation == ca.OP_IF_ELSE_ZERO:
             value = f"wide_if({self._mask(operands[0])}, {self._number(operands[1])})"
-        elif self._divides_by_root(item):
-            dividend = self._number(operands[0]) if item.operation == ca.OP_DIV else self._literal(1.0)
+        elif self._divides_by_root(instruction):
+            dividend = self._number(operands[0]) if instruction.operation == ca.OP_DIV else self._literal(1.0)
             value = f"WIDE_{self._rank(operands[-1])}OVER({dividend}, t{operands[-1]})"
-        elif item.operation in NUMBERS:
+        elif instruction.operation in NUMBERS:
             a, b = self._number(operands[0]), self._number(operands[-1])
-            value = NUMBERS[item.operation].format(a=a, b=b, one=self._literal(1.0))
+            value = NUMBERS[instruction.operation].format(a=a, b=b, one=self._literal(1.0))
         else:
             call = print_operation(
-                item.operation, ["left_lane[lane]", "right_lane[lane]"][: len(set(operands))], self.precision
+                instruction.operation,
+                ["left_lane[lane]", "right_lane[lane]"][: len(set(operands))],
+                self.precision,
             )
             a, b = self._number(operands[0]), self._number(operands[-1])
             self.lines.append(f"WIDE_EACH(t{k}, {a}, {b}, {call});")
@@ -151,9 +150,9 @@ class _Lanes:
         number = self.roots.setdefault(root, len(self.roots))
         return "MINOR_" if number % MINOR == MINOR - 1 else ""
 
-    def _divides_by_root(self, item: Instruction) -> bool:
-        divides = item.operation in (ca.OP_DIV, ca.OP_INV)
-        return divides and self.instructions[item.operands[-1]].operation == ca.OP_SQRT
+    def _divides_by_root(self, instruction: Instruction) -> bool:
+        divides = instruction.operation in (ca.OP_DIV, ca.OP_INV)
+        return divides and self.instructions[instruction.operands[-1]].operation == ca.OP_SQRT
 
     def _mask(self, k: int) -> str:
         if self.instructions[k].operation in TRUTHS:
@@ -161,12 +160,12 @@ class _Lanes:
         return f"wide_differs({self._number(k)}, {self._literal(0.0)})"
 
     def _number(self, k: int) -> str:
-        item = self.instructions[k]
-        if item.operation == ca.OP_CONST:
-            return self._literal(item.value)
-        if item.operation == ca.OP_INPUT:
-            self.reads.add(item.place[0])
-            return f"wide_load({self.inputs[item.place[0]]} + {item.place[1]} * stride)"
+        instruction = self.instructions[k]
+        if instruction.operation == ca.OP_CONST:
+            return self._literal(instruction.value)
+        if instruction.operation == ca.OP_INPUT:
+            self.reads.add(instruction.place[0])
+            return f"wide_load({self.inputs[instruction.place[0]]} + {instruction.place[1]} * stride)"
         return f"t{k}"
 
     def _literal(self, value: float) -> str:

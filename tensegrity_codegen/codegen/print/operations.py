@@ -131,10 +131,7 @@ def print_operation(operation: int, operands: Sequence[str], precision: Precisio
 
 
 def print_text(operation: int, operands: Sequence[Text], precision: Precision) -> Text:
-    """Return the C expression of one CasADi operation; raises FormulationError for one without a C form.
-
-    Unary operations list their operand once or twice, depending on CasADi's instruction.
-    """
+    """Return the C expression of one CasADi operation; raises FormulationError for one without a C form."""
     if operation not in OPERATIONS:
         raise FormulationError(f"CasADi operation {operation} has no C form", where="codegen.printer")
     a, b, f = operands[0], operands[-1], precision.suffix
@@ -142,21 +139,23 @@ def print_text(operation: int, operands: Sequence[Text], precision: Precision) -
     if operation in COMPARISONS or operation in COMBINED:
         truth = _truth(operation, a, b, f)
         return Text(f"({truth}) ? 1.0{f} : 0.0{f}", CONDITIONAL, count, truth)
-    own, left, right = PRECEDENCES.get(operation, FUNCTION)
-    first = as_truth(a, f) if operation == ca.OP_IF_ELSE_ZERO else a.within(left)
+    precedence, left_precedence, right = PRECEDENCES.get(operation, FUNCTION)
+    left_text = as_truth(a, f) if operation == ca.OP_IF_ELSE_ZERO else a.within(left_precedence)
     second = b.within(right)
-    if own in (SUM, PRODUCT) and second.startswith("-"):
+    if precedence in (SUM, PRODUCT) and second.startswith("-"):
         second = f"({second})"
-    return Text(OPERATIONS[operation].format(a=first, b=second, f=f), own, count)
+    return Text(OPERATIONS[operation].format(a=left_text, b=second, f=f), precedence, count)
 
 
 def _truth(operation: int, a: Text, b: Text, f: str) -> str:
     if operation in COMPARISONS:
         return OPERATIONS[operation].format(a=a.within(SUM), b=b.within(SUM))
-    first, second = as_truth(a, f), as_truth(b, f)
+    left_truth, second = as_truth(a, f), as_truth(b, f)
     if operation != ca.OP_NOT:
-        first, second = (f"({text})" if "&&" in text or "||" in text else text for text in (first, second))
-    return OPERATIONS[operation].format(a=first, b=second)
+        left_truth, second = (
+            f"({text})" if "&&" in text or "||" in text else text for text in (left_truth, second)
+        )
+    return OPERATIONS[operation].format(a=left_truth, b=second)
 
 
 def as_truth(value: Text, f: str) -> str:

@@ -36,21 +36,21 @@ def find_guards(instructions: Sequence[Instruction]) -> dict[int, int]:
     guarded: dict[int, list[int]] = {}
     chosen: dict[int, set[int]] = {}
     for k in reversed(range(len(instructions))):
-        item, own = instructions[k], guards[k] or unguarded
-        for condition in own if item.is_operation else ():
+        instruction, conditions = instructions[k], guards[k] or unguarded
+        for condition in conditions if instruction.is_operation else ():
             guarded.setdefault(condition, []).append(k)
-        chooses = item.operation == ca.OP_IF_ELSE_ZERO
-        for place, operand in enumerate(item.operands):
-            known, new = guards[operand], own
-            if chooses and place == 1:
-                new = own | {item.operands[0]}
-                chosen.setdefault(item.operands[0], set()).add(operand)
-            guards[operand] = new if known is None else known & new
-    found: dict[int, int] = {}
+        chooses = instruction.operation == ca.OP_IF_ELSE_ZERO
+        for position, operand in enumerate(instruction.operands):
+            previous, new = guards[operand], conditions
+            if chooses and position == 1:
+                new = conditions | {instruction.operands[0]}
+                chosen.setdefault(instruction.operands[0], set()).add(operand)
+            guards[operand] = new if previous is None else previous & new
+    blocks: dict[int, int] = {}
     for condition, block in sorted(guarded.items(), key=lambda entry: -len(entry[1])):
-        if len(block) >= MIN_SAVED_OPERATIONS * len(chosen[condition]) and found.keys().isdisjoint(block):
-            found.update(dict.fromkeys(reversed(block), condition))
-    return found
+        if len(block) >= MIN_SAVED_OPERATIONS * len(chosen[condition]) and blocks.keys().isdisjoint(block):
+            blocks.update(dict.fromkeys(reversed(block), condition))
+    return blocks
 
 
 # C99 tells identifiers apart by 63 characters: a longer name would not fit behind a prefix.
@@ -60,11 +60,7 @@ UNSAFE = re.compile(r"[^\w .,:()\-]", re.ASCII)
 
 
 def name_local(prefix: str, name: str, number: int) -> str:
-    """Return the name of a local variable of what has a name and a number in the scene.
-
-    prefix: what the variable holds, such as "length"; name: name of the member or node; number: its number,
-    which stands in for a name that is too long, or no identifier.
-    """
+    """Return the name of a local variable of what has a name and a number in the scene."""
     fits = len(name) <= LONGEST_NAME and IDENTIFIER.fullmatch(name)
     return f"{prefix}_{name}" if fits else f"{prefix}_{number}"
 
@@ -169,9 +165,9 @@ def print_columns(
 
     instructions = read_instructions(function)
     linear: set[int] = set()
-    for k, item in enumerate(instructions):
-        is_seed = item.operation == ca.OP_INPUT and inputs[item.place[0]] in seeds
-        if is_seed or linear.intersection(item.operands):
+    for k, instruction in enumerate(instructions):
+        is_seed = instruction.operation == ca.OP_INPUT and inputs[instruction.place[0]] in seeds
+        if is_seed or linear.intersection(instruction.operands):
             linear.add(k)
     where, uses = f"a constant of {function.name()}", _uses(instructions)
     body = _Body(instructions, inputs, [output], DOUBLE, place, Annotations(), where, uses, frozenset(linear))
@@ -185,10 +181,10 @@ def print_columns(
 def _uses(instructions: Sequence[Instruction]) -> list[tuple[int, ...]]:
     """Return the instructions that read each value, once a place in their C form."""
     found: list[list[int]] = [[] for _ in instructions]
-    for k, item in enumerate(instructions):
-        operands = item.operands
-        if operands and item.is_operation and item.operation not in BINARY:
-            operands = operands[:1] * count_reads(item.operation)
+    for k, instruction in enumerate(instructions):
+        operands = instruction.operands
+        if operands and instruction.is_operation and instruction.operation not in BINARY:
+            operands = operands[:1] * count_reads(instruction.operation)
         for operand in operands:
             found[operand].append(k)
     return [tuple(readers) for readers in found]
@@ -216,26 +212,28 @@ class _Body:
     headings: set[str] = field(default_factory=set)
 
     def print(self) -> PrintedBody:
-        for k, item in enumerate(self.instructions):
-            if self._is_chosen(k) and item.operands[1] not in self.value:
-                self._put_block(self.guards[item.operands[1]])
+        for k, instruction in enumerate(self.instructions):
+            if self._is_chosen(k) and instruction.operands[1] not in self.value:
+                self._put_block(self.guards[instruction.operands[1]])
             if k in self.guards:
                 continue
-            for operand in item.operands if k in self.linear else ():
+            for operand in instruction.operands if k in self.linear else ():
                 if operand not in self.linear and self.value[operand].operations:
                     self._keep(operand)  # computed once, before the loop
-            if item.operation == ca.OP_OUTPUT and self.linear and item.place[1] >= self.before:
-                self._put_columns(*item.place, item.operands[0])
-            elif item.operation == ca.OP_CONST:
-                number = print_number(item.value, self.precision, self.where)
+            if instruction.operation == ca.OP_OUTPUT and self.linear and instruction.place[1] >= self.before:
+                self._put_columns(*instruction.place, instruction.operands[0])
+            elif instruction.operation == ca.OP_CONST:
+                number = print_number(instruction.value, self.precision, self.where)
                 self.value[k] = Text(f"({number})" if number.startswith("-") else number)
-            elif item.operation == ca.OP_INPUT:
-                self.reads.add(item.place[0])
-                self.value[k] = Text(self.place(self.inputs[item.place[0]], item.place[1]))
-            elif item.operation == ca.OP_OUTPUT:
-                result, entry = item.place
+            elif instruction.operation == ca.OP_INPUT:
+                self.reads.add(instruction.place[0])
+                self.value[k] = Text(self.place(self.inputs[instruction.place[0]], instruction.place[1]))
+            elif instruction.operation == ca.OP_OUTPUT:
+                result, entry = instruction.place
                 comment = self.annotations.entry.get(entry, "") if result == 0 else ""
-                text = f"{self.place(self.outputs[result], entry)} = {self.value[item.operands[0]].text};"
+                text = (
+                    f"{self.place(self.outputs[result], entry)} = {self.value[instruction.operands[0]].text};"
+                )
                 fits = comment and len(text) + len(comment) <= LONGEST_LINE
                 self.lines.append(f"{text} /* {comment} */" if fits else text)
             else:
@@ -243,24 +241,26 @@ class _Body:
         return PrintedBody(tuple(self.lines), frozenset(self.reads))
 
     def _evaluate(self, k: int) -> None:
-        item, chosen = self.instructions[k], self._is_chosen(k)
-        self.value[k] = self.value[item.operands[1]] if chosen else self._express(item)
+        instruction, chosen = self.instructions[k], self._is_chosen(k)
+        self.value[k] = self.value[instruction.operands[1]] if chosen else self._express(instruction)
         if self._leaves_block(k) or not (chosen or self._is_read_soon(k)):
             self._keep(k)
 
     def _is_chosen(self, k: int) -> bool:
         """Whether it is what a block gives, or zero, chosen outside of that block."""
-        item = self.instructions[k]
-        own = self.guards.get(item.operands[1]) if item.operation == ca.OP_IF_ELSE_ZERO else None
-        return own is not None and own != self.guards.get(k)
+        instruction = self.instructions[k]
+        guard = (
+            self.guards.get(instruction.operands[1]) if instruction.operation == ca.OP_IF_ELSE_ZERO else None
+        )
+        return guard is not None and guard != self.guards.get(k)
 
     def _leaves_block(self, k: int) -> bool:
         return k in self.block and not self.block.issuperset(self.uses[k])
 
     def _put_block(self, condition: int) -> None:
         """Print all that waits for a condition and whose operands are there."""
-        for k, own in self.guards.items():
-            if own == condition and k not in self.value:
+        for k, guard in self.guards.items():
+            if guard == condition and k not in self.value:
                 operands = self.instructions[k].operands
                 if all(operand in self.value or operand in self.block for operand in operands):
                     self.block.add(k)
@@ -274,24 +274,26 @@ class _Body:
     def _put_columns(self, result: int, entry: int, source: int) -> None:
         """Give the columns of a result their values; what depends on no seed is zero."""
         value = self.value[source].text if source in self.linear else "none"
-        first = f"{self.before} + " if self.before else ""
-        at = f"COLUMNS_AT({self.outputs[result]} + {first}{entry - self.before} * N_COLUMNS + c)"
+        offset = f"{self.before} + " if self.before else ""
+        at = f"COLUMNS_AT({self.outputs[result]} + {offset}{entry - self.before} * N_COLUMNS + c)"
         self.in_loop.append(f"{at} = {value};")
 
-    def _express(self, item: Instruction) -> Text:
+    def _express(self, instruction: Instruction) -> Text:
         """Return the expression of an operation; parts of one that is too long become values before it."""
-        if item.operation == ca.OP_IF_ELSE_ZERO and self.value[item.operands[1]].operations:
-            self._keep(item.operands[1])  # computed whether it is chosen or not: faster than a jump
-        is_linear = not self.linear.isdisjoint(item.operands)
+        if instruction.operation == ca.OP_IF_ELSE_ZERO and self.value[instruction.operands[1]].operations:
+            self._keep(instruction.operands[1])  # computed whether it is chosen or not: faster than a jump
+        is_linear = not self.linear.isdisjoint(instruction.operands)
         while True:
-            value = print_text(item.operation, [self.value[k] for k in item.operands], self.precision)
-            if is_linear and item.operation == ca.OP_IF_ELSE_ZERO:
+            value = print_text(
+                instruction.operation, [self.value[k] for k in instruction.operands], self.precision
+            )
+            if is_linear and instruction.operation == ca.OP_IF_ELSE_ZERO:
                 value = replace(value, text=f"{value.text.rpartition(' : ')[0]} : none")
-            parts = [k for k in item.operands if self.value[k].operations]
+            operands = [k for k in instruction.operands if self.value[k].operations]
             is_short = len(value.text) <= LONGEST_EXPRESSION and value.operations <= MOST_OPERATIONS
-            if is_short or not parts:
+            if is_short or not operands:
                 return value
-            self._keep(max(parts, key=lambda k: len(self.value[k].text)))
+            self._keep(max(operands, key=lambda k: len(self.value[k].text)))
 
     def _keep(self, k: int) -> None:
         """Give a value a line of its own."""
@@ -313,8 +315,8 @@ class _Body:
 
     def _is_read_soon(self, k: int) -> bool:
         """Whether a value is read in one place, not far from here, and has no name; or costs nothing."""
-        item = self.instructions[k]
-        if item.operation == ca.OP_NEG and not self.value[item.operands[0]].operations:
+        instruction = self.instructions[k]
+        if instruction.operation == ca.OP_NEG and not self.value[instruction.operands[0]].operations:
             return True
         if len(self.uses[k]) != 1:
             return False

@@ -55,11 +55,13 @@ def paste(
     The context names the library (`name`), its numbers (`real`, `suffix`), the `settings` that conditions
     name, here with more of them, and the `plain_c` folder. See paste_text for `names`.
     """
-    words = {"scene": context["name"], **names}
+    names_in_c = {"scene": context["name"], **names}
     text = _read(context["plain_c"] / file)
     if not context.get("n_internal"):
-        text = STATE_SIZE.sub(lambda found: WITHOUT_INTERNAL[found[0]], text)
-    return paste_text(text, words, {**context["settings"], **settings}, context["real"], context["suffix"])
+        text = STATE_SIZE.sub(lambda match: WITHOUT_INTERNAL[match[0]], text)
+    return paste_text(
+        text, names_in_c, {**context["settings"], **settings}, context["real"], context["suffix"]
+    )
 
 
 def paste_text(
@@ -77,9 +79,9 @@ def paste_text(
     guarded = GUARD.search(text)
     text = text if guarded is None else text[: guarded.start()] + guarded[2]
     text = _choose_branches(INCLUDE.sub("", text), settings)
-    for word, replacement in names.items():
-        text = re.sub(rf"\b{word}_(?=\w)", f"{replacement}_", text)
-        text = re.sub(rf"\b{word.upper()}_(?=\w)", f"{replacement.upper()}_", text)
+    for prefix, replacement in names.items():
+        text = re.sub(rf"\b{prefix}_(?=\w)", f"{replacement}_", text)
+        text = re.sub(rf"\b{prefix.upper()}_(?=\w)", f"{replacement.upper()}_", text)
     text = NUMBER.sub(rf"\g<1>{suffix}", text)
     text = re.sub(r"\breal\b", real, text)
     return text.replace("static inline ", "static ").strip("\n") + "\n"
@@ -87,16 +89,16 @@ def paste_text(
 
 def _choose_branches(text: str, settings: Mapping[str, bool]) -> str:
     """Return the text with the branches that the settings choose, and without the conditions themselves."""
-    kept: list[str] = []
+    selected: list[str] = []
     open_: list[bool | None] = []  # of every open condition: is this branch kept; None: not one of ours
     for line in text.splitlines():
-        found, directive = CONDITION.fullmatch(line), line.split(" ")[0]
-        own = bool(open_) and open_[-1] is not None
-        if found:
-            open_.append(settings[found[2]] != bool(found[1]))
-        elif directive == "#else" and own:
+        condition, directive = CONDITION.fullmatch(line), line.split(" ")[0]
+        is_setting = bool(open_) and open_[-1] is not None
+        if condition:
+            open_.append(settings[condition[2]] != bool(condition[1]))
+        elif directive == "#else" and is_setting:
             open_[-1] = not open_[-1]
-        elif directive == "#endif" and own:
+        elif directive == "#endif" and is_setting:
             open_.pop()
         else:
             if directive.startswith("#if"):
@@ -104,8 +106,8 @@ def _choose_branches(text: str, settings: Mapping[str, bool]) -> str:
             elif directive == "#endif":
                 open_.pop()
             if False not in open_:
-                kept.append(line)
-    return "\n".join(kept)
+                selected.append(line)
+    return "\n".join(selected)
 
 
 @functools.cache
@@ -209,56 +211,56 @@ def wrap_lines(text: str) -> str:
     lines = text.split("\n")
     if max(map(len, lines)) <= LONGEST:
         return text
-    found: list[str] = []
+    wrapped: list[str] = []
     is_comment = False
     for line in lines:
         opens = line.rfind("/*") > line.rfind("*/")
         if len(line) <= LONGEST:
-            found.append(line)
+            wrapped.append(line)
         elif is_comment or line.lstrip().startswith("/*"):
-            found += _wrap_comment(line)
+            wrapped += _wrap_comment(line)
         else:
-            found += _wrap_statement(line)
+            wrapped += _wrap_statement(line)
         is_comment = opens or (is_comment and "*/" not in line)
-    return "\n".join(found)
+    return "\n".join(wrapped)
 
 
 def _wrap_comment(line: str) -> list[str]:
     lead = line[: len(line) - len(line.lstrip())]
     star = f"{lead}{'' if line.lstrip().startswith('*') else ' '}* "
-    found, rest = [], line
-    while len(rest) > LONGEST:
-        place = rest.rfind(" ", len(star), LONGEST + 1)
-        if place < 0:
+    wrapped, remainder = [], line
+    while len(remainder) > LONGEST:
+        position = remainder.rfind(" ", len(star), LONGEST + 1)
+        if position < 0:
             break
-        found.append(rest[:place].rstrip())
-        rest = star + rest[place + 1 :]
-    return [*found, rest]
+        wrapped.append(remainder[:position].rstrip())
+        remainder = star + remainder[position + 1 :]
+    return [*wrapped, remainder]
 
 
 def _wrap_statement(line: str) -> list[str]:
-    last = " \\" if line.endswith("\\") else ""
-    ending = " \\" if line.startswith("#define") else last
+    continuation = " \\" if line.endswith("\\") else ""
+    ending = " \\" if line.startswith("#define") else continuation
     line = line.removesuffix("\\").rstrip()
     lead = line[: len(line) - len(line.lstrip())] + INDENT
-    found, rest = [], line
-    while len(rest) + len(ending) > LONGEST:
-        place = _find_break(rest, len(lead), LONGEST - len(ending))
-        if place is None:
+    wrapped, remainder = [], line
+    while len(remainder) + len(ending) > LONGEST:
+        position = _find_break(remainder, len(lead), LONGEST - len(ending))
+        if position is None:
             break
-        found.append(rest[:place].rstrip() + ending)
-        rest = lead + rest[place:].lstrip()
-    return [*found, rest + last]
+        wrapped.append(remainder[:position].rstrip() + ending)
+        remainder = lead + remainder[position:].lstrip()
+    return [*wrapped, remainder + continuation]
 
 
-def _find_break(line: str, first: int, last: int) -> int | None:
+def _find_break(line: str, lower: int, upper: int) -> int | None:
     """Return the last place up to `last` at which a line can break, outside of strings and comments."""
     closed = [match.span() for match in STRING.finditer(line)]
-    places = [
+    positions = [
         match.end()
         for match in BREAK.finditer(line)
-        if first < match.end() and len(line[: match.end()].rstrip()) <= last
+        if lower < match.end() and len(line[: match.end()].rstrip()) <= upper
     ]
-    places += [start for start, _ in closed if first < start <= last and line[start - 1] == " "]
-    free = [place for place in places if not any(start < place < end for start, end in closed)]
+    positions += [start for start, _ in closed if lower < start <= upper and line[start - 1] == " "]
+    free = [position for position in positions if not any(start < position < end for start, end in closed)]
     return max(free, default=None)

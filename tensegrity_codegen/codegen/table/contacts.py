@@ -35,7 +35,11 @@ STORED = ("contact_force", "internal_rate", "penetration", "contact_margin", "st
 # Quantities of structures on the ground that loops do not have: forces at rest, and derivatives of forces.
 WITHOUT_CONTACTS = frozenset(
     (
-        *(item.name for item in NODE_QUANTITIES if {"static_force", "spring_force"} & set(item.uses)),
+        *(
+            quantity.name
+            for quantity in NODE_QUANTITIES
+            if {"static_force", "spring_force"} & set(quantity.uses)
+        ),
         *("tangent_stiffness", "state_jacobian", "input_jacobian", "rest_length_jacobian"),
     )
 )
@@ -139,8 +143,10 @@ class ContactLoop:
             return [f"{self.target} += {results[0]};"]
         size = len(results)
         if self.index is None:
-            first = f"{self.start} + " if self.start else ""
-            return [f"{self.target}[{first}{size} * n + {k}] = {result};" for k, result in enumerate(results)]
+            offset = f"{self.start} + " if self.start else ""
+            return [
+                f"{self.target}[{offset}{size} * n + {k}] = {result};" for k, result in enumerate(results)
+            ]
         entry, lines = self.index[self.ground.node], []
         table = writer.integers(f"contact_{self.target}_entry", entry)
         for k, result in enumerate(results):

@@ -19,13 +19,15 @@ OPTIONS = ("all", "first_order")  # words of options of rigid bars that there ar
 
 
 def _build(structure: Structure | BodySystem, request: ModelRequest) -> TableModel:
-    known = [item.name for item in FORMULATIONS.values() if "table" in item.emitters]
-    if isinstance(structure, BodySystem) or request.formulation not in known:
+    formulations = [
+        formulation.name for formulation in FORMULATIONS.values() if "table" in formulation.emitters
+    ]
+    if isinstance(structure, BodySystem) or request.formulation not in formulations:
         raise FormulationError(
             "the emitter 'table' does not support this formulation",
             where=f"{structure.name}: model.emitter",
             given=f"formulation {request.formulation!r}",
-            allowed=" or ".join(f"formulation {name!r}" for name in known),
+            allowed=" or ".join(f"formulation {name!r}" for name in formulations),
             hint='emitter = "unrolled"',
         ).unless_chosen_otherwise()
     check_formulation(structure, request)
@@ -36,7 +38,7 @@ def _build(structure: Structure | BodySystem, request: ModelRequest) -> TableMod
         raise FormulationError(
             "the emitter 'table' supports rigid bars in statics only, and only bars without stiffness",
             where=f"{structure.name}: model.options",
-            given=", ".join(f"{key} = {word!r}" for key, word in changed.items()),
+            given=", ".join(f"{key} = {option!r}" for key, option in changed.items()),
             allowed="the defaults of the options",
             hint='emitter = "unrolled"',
         ).unless_chosen_otherwise()

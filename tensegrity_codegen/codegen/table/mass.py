@@ -19,8 +19,7 @@ from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 def check_mass(model: TableModel) -> None:
     """Raise FormulationError if a free node has no mass, which is no argument either."""
-    mass = model.structure.node_mass + model.inertia.diagonal_share
-    bare = model.free.any(axis=1) & (mass == 0) & (model.argument_index("node_mass") < 0)
+    bare = model.free.any(axis=1) & (model.diagonal_mass == 0) & (model.argument_index("node_mass") < 0)
     refuse_bare(model.structure, np.flatnonzero(bare).tolist())
 
 
@@ -39,8 +38,7 @@ class DivideByMass:
     @cached_property
     def _chosen(self) -> NDArray[np.bool_]:
         """Whether the node of each of these has its mass as an argument."""
-        node = np.nonzero(self.model.free)[0][self._coordinate]
-        return np.asarray(self.model.argument_index("node_mass")[node] >= 0)
+        return np.asarray(self.model.mass_argument[self._coordinate] >= 0)
 
     @property
     def arguments(self) -> frozenset[str]:
@@ -59,11 +57,11 @@ class DivideByMass:
 
     def write(self, writer: Writer) -> list[str]:
         """Return the loops over coordinates of constant and of changeable mass."""
-        model, node = self.model, np.nonzero(self.model.free)[0]
+        model, node = self.model, self.model.coordinate_node
         constant, changeable = self._coordinate[~self._chosen], self._coordinate[self._chosen]
         lines = []
         if len(constant):
-            mass = (model.structure.node_mass + model.inertia.diagonal_share)[node[constant]]
+            mass = model.diagonal_mass[node[constant]]
             at = writer.index_at("constant_mass_coordinate", constant, "k")
             inverse = writer.real_at("inverse_mass", 1.0 / mass, "k")
             lines += loop("k", len(constant), [f"{self.target}[{at}] *= {inverse};"])
@@ -81,10 +79,10 @@ def coupled_coordinates(model: TableModel) -> IntArray:
 
 def _is_coupled(model: TableModel) -> NDArray[np.bool_]:
     """Return (n_coordinates,): whether bars with own mass couple each coordinate to another."""
-    first, second, _ = pairs_of_coordinates(model)
-    found = np.zeros(model.n_coordinates, dtype=bool)
-    found[first] = found[second] = True
-    return found
+    row, second, _ = pairs_of_coordinates(model)
+    is_coupled = np.zeros(model.n_coordinates, dtype=bool)
+    is_coupled[row] = is_coupled[second] = True
+    return is_coupled
 
 
 @dataclass(frozen=True)
@@ -97,10 +95,9 @@ class KineticEnergy:
     @property
     def arguments(self) -> frozenset[str]:
         """Names of the arguments that it reads."""
-        node = np.nonzero(self.model.free)[0]
-        changeable = self.model.argument_index("node_mass")[node] >= 0
-        mass = (self.model.structure.node_mass + self.model.inertia.diagonal_share)[node]
-        used = {"velocity"} if (changeable | (mass != 0)).any() else set()
+        changeable = self.model.mass_argument >= 0
+        is_moving = changeable | (self.model.diagonal_mass[self.model.coordinate_node] != 0)
+        used = {"velocity"} if is_moving.any() else set()
         return frozenset(used | ({"node_mass"} if changeable.any() else set()))
 
     @property
@@ -116,33 +113,35 @@ class KineticEnergy:
     def write(self, writer: Writer) -> list[str]:
         """Return the loops over coordinates and coupled pairs of them."""
         model = self.model
-        node = np.nonzero(model.free)[0]
+        node = model.coordinate_node
         if not len(node):
             return []
         if "node_mass" in self.arguments:
-            which = writer.index_at("coordinate_node", node, "k")
+            node_text = writer.index_at("coordinate_node", node, "k")
             mass = mass_text(writer, "node", model.inertia.diagonal_share, "diagonal", True)
-            lines = [f"const int node = {which};"] if "node" in mass else []
+            lines = [f"const int node = {node_text};"] if "node" in mass else []
             half = f"{writer.number(0.5)} * {mass}"
         else:
-            values = 0.5 * (model.structure.node_mass + model.inertia.diagonal_share)[node]
+            values = 0.5 * model.diagonal_mass[node]
             lines, half = [], writer.real_at("half_mass", values, "k")
         result = loop("k", len(node), [*lines, f"{self.target} += {half} * velocity[k] * velocity[k];"])
-        first, second, coupling = pairs_of_coordinates(model)
-        if len(first):
-            one = f"velocity[{writer.index_at('pair_first', first, 'k')}]"
-            other = f"velocity[{writer.index_at('pair_second', second, 'k')}]"
+        row, second, coupling = pairs_of_coordinates(model)
+        if len(row):
+            row_velocity = f"velocity[{writer.index_at('pair_first', row, 'k')}]"
+            column_velocity = f"velocity[{writer.index_at('pair_second', second, 'k')}]"
             between = writer.real_at("pair_mass", coupling, "k")
-            result += loop("k", len(first), [f"{self.target} += {between} * {one} * {other};"])
+            result += loop(
+                "k", len(row), [f"{self.target} += {between} * {row_velocity} * {column_velocity};"]
+            )
         return result
 
 
 def pairs_of_coordinates(model: TableModel) -> tuple[IntArray, IntArray, FloatArray]:
     """Return both coordinates and the mass of each pair of free coordinates that bars couple."""
     entry = model.coordinate[model.inertia.pair]  # (n_pairs, 2, n_axes)
-    both = np.all(entry >= 0, axis=1)
-    mass = np.repeat(model.inertia.pair_mass, model.n_axes).reshape(both.shape)
-    return entry[:, 0][both], entry[:, 1][both], mass[both]
+    is_free = np.all(entry >= 0, axis=1)
+    mass = np.repeat(model.inertia.pair_mass, model.n_axes).reshape(is_free.shape)
+    return entry[:, 0][is_free], entry[:, 1][is_free], mass[is_free]
 
 
 @dataclass(frozen=True)
@@ -163,13 +162,12 @@ class MassDiagonal:
 
     @property
     def _changeable(self) -> IntArray:
-        node = np.nonzero(self.model.free)[0]
-        return np.flatnonzero(self.model.argument_index("node_mass")[node] >= 0)
+        return np.flatnonzero(self.model.mass_argument >= 0)
 
     @property
     def operations(self) -> int:
         """One addition for each changeable mass at the end of a bar."""
-        node = np.nonzero(self.model.free)[0][self._changeable]
+        node = self.model.coordinate_node[self._changeable]
         return int((self.model.inertia.diagonal_share[node] != 0).sum())
 
     @property
@@ -180,15 +178,12 @@ class MassDiagonal:
     def write(self, writer: Writer) -> list[str]:
         """Return the loops over all entries, and over changeable ones."""
         model, count = self.model, self.model.n_coordinates
-        node = np.nonzero(model.free)[0]
+        node = model.coordinate_node
         first, second, between = pairs_of_coordinates(model)
         values = np.empty(len(self.flat_index))
+        on_diagonal = np.arange(count)
         for row, column, mass in (
-            (
-                np.arange(count),
-                np.arange(count),
-                (model.structure.node_mass + model.inertia.diagonal_share)[node],
-            ),
+            (on_diagonal, on_diagonal, model.diagonal_mass[node]),
             (first, second, between),
             (second, first, between),
         ):
@@ -206,10 +201,10 @@ def changeable_mass(writer: Writer, node: IntArray, counter: str) -> str:
     """Return the C expression of the diagonal mass of nodes[counter]: an argument, plus the bars' share."""
     model = writer.model
     at = writer.index_at("changeable_mass_at", model.argument_index("node_mass")[node], counter)
-    share = model.inertia.diagonal_share[node]
-    if not share.any():
+    bar_mass = model.inertia.diagonal_share[node]
+    if not bar_mass.any():
         return f"node_mass[{at}]"
-    return f"(node_mass[{at}] + {writer.real_at('changeable_mass_share', share, counter)})"
+    return f"(node_mass[{at}] + {writer.real_at('changeable_mass_share', bar_mass, counter)})"
 
 
 @dataclass(frozen=True)
@@ -231,9 +226,7 @@ class ScaleRows:
     @property
     def arguments(self) -> frozenset[str]:
         """Names of the arguments that it reads."""
-        node = np.nonzero(self.model.free)[0]
-        chosen = self.model.argument_index("node_mass")[node] >= 0
-        return frozenset({"node_mass"} if chosen.any() else ())
+        return frozenset({"node_mass"} if (self.model.mass_argument >= 0).any() else ())
 
     @property
     def operations(self) -> int:
@@ -248,10 +241,10 @@ class ScaleRows:
     def write(self, writer: Writer) -> list[str]:
         """Return the loop over columns and their entries."""
         model, count = self.model, self.model.n_coordinates
-        node = np.nonzero(model.free)[0]
-        index = model.argument_index("node_mass")[node]
+        node = model.coordinate_node
+        index = model.mass_argument
         entry, sign = f"{self.target}[k]", "-" if self.turn else ""
-        mass = (model.structure.node_mass + model.inertia.diagonal_share)[node]
+        mass = model.diagonal_mass[node]
         mass = np.where(_is_coupled(model), 1.0, mass)
         fixed = changed = ""
         if (index < 0).any():
@@ -260,8 +253,8 @@ class ScaleRows:
         if (index >= 0).any():
             changed = f"{entry} = {sign}({entry} / {changeable_mass(writer, node, 'row')});"
         at = writer.index_at("changeable_mass_at", index, "row")
-        both = f"if ({at} >= 0) {{ {changed} }} else {{ {fixed} }}"
-        statement = both if fixed and changed else fixed or changed
+        branches = f"if ({at} >= 0) {{ {changed} }} else {{ {fixed} }}"
+        statement = branches if fixed and changed else fixed or changed
         row = f"const int row = {model.name}_{self.target}_row[k] - {count};"
         start = f"{model.name}_{self.target}_column_start"
         return [
@@ -305,39 +298,34 @@ class SolveCoupled:
     def _sweeps(self) -> tuple[Sweep, Sweep, tuple[IntArray, FloatArray]]:
         """Forward and backward substitution over all groups and axes, and the pivots."""
         forward, backward, pivots = [], [], []
-        known: dict[tuple[int, ...], SymmetricFactor] = {}
+        factors: dict[tuple[int, ...], SymmetricFactor] = {}
         for column, axis in enumerate(self.model.axes):
             coordinate = self.model.coordinate[:, column]
             pair, between, groups = self.model.inertia.coupled(axis)
-            there, pivot = self._of_pairs(coordinate[pair], pair, between)
-            forward.append(there)
-            backward.append(there[:, [1, 0, 2]])
+            eliminations, pivot = self._of_pairs(coordinate[pair], pair, between)
+            forward.append(eliminations)
+            backward.append(eliminations[:, [1, 0, 2]])
             pivots.append(pivot)
             for group in groups:
                 nodes = tuple(group)
-                known[nodes] = known.get(nodes) or factorise(
-                    self._mass[list(nodes)].tolist(), self.model.inertia.coupling_of(nodes)
+                factors[nodes] = factors.get(nodes) or factorise(
+                    self.model.diagonal_mass[list(nodes)].tolist(), self.model.inertia.coupling_of(nodes)
                 )
-                there, back, pivot = _sweep_group(known[nodes], coordinate[group].tolist())
-                forward.append(there)
+                eliminations, back, pivot = _sweep_group(factors[nodes], coordinate[group].tolist())
+                forward.append(eliminations)
                 backward.append(back)
                 pivots.append(pivot)
         pivot = np.concatenate(pivots)
         pivot = pivot[np.argsort(pivot[:, 0], kind="stable")]
         return _sweep(forward), _sweep(backward), (pivot[:, 0].astype(np.int64), pivot[:, 1])
 
-    @cached_property
-    def _mass(self) -> FloatArray:
-        mass: FloatArray = self.model.structure.node_mass + self.model.inertia.diagonal_share
-        return mass
-
     def _of_pairs(self, at: IntArray, pair: IntArray, between: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (n, 3) target, source and factor, and (2 n, 2) place and pivot, of groups of two nodes."""
-        first, second = self._mass[pair].T
-        factor = between / first
-        there = np.column_stack([at[:, 1], at[:, 0], factor])
-        pivot = np.column_stack([at.T.reshape(-1), np.concatenate([first, second - factor * between])])
-        return there, pivot
+        pivot_mass, second = self.model.diagonal_mass[pair].T
+        factor = between / pivot_mass
+        eliminations = np.column_stack([at[:, 1], at[:, 0], factor])
+        pivot = np.column_stack([at.T.reshape(-1), np.concatenate([pivot_mass, second - factor * between])])
+        return eliminations, pivot
 
     @property
     def repeats(self) -> int:
@@ -349,8 +337,8 @@ class SolveCoupled:
         forward, backward, (at, value) = self._sweeps
         if not len(at):
             return []
-        place = writer.index_at("coupled_coordinate", at, "k")
-        divide = f"{self.target}[{place}] /= {writer.real_at('coupled_pivot', value, 'k')};"
+        coordinate = writer.index_at("coupled_coordinate", at, "k")
+        divide = f"{self.target}[{coordinate}] /= {writer.real_at('coupled_pivot', value, 'k')};"
         return [
             *self._substitute(writer, "forward", forward),
             *loop("k", len(at), [divide]),
@@ -374,6 +362,6 @@ def _sweep_group(factor: SymmetricFactor, at: list[int]) -> tuple[FloatArray, Fl
     return np.array(forward), np.array(backward), np.array(pivots)
 
 
-def _sweep(parts: list[FloatArray]) -> Sweep:
-    table = np.concatenate(parts)
+def _sweep(tables: list[FloatArray]) -> Sweep:
+    table = np.concatenate(tables)
     return table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2]

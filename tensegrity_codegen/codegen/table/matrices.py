@@ -9,12 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity_codegen.codegen.table.mass import (
-    MassDiagonal,
-    ScaleRows,
-    check_mass,
-    pairs_of_coordinates,
-)
+from tensegrity_codegen.codegen.table.mass import MassDiagonal, ScaleRows, check_mass, pairs_of_coordinates
 from tensegrity_codegen.codegen.table.members.access import MemberAccess, OfFreeMembers
 from tensegrity_codegen.codegen.table.members.block_pattern import (
     AddBlocks,
@@ -76,15 +71,15 @@ class InputColumns:
     def pushed(self) -> tuple[IntArray, FloatArray]:
         """Key and value [N] of each component of a force that is not zero."""
         model = self.model
-        found = [
+        components = [
             (number * model.n_coordinates + coordinate, value)
             for number, node, direction in model.force_inputs
             for coordinate, value in zip(model.coordinate[node].tolist(), direction.tolist(), strict=True)
             if coordinate >= 0 and value != 0.0
         ]
         return (
-            np.array([key for key, _ in found], dtype=np.int64),
-            np.array([value for _, value in found], dtype=np.float64),
+            np.array([key for key, _ in components], dtype=np.int64),
+            np.array([value for _, value in components], dtype=np.float64),
         )
 
     @cached_property
@@ -113,8 +108,8 @@ class InputColumns:
     def entry(self, coordinate: IntArray, number: IntArray) -> IntArray:
         """Return the entries at coordinates (n, ...) and inputs (n,), -1 where a coordinate is held."""
         shaped = number.reshape(-1, *(1,) * (coordinate.ndim - 1))
-        found = np.searchsorted(self.flat_index, shaped * self.model.n_coordinates + coordinate)
-        return np.where(coordinate >= 0, found, -1)
+        entries = np.searchsorted(self.flat_index, shaped * self.model.n_coordinates + coordinate)
+        return np.where(coordinate >= 0, entries, -1)
 
 
 @dataclass(frozen=True)
@@ -180,7 +175,7 @@ class ClearBlocks:
     @cached_property
     def written(self) -> IntArray:
         """Members that write their blocks off the diagonal first."""
-        accesses: list[MemberAccess] = [item.access for item in self.loops]
+        accesses: list[MemberAccess] = [member_loop.access for member_loop in self.loops]
         members = [access.member for access in accesses if self.sink.writes_first(access)]
         return np.concatenate([np.zeros(0, dtype=np.int64), *members])
 
@@ -190,14 +185,18 @@ class ClearBlocks:
         coordinate, pattern = self.sink.pattern.model.coordinate, self.sink.pattern
         count, size = len(pattern.flat_index), range(pattern.model.n_axes)
         node = np.unique(pattern.model.ends[self.written])
-        first = coordinate[node, 0]
-        length = np.diff(pattern.column_start)[first]
-        start = pattern.entry(first, first)
-        left = self._left(np.concatenate([start + r + c * length for c in size for r in size]))
-        if 2 * len(left) > count:
+        coordinates = coordinate[node, 0]
+        length = np.diff(pattern.column_start)[coordinates]
+        start = pattern.entry(coordinates, coordinates)
+        remaining = self._left(np.concatenate([start + r + c * length for c in size for r in size]))
+        if 2 * len(remaining) > count:
             return loop("k", count, [f"{target}[k] = {zero};"])
-        rest = [f"{target}[{writer.index_at(f'{target}_left', left, 'k')}] = {zero};"] if len(left) else []
-        entries = loop("k", len(left), rest) if rest else []
+        clearing = (
+            [f"{target}[{writer.index_at(f'{target}_left', remaining, 'k')}] = {zero};"]
+            if len(remaining)
+            else []
+        )
+        entries = loop("k", len(remaining), clearing) if clearing else []
         if not len(node):
             return entries
         lines = [

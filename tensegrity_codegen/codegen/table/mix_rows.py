@@ -40,7 +40,7 @@ class MixRows:
     def operations(self) -> int:
         """Two operations for each entry of a group and each row that enters it."""
         work = self._work
-        size = np.array([len(item) for item in self.groups.coordinate], dtype=np.int64)
+        size = np.array([len(coordinates) for coordinates in self.groups.coordinate], dtype=np.int64)
         return int((2 * work.count - 1) @ size[work.group]) if len(work.group) else 0
 
     @property
@@ -53,13 +53,13 @@ class MixRows:
         work = self._work
         if not len(work.group):
             return []
-        own, size = f"{self.target}_{self.name}", work.size
+        prefix, size = f"{self.target}_{self.name}", work.size
         inverse = writer.reals("group_inverse", work.inverse)
-        place = writer.integers(f"{own}_place", work.place)
-        row = writer.integers(f"{own}_row", work.row)
+        row_entries = writer.integers(f"{prefix}_place", work.place)
+        row = writer.integers(f"{prefix}_row", work.row)
 
         def at(name: str, values: IntArray) -> str:
-            return writer.index_at(f"{own}_{name}", values, "i")
+            return writer.index_at(f"{prefix}_{name}", values, "i")
 
         inverse_start = at("inverse_start", work.inverse_start)
         return loop(
@@ -68,7 +68,7 @@ class MixRows:
             [
                 f"const int size = {at('size', size)}, count = {at('count', work.count)};",
                 f"{writer.real} *const to = {self.target} + {at('first', work.first)};",
-                f"const int *const place = {place} + {at('place_start', work.place_start)};",
+                f"const int *const place = {row_entries} + {at('place_start', work.place_start)};",
                 f"const int *const row = {row} + {at('row_start', work.row_start)};",
                 f"const {writer.real} *const inverse = {inverse} + {inverse_start};",
                 f"{writer.real} force[{int(work.count.max())}];",
@@ -105,20 +105,20 @@ class _Work:
         pair = column[held] * n_groups + label[held]
         order = np.argsort(pair, kind="stable")
         present, pair = row[held][order], pair[order]
-        found, start = np.unique(pair, return_index=True)
-        self.group = found % max(n_groups, 1)
+        pairs, start = np.unique(pair, return_index=True)
+        self.group = pairs % max(n_groups, 1)
         self.count = np.diff([*start.tolist(), len(pair)])
         self.size = np.array([len(groups.coordinate[g]) for g in self.group], dtype=np.int64)
-        places, rows, inverses = _Table(), _Table(), _Table()
+        entry_table, rows, inverses = _Table(), _Table(), _Table()
         firsts, starts = [], []
         for number, g in enumerate(self.group.tolist()):
             coordinate = groups.coordinate[g]
-            entry = mix.entry(coordinate, np.full(len(coordinate), found[number] // n_groups))
+            entry = mix.entry(coordinate, np.full(len(coordinate), pairs[number] // n_groups))
             inside = present[start[number] : start[number] + self.count[number]]
             firsts.append(int(entry[0]))
             starts.append(
                 (
-                    places.add(entry - entry[0]),
+                    entry_table.add(entry - entry[0]),
                     rows.add(np.searchsorted(coordinate, inside)),
                     inverses.add(groups.inverse(g).reshape(-1)),
                 )
@@ -126,7 +126,7 @@ class _Work:
         self.first = np.array(firsts, dtype=np.int64)
         table = np.array(starts, dtype=np.int64).reshape(-1, 3)
         self.place_start, self.row_start, self.inverse_start = table.T
-        self.place: IntArray = places.values(np.int64)
+        self.place: IntArray = entry_table.values(np.int64)
         self.row: IntArray = rows.values(np.int64)
         self.inverse: FloatArray = inverses.values(np.float64)
 
@@ -139,13 +139,13 @@ class _Table:
         self._parts: list[np.ndarray] = []
         self._length = 0
 
-    def add(self, part: np.ndarray) -> int:
+    def add(self, array: np.ndarray) -> int:
         """Return where the array begins."""
-        key = part.tobytes()
+        key = array.tobytes()
         if key not in self._start:
             self._start[key] = self._length
-            self._parts.append(part)
-            self._length += len(part)
+            self._parts.append(array)
+            self._length += len(array)
         return self._start[key]
 
     def values(self, kind: type) -> np.ndarray:

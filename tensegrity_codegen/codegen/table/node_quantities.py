@@ -32,26 +32,25 @@ FORCES: dict[str, tuple[str, type[AddToNodes]]] = {
 
 
 def node_builders() -> dict[str, Callable[[TableModel], Recipe]]:
-    """Return the builders of the quantities of nodes that loops over tables serve in node coordinates.
-
-    Not those that need a force and something else, or more of a force than its own components.
-    """
-    found: dict[str, Callable[[TableModel], Recipe]] = {}
-    for item in NODE_QUANTITIES:
-        if item.is_state:
+    """Return the builders of the quantities of nodes that loops over tables serve in node coordinates."""
+    builders: dict[str, Callable[[TableModel], Recipe]] = {}
+    for quantity in NODE_QUANTITIES:
+        if quantity.is_state:
             continue
-        if len(item.uses) == 1 and item.uses[0] in FORCES:
-            if _find_sign(item):
-                found[item.name] = _of_force(item)
-        elif item.components == "n_nodes" and not set(item.uses) & FORCES.keys():
-            found[item.name] = _of_kernel(item)
-    return found
+        if len(quantity.uses) == 1 and quantity.uses[0] in FORCES:
+            if _find_sign(quantity):
+                builders[quantity.name] = _of_force(quantity)
+        elif quantity.components == "n_nodes" and not set(quantity.uses) & FORCES.keys():
+            builders[quantity.name] = _of_kernel(quantity)
+    return builders
 
 
 def _find_sign(quantity: NodeQuantity) -> int:
     """Return 1 or -1 where the quantity is the force that it uses, or its negative; else 0."""
     force = [ca.SX.sym(name) for name in "xyz"]
-    entries = [ca.SX(item) for item in quantity.entries(SimpleNamespace(**{quantity.uses[0]: force}))]
+    entries = [
+        ca.SX(component) for component in quantity.entries(SimpleNamespace(**{quantity.uses[0]: force}))
+    ]
     if len(entries) == len(force):
         for sign in (1, -1):
             if all(ca.is_equal(e, sign * f, 1) for e, f in zip(entries, force, strict=True)):
@@ -134,8 +133,8 @@ class NodeLoop:
     @property
     def operations(self) -> int:
         """Floating-point operations of the whole loop."""
-        own = self.external.operations if "load" in self.kernel.inputs else 0
-        return own + self.repeats * self.kernel.operations
+        external = self.external.operations if "load" in self.kernel.inputs else 0
+        return external + self.repeats * self.kernel.operations
 
     @property
     def repeats(self) -> int:
@@ -151,8 +150,8 @@ class NodeLoop:
             if name in ("position", "velocity"):
                 values += vector_texts(writer, "node", model.place, is_rate=name == "velocity")
             elif name == "mass":
-                share, is_argument = model.inertia.weight_share, "node_mass" in model.parameters
-                values.append(mass_text(writer, "n", share, "weight", is_argument))
+                bar_mass, is_argument = model.inertia.weight_share, "node_mass" in model.parameters
+                values.append(mass_text(writer, "n", bar_mass, "weight", is_argument))
             elif self.external.arguments:
                 lines += [f"{writer.real} external[{n_axes}];"]
                 lines += [f"{self.external.function(writer)}n, external);"]

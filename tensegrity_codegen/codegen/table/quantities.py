@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.table.contacts import (
     ContactLoop,
@@ -67,20 +66,20 @@ class FillLaws:
         """Entry of a rest length, the input that is added to it, and its gain."""
         return [
             (self.width * target, number, gain)
-            for number, item in enumerate(self.model.structure.inputs)
-            for target, gain in item.rest_length_gain.items()
+            for number, source in enumerate(self.model.structure.inputs)
+            for target, gain in source.rest_length_gain.items()
         ]
 
     @cached_property
     def anchors(self) -> list[tuple[int, int, int]]:
         """Entry of an anchored part, its sign and the entry of `anchor_position` that makes it."""
-        model, found = self.model, []
+        model, entries = self.model, []
         at = model.argument_index("anchor_position")
         for e, ends in enumerate(model.ends.tolist()):
             for node, sign in zip(ends, (1, -1), strict=True):
                 for k in np.flatnonzero(~model.free[node]).tolist() if at[node] >= 0 else []:
-                    found.append((self.width * e + 3 + k, sign, model.n_axes * int(at[node]) + k))
-        return found
+                    entries.append((self.width * e + 3 + k, sign, model.n_axes * int(at[node]) + k))
+        return entries
 
     @property
     def arguments(self) -> frozenset[str]:
@@ -127,16 +126,16 @@ class FillLaws:
             entry = width * np.array(chosen, dtype=np.int64) + column
             lines += self._assign(writer, f"law_{name}", entry, f"{name}[n]", "=")
         to = np.array([entry for entry, _, _ in self.stretched], dtype=np.int64)
-        which = np.array([number for _, number, _ in self.stretched], dtype=np.int64)
+        inputs = np.array([number for _, number, _ in self.stretched], dtype=np.int64)
         if len(to):
             gain = np.array([gain for _, _, gain in self.stretched])
-            source = f"input[{writer.index_at('law_input', which, 'n')}]"
+            source = f"input[{writer.index_at('law_input', inputs, 'n')}]"
             source = writer.scaled("law_gain", gain, "n", source)
             lines += self._assign(writer, "law_stretched", to, source, "+=")
         for sign, mark in ((1, "+="), (-1, "-=")):
-            part = [(entry, source) for entry, s, source in self.anchors if s == sign]
-            if part:
-                entry, source = np.array(part, dtype=np.int64).T
+            entries = [(entry, source) for entry, s, source in self.anchors if s == sign]
+            if entries:
+                entry, source = np.array(entries, dtype=np.int64).T
                 name = "first" if sign > 0 else "second"
                 text = f"anchor_position[{writer.index_at(f'law_anchor_{name}', source, 'n')}]"
                 lines += self._assign(writer, f"law_{name}_end", entry, text, mark)
@@ -220,8 +219,8 @@ class MemberRows:
         """Return (n, 2, n_axes): entry of each component of both ends of some members, -1 if it is held."""
         model = self.columns.model
         coordinate = model.coordinate[model.ends[member]]
-        found = np.searchsorted(self.flat_index, coordinate * self._n_members + member[:, None, None])
-        return np.where(coordinate >= 0, found, -1)
+        entries = np.searchsorted(self.flat_index, coordinate * self._n_members + member[:, None, None])
+        return np.where(coordinate >= 0, entries, -1)
 
 
 @dataclass(frozen=True)
@@ -278,9 +277,9 @@ class ExternalWork:
     def arguments(self) -> frozenset[str]:
         """Names of the arguments that it reads."""
         acting = self.external.acting
-        place = self.model.place
-        used = {"coordinate"} if (place[acting] >= 0).any() else set()
-        return self.external.arguments | used | held_arguments(self.model, place[acting])
+        position_index = self.model.place
+        used = {"coordinate"} if (position_index[acting] >= 0).any() else set()
+        return self.external.arguments | used | held_arguments(self.model, position_index[acting])
 
     @property
     def operations(self) -> int:
@@ -335,18 +334,14 @@ def _record_builder(record: MemberQuantity) -> Callable[[TableModel], Recipe]:
     return build
 
 
-def _cable_margin(model: TableModel) -> Recipe:
-    return _selected_recipe(model, "margin", "cable_margin", model.structure.tension_only)
+def _selected_builder(kernel: str, quantity: str, mask: str) -> Callable[[TableModel], Recipe]:
+    """Return the builder of a quantity of the members that a field `mask` of the structure selects."""
 
+    def build(model: TableModel) -> Recipe:
+        chosen = tuple(np.flatnonzero(getattr(model.structure, mask)).tolist())
+        return Recipe((len(chosen), 1), tuple(member_loops(model, kernel, StoreForSome(quantity, chosen))))
 
-def _switch_margin(model: TableModel) -> Recipe:
-    return _selected_recipe(model, "switch", "switch_margin", model.structure.has_switch)
-
-
-def _selected_recipe(model: TableModel, kernel: str, quantity: str, mask: NDArray[np.bool_]) -> Recipe:
-    """Return the recipe of a quantity of those members that `mask` selects."""
-    chosen = tuple(np.flatnonzero(mask).tolist())
-    return Recipe((len(chosen), 1), tuple(member_loops(model, kernel, StoreForSome(quantity, chosen))))
+    return build
 
 
 def _accelerations(model: TableModel, target: str) -> list[Stage]:
@@ -373,33 +368,28 @@ def _state_derivative(model: TableModel) -> Recipe:
     return Recipe((2 * count + n_internal, 1), stages, before=(slope,))
 
 
-def _energy_builder(*parts: str) -> Callable[[TableModel], Recipe]:
-    """Return the builder of an energy whose parts are elastic, kinetic or work, which is taken off."""
+# Energy -> its terms, which are C variables, and their sum.
+ENERGIES: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "elastic_energy": (("elastic",), "elastic"),
+    "kinetic_energy": (("kinetic",), "kinetic"),
+    "potential_energy": (("elastic", "work"), "elastic - work"),
+    "total_energy": (("kinetic", "elastic", "work"), "kinetic + (elastic - work)"),
+}
+
+
+def _energy_builder(name: str) -> Callable[[TableModel], Recipe]:
+    """Return the builder of an energy, see ENERGIES; contacts store elastic energy."""
+    terms, total = ENERGIES[name]
 
     def build(model: TableModel) -> Recipe:
         stages: list[Stage] = []
-        for part in parts:
-            stages += ENERGY_STAGES[part](model)
-        if "work" in parts:
-            stages += ENERGY_STAGES["contact"](model)
-        before = tuple(f"@REAL@ {part} = @ZERO@;" for part in parts)
-        text = {
-            ("elastic",): "elastic",
-            ("kinetic",): "kinetic",
-            ("elastic", "work"): "elastic - work",
-            ("kinetic", "elastic", "work"): "kinetic + (elastic - work)",
-        }[parts]
-        return Recipe((1, 1), tuple(stages), before, (f"*{ENERGY_QUANTITY[parts]} = {text};",))
+        for term in (*terms, "contact") if "work" in terms else terms:
+            stages += ENERGY_STAGES[term](model)
+        before = tuple(f"@REAL@ {term} = @ZERO@;" for term in terms)
+        return Recipe((1, 1), tuple(stages), before, (f"*{name} = {total};",))
 
     return build
 
-
-ENERGY_QUANTITY = {
-    ("elastic",): "elastic_energy",
-    ("kinetic",): "kinetic_energy",
-    ("elastic", "work"): "potential_energy",
-    ("kinetic", "elastic", "work"): "total_energy",
-}
 
 ENERGY_STAGES: Mapping[str, Callable[[TableModel], list[Stage]]] = {
     "elastic": lambda model: list(member_loops(model, "energy", AddUp("elastic"))),
@@ -414,13 +404,13 @@ BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
     **node_builders(),
     **contact_builders(),
     "member_law": member_law,
-    **{name: _energy_builder(*parts) for parts, name in ENERGY_QUANTITY.items()},
+    **{name: _energy_builder(name) for name in ENERGIES},
     "acceleration": _acceleration,
     "state_derivative": _state_derivative,
     **MATRICES,
     **REST_LENGTHS,
-    "cable_margin": _cable_margin,
-    "switch_margin": _switch_margin,
+    "cable_margin": _selected_builder("margin", "cable_margin", "tension_only"),
+    "switch_margin": _selected_builder("switch", "switch_margin", "has_switch"),
 }
 
 # What needs the tensions of rigid bars, which loops do not have.

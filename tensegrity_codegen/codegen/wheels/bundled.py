@@ -208,10 +208,10 @@ class Library:
         self.name = str(self.manifest["name"])
         self.dtype = np.dtype(np.float32 if self.manifest["precision"] == "single" else np.float64)
         self.n_coordinates = len(self.manifest["coordinate_name"])
-        self._arguments = {item["name"]: item for item in self.manifest["arguments"]}
-        self._functions = {item["quantity"]: item for item in self.manifest["functions"]}
-        self._integrators = {item["name"]: item for item in self.manifest["integrators"]}
-        self._solvers = {item["name"]: item for item in self.manifest["solvers"]}
+        self._arguments = {argument["name"]: argument for argument in self.manifest["arguments"]}
+        self._functions = {function["quantity"]: function for function in self.manifest["functions"]}
+        self._integrators = {integrator["name"]: integrator for integrator in self.manifest["integrators"]}
+        self._solvers = {solver["name"]: solver for solver in self.manifest["solvers"]}
         self.c = self._load()
 
     def names(self, key: str) -> tuple[str, ...]:
@@ -220,18 +220,18 @@ class Library:
 
     def nominal(self, argument: str) -> NDArray[Any]:
         """Return the value of an argument in the scene, as a new array."""
-        item = self._arguments[argument]
-        return np.array(item["nominal"], dtype=self.dtype).reshape(item["shape"])
+        spec = self._arguments[argument]
+        return np.array(spec["nominal"], dtype=self.dtype).reshape(spec["shape"])
 
     def compute(self, quantity: str, arguments: Arguments) -> NDArray[Any]:
         """Return a quantity as an array, (); (n,); ...: of a sparse matrix its non-zeros.
 
         Raises a subclass of StatusError, or ValueError or TypeError for an argument of another shape or type.
         """
-        item = self._functions[quantity]
-        pattern = item["pattern"]
-        result = np.empty(item["shape"] if pattern is None else len(pattern["row"]), dtype=self.dtype)
-        self._call(item["symbol"], *self._read(item["arguments"], arguments), result)
+        spec = self._functions[quantity]
+        pattern = spec["pattern"]
+        result = np.empty(spec["shape"] if pattern is None else len(pattern["row"]), dtype=self.dtype)
+        self._call(spec["symbol"], *self._read(spec["arguments"], arguments), result)
         return result
 
     def compute_sparse(self, quantity: str, arguments: Arguments) -> SparseMatrix:
@@ -249,17 +249,17 @@ class Library:
 
         arguments: also "coordinate" and "velocity", where the motion starts.
         """
-        item = self._integrators[name]
+        spec = self._integrators[name]
         time = np.arange(n_steps + 1) * step if sample_time is None else sample_time
         time, samples, sampled = self._samples(time)
         state, done = self._state(arguments), ctypes.c_longlong(0)
         self._call(
-            item["symbol"],
+            spec["symbol"],
             *(ctypes.c_double(0.0), ctypes.c_double(step), ctypes.c_longlong(0), ctypes.c_longlong(n_steps)),
             state,
-            *self._read(item["arguments"], arguments),
+            *self._read(spec["arguments"], arguments),
             *(ctypes.c_longlong(len(time)), time, samples, ctypes.byref(sampled), ctypes.byref(done)),
-            np.zeros(item["work_size"], dtype=self.dtype),
+            np.zeros(spec["work_size"], dtype=self.dtype),
         )
         return self._motion(time, samples, sampled.value, done.value, 0)
 
@@ -279,7 +279,7 @@ class Library:
 
         is_implicit: whether tensions of stiff members are unknowns of the integrator.
         """
-        item = self._integrators[name]
+        spec = self._integrators[name]
         time, samples, sampled = self._samples(
             np.linspace(0.0, t_end, 101) if sample_time is None else sample_time
         )
@@ -287,14 +287,14 @@ class Library:
         now, step = ctypes.c_double(0.0), ctypes.c_double(0.0)
         counts = (ctypes.c_longlong * 6)()
         if is_implicit:
-            tensions = [np.zeros((len(time), max(len(item["tensions"]), 1)))]
+            tensions = [np.zeros((len(time), max(len(spec["tensions"]), 1)))]
             counted: list[Any] = [counts, np.zeros(3)]
         else:
             tensions = []
             rejected = ctypes.byref(counts, ctypes.sizeof(ctypes.c_longlong))
             counted = [counts, rejected]
         self._call(
-            item["symbol"],
+            spec["symbol"],
             *(
                 ctypes.c_double(t_end),
                 ctypes.c_double(rtol),
@@ -302,26 +302,26 @@ class Library:
                 ctypes.c_longlong(most_steps),
             ),
             *(ctypes.byref(now), ctypes.byref(step), state),
-            *self._read(item["arguments"], arguments),
+            *self._read(spec["arguments"], arguments),
             *(ctypes.c_longlong(len(time)), time, samples, *tensions, ctypes.byref(sampled)),
             *counted,
-            np.zeros(item["work_size"], dtype=self.dtype),
+            np.zeros(spec["work_size"], dtype=self.dtype),
         )
         if now.value < t_end:
             problem = f"{most_steps} steps reach {now.value:.6g} s of {t_end:.6g} s"
-            raise NotConvergedError(item["symbol"], 0, problem)
+            raise NotConvergedError(spec["symbol"], 0, problem)
         return self._motion(time, samples, sampled.value, counts[0], counts[1])
 
     def find_equilibrium(self, tolerance: float, most_iterations: int, arguments: Arguments) -> Equilibrium:
         """Return a minimum of the potential energy near arguments["coordinate"]."""
-        item, report = self._solvers["equilibrium"], _Report()
+        spec, report = self._solvers["equilibrium"], _Report()
         coordinate = self._one("coordinate", arguments.get("coordinate")).copy()
         self._call(
-            item["symbol"],
+            spec["symbol"],
             coordinate,
-            *self._read(item["arguments"], arguments),
+            *self._read(spec["arguments"], arguments),
             *(ctypes.c_double(tolerance), ctypes.c_int(most_iterations), ctypes.byref(report)),
-            np.zeros(item["work_size"], dtype=self.dtype),
+            np.zeros(spec["work_size"], dtype=self.dtype),
         )
         return Equilibrium(
             coordinate,
@@ -335,22 +335,23 @@ class Library:
         """Load the library and compare it with the manifest."""
         try:
             library = ctypes.CDLL(str(self.path))
-            found = _Description.in_dll(library, f"{self.name}_descriptor")
+            descriptor = _Description.in_dll(library, f"{self.name}_descriptor")
         except (OSError, ValueError) as error:
             target = self.manifest["target"] or "the machine that it was built on"
             raise ImportError(f"{self.path} does not load; it was compiled for {target}: {error}") from error
-        wanted = (self.manifest["abi_version"], self.manifest["scene_hash"])
-        if (found.abi_version, found.scene_hash.decode("ascii", "replace")) != wanted:
+        expected = (self.manifest["abi_version"], self.manifest["scene_hash"])
+        if (descriptor.abi_version, descriptor.scene_hash.decode("ascii", "replace")) != expected:
             raise ImportError(f"{self.path} is not the library of the manifest beside it; install it again")
         status = int(getattr(library, f"{self.name}_check_machine")())
         if status:
             _raise(f"{self.name}_check_machine", status)
         return library
 
-    def _call(self, symbol: str, *words: Any) -> None:
+    def _call(self, symbol: str, *arguments: Any) -> None:
         """Call a C function; arrays are passed by their addresses."""
         passed = [
-            ctypes.c_void_p(word.ctypes.data) if isinstance(word, np.ndarray) else word for word in words
+            ctypes.c_void_p(argument.ctypes.data) if isinstance(argument, np.ndarray) else argument
+            for argument in arguments
         ]
         status = int(getattr(self.c, symbol)(*passed))
         if status:
@@ -391,7 +392,7 @@ class Library:
 
 def _raise(symbol: str, status: int) -> None:
     """Raise the error of a status."""
-    known = 0 < status <= len(STATUS_ERRORS)
-    error = STATUS_ERRORS[status - 1] if known else StatusError
+    is_listed = 0 < status <= len(STATUS_ERRORS)
+    error = STATUS_ERRORS[status - 1] if is_listed else StatusError
     meaning = (error.__doc__ or "").partition("\n")[0].rstrip(".") if error is not StatusError else "failed"
     raise error(symbol, status, meaning)

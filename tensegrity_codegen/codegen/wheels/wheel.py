@@ -33,12 +33,7 @@ NAMES = ("node_name", "member_name", "coordinate_name", "input_name")
 
 
 def format_module(manifest: Manifest, file_name: str, version: str) -> str:
-    """Return the text of `__init__.py` of the package of a library.
-
-    manifest: what the library holds; file_name: file name of the library, beside the module; version: version
-    of the package.
-    Raises InvalidNameError: an argument whose name Python cannot have.
-    """
+    """Return the text of `__init__.py` of the package of a library."""
     functions = [_format_function(manifest, spec) for spec in manifest.functions]
     functions += [_format_integrator(manifest, spec) for spec in manifest.integrators]
     functions += [_format_solver(manifest, spec) for spec in manifest.solvers]
@@ -84,7 +79,7 @@ def _format_head(manifest: Manifest, public: Sequence[str]) -> list[str]:
         f"{describe_count(len(manifest.member_name), 'member')}, "
         f"{len(manifest.coordinate_name)} free coordinates"
     )
-    made_by = ", ".join(f"{what} {release}" for what, release in manifest.made_by.items())
+    made_by = ", ".join(f"{program} {release}" for program, release in manifest.made_by.items())
     head = (
         f"Tensegrity structure {manifest.name}: {counts}.\n\n"
         f"Written by {made_by}. SI units; tensions are positive in tension. An argument that is not\n"
@@ -140,7 +135,7 @@ def _format_integrator(manifest: Manifest, spec: IntegratorSpec) -> str:
     if row.kind == "fixed":
         name = "the classical Runge-Kutta method" if spec.name == "rk4" else f"the method {spec.name}"
         title = f"Motion by {name} with fixed steps; steps do not end at events."
-        own = [
+        options = [
             ("step: float", "step : float [s]", "Length of a step."),
             ("n_steps: int", "n_steps : int", "Number of steps."),
             (*sample[:2], "Ascending times; default: the end of each step."),
@@ -148,7 +143,7 @@ def _format_integrator(manifest: Manifest, spec: IntegratorSpec) -> str:
         call = f'LIBRARY.integrate_steps("{spec.name}", step, n_steps, sample_time, {_pass(arguments)})'
     else:
         title = f"Motion by the method {spec.name} with error control; steps do not end at events."
-        own = [
+        options = [
             ("t_end: float", "t_end : float [s]", "End of the motion, which starts at 0."),
             ("rtol: float = 1e-6", "rtol : float", "Relative tolerance of the state."),
             ("atol: float = 1e-9", "atol : float", "Absolute tolerance of the state."),
@@ -159,23 +154,23 @@ def _format_integrator(manifest: Manifest, spec: IntegratorSpec) -> str:
         kind = ", is_implicit=True" if row.kind == "implicit" else ""
         call = f'LIBRARY.integrate("{spec.name}", {numbers}, {_pass(arguments)}{kind})'
     return _format_definition(
-        f"integrate_{spec.name}", own, arguments, "Motion", title, own, "motion : Motion", call
+        f"integrate_{spec.name}", options, arguments, "Motion", title, options, "motion : Motion", call
     )
 
 
 def _format_solver(manifest: Manifest, spec: SolverSpec) -> str:
     arguments = _with_state(manifest, spec.arguments, ("coordinate",))
-    own = [
+    options = [
         ("tolerance: float = 1e-9", "tolerance : float", "Largest static force at an equilibrium."),
         ("most_iterations: int = 100", "most_iterations : int", "Largest number of Newton steps."),
     ]
     return _format_definition(
         f"find_{spec.name}",
-        own,
+        options,
         arguments,
         "Equilibrium",
         "A minimum of the potential energy near `coordinate`, by Newton's method.",
-        own,
+        options,
         "equilibrium : Equilibrium",
         f"LIBRARY.find_equilibrium(tolerance, most_iterations, {_pass(arguments)})",
     )
@@ -190,7 +185,7 @@ def _with_state(
 
 def _format_definition(
     name: str,
-    own: Sequence[tuple[str, str, str]],
+    options: Sequence[tuple[str, str, str]],
     arguments: Sequence[ArgumentSpec],
     kind: str,
     title: str,
@@ -198,17 +193,17 @@ def _format_definition(
     returned: str,
     call: str,
 ) -> str:
-    """Return the text of one function; own: parameter, its line and its sentence in the documentation."""
-    words = [item[0] for item in own] + ["*"] * bool(own and arguments)
-    words += [f"{_python_name(item.name)}: _ArrayLike | None = None" for item in arguments]
-    lines = ["", f"def {name}({', '.join(words)}) -> {kind}:", f'    """{_quote(title)}', ""]
-    rows = [(item[1], item[2]) for item in described]
+    """Return the text of one function; options: parameter, its line and its sentence in the documentation."""
+    parameters = [option[0] for option in options] + ["*"] * bool(options and arguments)
+    parameters += [f"{_python_name(argument.name)}: _ArrayLike | None = None" for argument in arguments]
+    lines = ["", f"def {name}({', '.join(parameters)}) -> {kind}:", f'    """{_quote(title)}', ""]
+    rows = [(option[1], option[2]) for option in described]
     rows += [
         (
-            f"{item.name} : {item.shape or 'scalar'} [{item.unit}]",
-            item.sentence + (f" Of {', '.join(item.over)}." if item.over else ""),
+            f"{argument.name} : {argument.shape or 'scalar'} [{argument.unit}]",
+            argument.sentence + (f" Of {', '.join(argument.over)}." if argument.over else ""),
         )
-        for item in arguments
+        for argument in arguments
     ]
     if rows:
         lines += ["    Parameters", "    ----------"]
@@ -220,7 +215,9 @@ def _format_definition(
 
 
 def _pass(arguments: Sequence[ArgumentSpec]) -> str:
-    return "{" + ", ".join(f'"{item.name}": {_python_name(item.name)}' for item in arguments) + "}"
+    return (
+        "{" + ", ".join(f'"{argument.name}": {_python_name(argument.name)}' for argument in arguments) + "}"
+    )
 
 
 def _python_name(name: str) -> str:
@@ -275,17 +272,13 @@ def check_wheel(target: Target, scene: str, where: str = "target") -> None:
             f"a {target.kind} is not a library that Python loads",
             where=where,
             given=target.name,
-            allowed=", ".join(name for name, other in TARGETS.items() if other.wheel_tag),
+            allowed=", ".join(name for name, target_spec in TARGETS.items() if target_spec.wheel_tag),
             hint="build for one of these machines, or without a wheel",
         )
 
 
 def build_wheel(manifest: Manifest, library: Path) -> tuple[str, bytes]:
-    """Return file name and content of the wheel of a compiled library.
-
-    manifest: what the library holds. Raises FormulationError, InvalidNameError: Python cannot load a library
-    of this kind, or there is no package of this name.
-    """
+    """Return file name and content of the wheel of a compiled library."""
     if manifest.contact_name:
         raise refuse_ground(manifest.name, "a package of the library alone")
     check_wheel(find_target(manifest.target or None), manifest.name)
@@ -300,7 +293,7 @@ def build_wheel(manifest: Manifest, library: Path) -> tuple[str, bytes]:
     }
     info = f"{name}-{version}.dist-info"
     files[f"{info}/METADATA"] = _format_metadata(manifest, package, name, version).encode("utf-8")
-    tags = "".join(f"Tag: py3-none-{part}\n" for part in tag.split("."))
+    tags = "".join(f"Tag: py3-none-{platform}\n" for platform in tag.split("."))
     made = f"Wheel-Version: 1.0\nGenerator: tensegrity_codegen {VERSION}\nRoot-Is-Purelib: false\n"
     files[f"{info}/WHEEL"] = (made + tags).encode("utf-8")
     files[f"{info}/RECORD"] = _format_record(files, f"{info}/RECORD").encode("utf-8")
@@ -344,12 +337,12 @@ def _format_metadata(manifest: Manifest, package: str, name: str, version: str) 
     )
 
 
-def _format_record(files: Mapping[str, bytes], own: str) -> str:
+def _format_record(files: Mapping[str, bytes], record_name: str) -> str:
     rows = []
     for name, content in files.items():
         digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode("ascii")
         rows.append(f"{name},sha256={digest},{len(content)}\n")
-    return "".join(rows) + f"{own},,\n"
+    return "".join(rows) + f"{record_name},,\n"
 
 
 def _pack(files: Mapping[str, bytes]) -> bytes:

@@ -68,10 +68,10 @@ class MemberAccess:
         array = "velocity" if is_rate else "coordinate"
         if self.group.is_interior:
             return [f"{array}[{'ij'[end]}{f' + {k}' if k else ''}]" for k in axes]
-        places = writer.integers(f"{self.name}_place", self.place)
+        table = writer.integers(f"{self.name}_place", self.place)
         texts, size = [], 2 * self.model.n_axes
         for k in axes:
-            at = f"{places}[{size} * e + {end * self.model.n_axes + k}]"
+            at = f"{table}[{size} * e + {end * self.model.n_axes + k}]"
             is_free = (self.place[:, end, k] >= 0).all()
             texts.append(f"{array}[{at}]" if is_free else f"{position_reader(writer, is_rate)}{at})")
         return texts
@@ -104,26 +104,25 @@ class MemberAccess:
     def inputs(self) -> list[tuple[IntArray, FloatArray]]:
         """The inputs that change the rest length of each member, and their gains: first, second and so on."""
         member, number, gain = self.model.rest_inputs
-        first = np.searchsorted(member, self.member)
-        return [(number[first + k], gain[first + k]) for k in range(self.group.member_class.n_inputs)]
+        start = np.searchsorted(member, self.member)
+        return [(number[start + k], gain[start + k]) for k in range(self.group.member_class.n_inputs)]
 
 
-def held_arguments(model: TableModel, place: IntArray) -> set[str]:
+def held_arguments(model: TableModel, position_index: IntArray) -> set[str]:
     """Return {"anchor_position"} if some of these places are entries of that argument, else nothing."""
-    held = -1 - place
+    held = -1 - position_index
     return {"anchor_position"} if ((held >= 0) & (held < model.n_held_arguments)).any() else set()
 
 
-def vector_texts(writer: Writer, name: str, place: IntArray, is_rate: bool = False) -> list[str]:
-    """Return the C expressions of positions or rates of node `n`; place: (n, n_axes), see TableModel.place.
-
-    name: what the names of the tables begin with.
-    """
-    n_axes = place.shape[1]
-    if (place[:, 0] >= 0).all() and (place == place[:, :1] + np.arange(n_axes)).all():
-        start = writer.index_at(f"{name}_coordinate", place[:, 0], "n")
+def vector_texts(writer: Writer, name: str, position_index: IntArray, is_rate: bool = False) -> list[str]:
+    """Return the C expressions of positions or rates of node `n`; position_index: see TableModel.place."""
+    n_axes = position_index.shape[1]
+    if (position_index[:, 0] >= 0).all() and (
+        position_index == position_index[:, :1] + np.arange(n_axes)
+    ).all():
+        start = writer.index_at(f"{name}_coordinate", position_index[:, 0], "n")
         return [f"{'velocity' if is_rate else 'coordinate'}[{start} + {k}]" for k in range(n_axes)]
-    at, read = writer.integers(f"{name}_place", place), position_reader(writer, is_rate)
+    at, read = writer.integers(f"{name}_place", position_index), position_reader(writer, is_rate)
     return [f"{read}{at}[{n_axes} * n + {k}])" for k in range(n_axes)]
 
 
@@ -217,9 +216,9 @@ class AddToNodes:
     def _offset(self, writer: Writer, access: MemberAccess, entry: IntArray, end: int) -> str:
         if access.group.is_interior and np.array_equal(entry[:, end, 0], access.place[:, end, 0]):
             return "ij"[end]
-        first = entry[:, end, 0]
-        text = index_text(first, "e")
-        return text or writer.index_at(f"{access.name}_{self.target}_{'ij'[end]}", first, "e")
+        offsets = entry[:, end, 0]
+        text = index_text(offsets, "e")
+        return text or writer.index_at(f"{access.name}_{self.target}_{'ij'[end]}", offsets, "e")
 
 
 @dataclass(frozen=True)
@@ -268,8 +267,8 @@ class StoreForSome(StoreForMembers):
 
     def place(self, access: MemberAccess) -> IntArray:
         """Return the number of each member among those chosen."""
-        place: IntArray = np.searchsorted(self.chosen, access.member)
-        return place
+        number: IntArray = np.searchsorted(self.chosen, access.member)
+        return number
 
 
 @dataclass(frozen=True)

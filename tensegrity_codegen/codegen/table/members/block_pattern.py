@@ -29,7 +29,7 @@ MOST_ENTRIES = 4_000_000
 
 def check_constant_masses(model: TableModel, coordinate: IntArray) -> None:
     """Raise FormulationError if the mass of a node of these coordinates may change at run time."""
-    node = np.nonzero(model.free)[0][coordinate]
+    node = model.coordinate_node[coordinate]
     chosen = np.unique(node[model.argument_index("node_mass")[node] >= 0])
     if len(chosen):
         names = [model.structure.node_name[k] for k in chosen[:5]]
@@ -54,10 +54,7 @@ def check_entries(model: TableModel, quantity: str, count: int) -> None:
 
 
 def find_groups(model: TableModel) -> "MassGroups | None":
-    """Return the groups of coupled nodes, None where no bar couples two free ones.
-
-    Raises FormulationError if the mass of one of them may change at run time.
-    """
+    """Return the groups of coupled nodes, None where no bar couples two free ones."""
     groups = MassGroups(model)
     if not groups.coordinate:
         return None
@@ -98,18 +95,18 @@ class MassGroups:
         label = self.label[row]
         alone = label < 0
         column, group = np.divmod(np.unique(column[~alone] * n_groups + label[~alone]), n_groups)
-        size = np.array([len(item) for item in self.coordinate])
+        size = np.array([len(coordinates) for coordinates in self.coordinate])
         start = np.concatenate([[0], np.cumsum(size)])
         length = size[group]
-        place = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
-        filled = np.concatenate(self.coordinate)[np.repeat(start[group], length) + place]
+        position = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
+        filled = np.concatenate(self.coordinate)[np.repeat(start[group], length) + position]
         return np.sort(np.concatenate([key[alone], np.repeat(column, length) * count + filled]))
 
     def inverse(self, group: int) -> FloatArray:
         """Return H^-1 of a group, (k, k) [1/kg], with the bits of `Inertia.inverse`."""
         nodes = self.nodes[group]
         if nodes not in self._inverses:
-            mass = (self.model.structure.node_mass + self.model.inertia.diagonal_share)[list(nodes)]
+            mass = self.model.diagonal_mass[list(nodes)]
             factor = factorise(mass.tolist(), self.model.inertia.coupling_of(nodes))
             self._inverses[nodes] = np.array(factor.solve(list(np.eye(len(nodes)))))
         return self._inverses[nodes]
@@ -120,12 +117,12 @@ class MassGroups:
 
     @cached_property
     def _found(self) -> list[tuple[tuple[int, ...], IntArray]]:
-        found = []
+        groups_of_axes = []
         for column, axis in enumerate(self.model.axes):
             pair, _, groups = self.model.inertia.coupled(axis)
             for nodes in (*pair.tolist(), *groups):
-                found.append((tuple(nodes), self.model.coordinate[nodes, column]))
-        return found
+                groups_of_axes.append((tuple(nodes), self.model.coordinate[nodes, column]))
+        return groups_of_axes
 
 
 def make_pattern(shape: tuple[int, int], row: IntArray, column_start: IntArray) -> Pattern:
@@ -179,9 +176,9 @@ class BlockPattern:
         """(n_members,): whether a member is the first of `member` between its two nodes."""
         ends = self.model.ends[self.member]
         pair = ends.min(axis=1) * self.model.structure.n_nodes + ends.max(axis=1)
-        found = np.zeros(len(self.model.ends), dtype=bool)
-        found[self.member[np.unique(pair, return_index=True)[1]]] = True
-        return found
+        is_first = np.zeros(len(self.model.ends), dtype=bool)
+        is_first[self.member[np.unique(pair, return_index=True)[1]]] = True
+        return is_first
 
     @cached_property
     def row(self) -> IntArray:
@@ -197,8 +194,8 @@ class BlockPattern:
     def entry(self, row: IntArray, column: IntArray) -> IntArray:
         """Return the entries at rows and columns, -1 where either is -1."""
         row, column = np.broadcast_arrays(row, column)
-        found = np.searchsorted(self.flat_index, column * self.model.n_coordinates + row)
-        return np.where((row >= 0) & (column >= 0), found, -1)
+        entries = np.searchsorted(self.flat_index, column * self.model.n_coordinates + row)
+        return np.where((row >= 0) & (column >= 0), entries, -1)
 
     def block_nodes(self, member: IntArray) -> list[tuple[IntArray, IntArray]]:
         """Return row node and column node of the four blocks of some members."""
@@ -242,9 +239,11 @@ class AddBlocks(OfFreeMembers):
         for block in range(4):
             for c in size:
                 for r in size:
-                    place = at(block, r, c)
-                    line = f"{self.target}[{place}] {signs[block % 2]} {value[r][c]};"
-                    lines += [line] if entries is None else only_where(entries[:, block, c, r], place, line)
+                    entry_text = at(block, r, c)
+                    line = f"{self.target}[{entry_text}] {signs[block % 2]} {value[r][c]};"
+                    lines += (
+                        [line] if entries is None else only_where(entries[:, block, c, r], entry_text, line)
+                    )
         return lines
 
     def entry(self, row: IntArray, column: IntArray) -> IntArray:
@@ -262,7 +261,7 @@ class AddBlocks(OfFreeMembers):
         """Return C expressions of the first entries of the four blocks, and of the lengths of columns."""
         coordinate, pattern = self.pattern.model.coordinate, self.pattern
         name = f"{access.name}_{self.target}"
-        first = [
+        starts = [
             writer.index_at(
                 f"{name}_block{block}", self.entry(coordinate[row, 0], coordinate[column, 0]), counter
             )
@@ -274,12 +273,12 @@ class AddBlocks(OfFreeMembers):
             writer.index_at(f"{name}_length{end}", length[column], counter)
             for end, column in enumerate(columns)
         ]
-        return first, lengths
+        return starts, lengths
 
     def _strided(self, writer: Writer, access: MemberAccess) -> tuple[list[str], Place, None]:
         """Return declarations of the first entry of each block and of the length of columns."""
-        first, lengths = self.starts(writer, access, "e")
-        lines = [f"const int b{block} = {text};" for block, text in enumerate(first)]
+        starts, lengths = self.starts(writer, access, "e")
+        lines = [f"const int b{block} = {text};" for block, text in enumerate(starts)]
         lines += [f"const int c{end} = {text};" for end, text in enumerate(lengths)]
         return (
             lines,
@@ -381,8 +380,8 @@ class MemberColumns:
 
     def at(self, row: IntArray, member: IntArray) -> IntArray:
         """Return the entries at rows and columns, -1 where the row is -1."""
-        found = np.searchsorted(self.flat_index, member * self.model.n_coordinates + row)
-        return np.where(row >= 0, found, -1)
+        entries = np.searchsorted(self.flat_index, member * self.model.n_coordinates + row)
+        return np.where(row >= 0, entries, -1)
 
     def entry(self, member: IntArray) -> IntArray:
         """Return (n, 2, n_axes): entry of each component of both ends of some members, -1 if it is held."""

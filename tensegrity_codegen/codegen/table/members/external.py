@@ -39,16 +39,16 @@ class ExternalForce:
     @cached_property
     def arguments(self) -> frozenset[str]:
         """Names of the arguments that these components depend on."""
-        model, wanted = self.model, self.wanted
-        loaded = wanted & (model.argument_index("node_load") >= 0)[:, None]
+        model, filled = self.model, self.wanted
+        loaded = filled & (model.argument_index("node_load") >= 0)[:, None]
         changeable = (model.argument_index("node_mass") >= 0)[:, None]
         is_gravity_argument = "gravity" in model.parameters
-        pulled = wanted & (is_gravity_argument | (model.gravity != 0))
+        pulled = filled & (is_gravity_argument | (model.gravity != 0))
         heavy = changeable | (model.weight_mass != 0)[:, None]
         used = {
             "node_load": loaded.any(),
-            "input": (wanted & (self._pushed != 0)).any(),
-            "gravity": is_gravity_argument and (wanted & heavy).any(),
+            "input": (filled & (self._pushed != 0)).any(),
+            "gravity": is_gravity_argument and (filled & heavy).any(),
             "node_mass": (pulled & changeable).any(),
         }
         return frozenset(name for name, is_used in used.items() if is_used)
@@ -57,10 +57,10 @@ class ExternalForce:
     def _pushed(self) -> FloatArray:
         """(n_nodes, n_axes): non-zero where a force input acts."""
         model = self.model
-        found = np.zeros((model.structure.n_nodes, model.n_axes))
+        pushed = np.zeros((model.structure.n_nodes, model.n_axes))
         for _, node, direction in model.force_inputs:
-            found[node] += np.abs(direction)
-        return found
+            pushed[node] += np.abs(direction)
+        return pushed
 
     @property
     def _has_weight(self) -> bool:
@@ -103,9 +103,9 @@ class ExternalForce:
         """Return the beginning of a call of a function of node and result, `force[n_axes]`."""
         model, used, axes = self.model, self.arguments, range(self.model.n_axes)
         names = [name for name in ("input", "node_mass", "node_load", "gravity") if name in used]
-        share, mass = model.inertia.weight_share, None
+        bar_mass, mass = model.inertia.weight_share, None
         if self._has_weight or {"gravity", "node_mass"} & used:
-            mass = mass_text(writer, "node", share, "weight", "node_mass" in used)
+            mass = mass_text(writer, "node", bar_mass, "weight", "node_mass" in used)
         gravity = [f"gravity[{k}]" if "gravity" in used else writer.number(model.gravity[k]) for k in axes]
         symbol = writer.helper(
             "external_force",
@@ -140,27 +140,27 @@ class ExternalForce:
         """Return the tables of the inputs on each node."""
         if "input" not in self.arguments:
             return {"start": None}
-        start, which, direction = self.model.force_input_table
+        start, inputs, direction = self.model.force_input_table
         return {
             "start": writer.integers("node_input_start", start),
-            "which": writer.integers("node_input", which),
+            "which": writer.integers("node_input", inputs),
             "direction": writer.reals("node_input_direction", direction),
         }
 
 
-def mass_text(writer: Writer, node: str, share: FloatArray, name: str, is_argument: bool) -> str:
+def mass_text(writer: Writer, node: str, bar_mass: FloatArray, name: str, is_argument: bool) -> str:
     """Return the C expression of a node's mass plus the bars' `share`, constant or maybe an argument."""
     model = writer.model
     chosen = model.argument_index("node_mass")
     if not is_argument:
-        return writer.real_at(f"node_{name}_mass", model.structure.node_mass + share, node)
+        return writer.real_at(f"node_{name}_mass", model.structure.node_mass + bar_mass, node)
     at = writer.index_at("node_mass_at", chosen, node)
     changeable = f"node_mass[{at}]"
-    if share.any():
-        changeable = f"(node_mass[{at}] + {writer.real_at(f'node_{name}_share', share, node)})"
+    if bar_mass.any():
+        changeable = f"(node_mass[{at}] + {writer.real_at(f'node_{name}_share', bar_mass, node)})"
     if (chosen >= 0).all():
         return changeable
-    constant = writer.real_at(f"node_{name}_mass", model.structure.node_mass + share, node)
+    constant = writer.real_at(f"node_{name}_mass", model.structure.node_mass + bar_mass, node)
     return f"({at} >= 0 ? {changeable} : {constant})"
 
 

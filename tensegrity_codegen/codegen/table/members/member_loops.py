@@ -90,14 +90,14 @@ def read_vectors(writer: Writer, access: MemberAccess, kernel: DensityKernel) ->
             for end in (0, 1)
         ]
         lines.append(f"const int i{k} = {ends[0]}, j{k} = {ends[1]};")
-    for what, array, axes in (("d", "coordinate", AXES), ("rate", "velocity", RATES)):
+    for prefix, array, axes in (("d", "coordinate", AXES), ("rate", "velocity", RATES)):
         if axes[0] not in kernel.parameters:
             continue
         for k in LANES:
             loads = [f"xyz_load_last({array} + {end}{k})" for end in "ij"]
-            lines.append(f"const lanes_xyz {what}{k} = xyz_minus({', '.join(loads)});")
+            lines.append(f"const lanes_xyz {prefix}{k} = xyz_minus({', '.join(loads)});")
         lines.append(f"lanes_four {', '.join(axes)};")
-        lines.append(f"four_split({', '.join(f'{what}{k}' for k in LANES)}, &{', &'.join(axes)});")
+        lines.append(f"four_split({', '.join(f'{prefix}{k}' for k in LANES)}, &{', &'.join(axes)});")
     return lines
 
 
@@ -119,19 +119,21 @@ def _four(writer: Writer, access: MemberAccess, name: str) -> str:
     """Return one value of each of four members, loaded at once where they lie in a row."""
     is_mu = name == "spring_constant" and access.group.member_class.is_stiffness_constant
     texts = [access.value(writer, "mu" if is_mu else name, lane_counter(k)) for k in LANES]
-    found = IN_A_ROW.fullmatch(texts[0])
-    return f"four_load({found[1]} + {found[2]}e)" if found else f"four_of({', '.join(texts)})"
+    consecutive = IN_A_ROW.fullmatch(texts[0])
+    return (
+        f"four_load({consecutive[1]} + {consecutive[2]}e)" if consecutive else f"four_of({', '.join(texts)})"
+    )
 
 
-def _add_pulls(writer: Writer, access: MemberAccess, sink: "AddToNodes", first: np.ndarray) -> list[str]:
+def _add_pulls(writer: Writer, access: MemberAccess, sink: "AddToNodes", offsets: np.ndarray) -> list[str]:
     lines = []
     for k in LANES:
         lines.append(f"const lanes_xyz pull{k} = XYZ_TIMES(density, {k}, d{k});")
         for end, verb in ((0, "subtract"), (1, "add")):
             at = f"{'ij'[end]}{k}"
-            if not np.array_equal(first[:, end], access.place[:, end, 0]):
+            if not np.array_equal(offsets[:, end], access.place[:, end, 0]):
                 at = writer.index_at(
-                    f"{access.name}_{sink.target}_{'ij'[end]}", first[:, end], lane_counter(k)
+                    f"{access.name}_{sink.target}_{'ij'[end]}", offsets[:, end], lane_counter(k)
                 )
             lines.append(f"xyz_{verb}({sink.target} + {at}, pull{k});")
     return lines
@@ -182,10 +184,10 @@ def _turn(c: int) -> str:
 
 
 def _add_blocks(writer: Writer, access: MemberAccess, sink: AddBlocks, lane: int) -> list[str]:
-    first, length = sink.starts(writer, access, lane_counter(lane))
+    starts, length = sink.starts(writer, access, lane_counter(lane))
     verbs = ("add", "set_minus" if sink.writes_first(access) else "subtract")
     return [
-        f"block_{verbs[block % 2]}({sink.target} + {first[block]}, {length[block // 2]}, column + {lane});"
+        f"block_{verbs[block % 2]}({sink.target} + {starts[block]}, {length[block // 2]}, column + {lane});"
         for block in range(4)
     ]
 
@@ -242,10 +244,7 @@ class MemberLoop:
 
 
 def member_loops(
-    model: TableModel,
-    kernel: str,
-    sink: Sink,
-    keep: Callable[[MemberGroup], bool] = lambda group: True,
+    model: TableModel, kernel: str, sink: Sink, keep: Callable[[MemberGroup], bool] = lambda group: True
 ) -> list[MemberLoop]:
     """Return the loops over the members of groups to keep that the sink wants, in the order of the plan."""
     loops = []

@@ -47,10 +47,10 @@ class TableModel:
     @cached_property
     def is_elastic(self) -> NDArray[np.bool_]:
         """(n_members,): whether a member has a stiffness; rigid bars have none."""
-        found = np.zeros(self.structure.n_members, dtype=np.bool_)
+        is_elastic = np.zeros(self.structure.n_members, dtype=np.bool_)
         for group in self.plan.groups:
-            found[group.member] = group.member_class.is_elastic
-        return found
+            is_elastic[group.member] = group.member_class.is_elastic
+        return is_elastic
 
     @cached_property
     def frame(self) -> Frame:
@@ -129,6 +129,21 @@ class TableModel:
         return gravity
 
     @cached_property
+    def coordinate_node(self) -> IntArray:
+        """(n_coordinates,): node of each free coordinate."""
+        return np.nonzero(self.free)[0]
+
+    @cached_property
+    def diagonal_mass(self) -> FloatArray:
+        """(n_nodes,): mass of each node on the diagonal of the mass matrix, with those of its bars [kg]."""
+        return self.structure.node_mass + self.inertia.diagonal_share
+
+    @cached_property
+    def mass_argument(self) -> IntArray:
+        """(n_coordinates,): entry of `node_mass` of the node of each coordinate, -1 for a constant mass."""
+        return self.argument_index("node_mass")[self.coordinate_node]
+
+    @cached_property
     def weight_mass(self) -> FloatArray:
         """(n_nodes,): mass whose weight each node carries, with the scene's own values [kg]."""
         return self.structure.node_mass + self.inertia.weight_share
@@ -137,10 +152,10 @@ class TableModel:
     def force_inputs(self) -> list[tuple[int, int, FloatArray]]:
         """Input, node and direction (n_axes,) of each force of an input, in the order of the inputs."""
         return [
-            (number, target, np.array(item.direction)[self.axes])
-            for number, item in enumerate(self.structure.inputs)
-            if item.kind == "force"
-            for target in item.targets
+            (number, target, np.array(source.direction)[self.axes])
+            for number, source in enumerate(self.structure.inputs)
+            if source.kind == "force"
+            for target in source.targets
         ]
 
     @cached_property
@@ -149,17 +164,17 @@ class TableModel:
         node = np.array([node for _, node, _ in self.force_inputs], dtype=np.int64)
         order = np.argsort(node, kind="stable")
         start = np.searchsorted(node[order], np.arange(self.structure.n_nodes + 1))
-        which = np.array([number for number, _, _ in self.force_inputs], dtype=np.int64)[order]
-        direction = np.array([item for _, _, item in self.force_inputs]).reshape(-1, self.n_axes)[order]
-        return start, which, direction
+        inputs = np.array([number for number, _, _ in self.force_inputs], dtype=np.int64)[order]
+        direction = np.array([vector for _, _, vector in self.force_inputs]).reshape(-1, self.n_axes)[order]
+        return start, inputs, direction
 
     @cached_property
     def rest_inputs(self) -> tuple[IntArray, IntArray, FloatArray]:
         """(k,): member, input and gain of each rest length that an input changes, member by member."""
         targets = [
             (target, number, gain)
-            for number, item in enumerate(self.structure.inputs)
-            for target, gain in item.rest_length_gain.items()
+            for number, source in enumerate(self.structure.inputs)
+            for target, gain in source.rest_length_gain.items()
         ]
         table = np.array(targets).reshape(-1, 3)
         table = table[np.argsort(table[:, 0], kind="stable")]

@@ -139,12 +139,12 @@ class Writer:
         return self._arrays[key]
 
     def _free_name(self, name: str) -> str:
-        taken = {*self._values, *self._texts.values()}
-        found, number = name, 1
-        while found in taken:
+        used_names = {*self._values, *self._texts.values()}
+        free_name, number = name, 1
+        while free_name in used_names:
             number += 1
-            found = f"{name}_{number}"
-        return found
+            free_name = f"{name}_{number}"
+        return free_name
 
     def _printed_arrays(self) -> Any:
         for name, (c_type, values) in self._values.items():
@@ -159,15 +159,15 @@ class Writer:
 
 def index_text(values: Array, counter: str) -> str | None:
     """Return evenly spaced indices as an expression of the counter, None if they are not."""
-    first = int(values[0])
+    start = int(values[0])
     if len(values) == 1:
-        return str(first)
-    step = int(values[1]) - first
-    if not np.array_equal(values, first + step * np.arange(len(values))):
+        return str(start)
+    step = int(values[1]) - start
+    if not np.array_equal(values, start + step * np.arange(len(values))):
         return None
     if step == 0:
-        return str(first)
+        return str(start)
     product = counter if step == 1 else f"{step} * {counter}"
-    if first == 0:
+    if start == 0:
         return product
-    return f"{first} + {product}" if step > 0 else f"{first} - {-step} * {counter}"
+    return f"{start} + {product}" if step > 0 else f"{start} - {-step} * {counter}"
