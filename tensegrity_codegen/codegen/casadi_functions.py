@@ -25,8 +25,7 @@ from tensegrity_codegen.codegen.print.printer import print_body
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS, MOST_OPERATIONS, check_unrollable
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.build import build_model
-from tensegrity_codegen.symbolic.model import SymbolicModel
-from tensegrity_codegen.symbolic.operations import count_operations
+from tensegrity_codegen.symbolic.model import SymbolicModel, count_operations
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import Pattern, SourcePart
 from tensegrity_codegen.tables.quantities import PARAMETERS, STATE

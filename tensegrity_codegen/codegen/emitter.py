@@ -9,8 +9,7 @@ import casadi as ca
 
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.symbolic.model import Frame, ModelArgument, SymbolicModel
-from tensegrity_codegen.symbolic.operations import count_operations
+from tensegrity_codegen.symbolic.model import Frame, ModelArgument, SymbolicModel, count_operations
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import Pattern
 from tensegrity_codegen.tables.precision import Precision

@@ -13,6 +13,7 @@ import numpy as np
 from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.memory import find_start
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.symbolic.geometry import Scalar
 from tensegrity_codegen.symbolic.model import ModelArgument
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole
@@ -22,7 +23,6 @@ from tensegrity_codegen.tables.manifest import SET_STATES
 from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS
 
 WITH_MEMBERS = "Internal states: memory of members, deflections of contacts with friction."
-Scalar = Any  # a 1 x 1 casadi.SX, symbolic or a number
 
 
 class SymbolicArguments:
@@ -95,27 +95,27 @@ class SymbolicArguments:
         self.lag: dict[str, Scalar] = {}  # command - u, by actuator
         self.motor_rate: dict[str, Scalar] = {}  # u', by internal state
         lagging = self.structure.lagging_actuators
-        for index, item in enumerate(self.structure.inputs):
+        for index, source in enumerate(self.structure.inputs):
             u = self.symbols["input"][index]
-            if motor := lagging.get(item.name):
+            if motor := lagging.get(source.name):
                 self.lag[motor.name] = u - self.internal[motor.state_name]
                 u, rate = self.internal[motor.state_name], self.lag[motor.name] / motor.time_constant
                 limited = ca.fmin(ca.fmax(rate, -motor.rate), motor.rate) if motor.has_rate else rate
                 self.motor_rate[motor.state_name] = limited
-                self.rest_rate |= {e: self.rest_rate.get(e, ca.SX(0.0)) + limited for e in item.targets}
-            for e, gain in item.rest_length_gain.items():
+                self.rest_rate |= {e: self.rest_rate.get(e, ca.SX(0.0)) + limited for e in source.targets}
+            for e, gain in source.rest_length_gain.items():
                 self.rest_length[e] = self.rest_length[e] + gain * u
-            for node in item.targets if item.kind == "force" else ():
+            for node in source.targets if source.kind == "force" else ():
                 load = self.node_load[node]
                 for column, axis in enumerate(self.structure.axes):
-                    load[column] = load[column] + u * item.direction[axis]
+                    load[column] = load[column] + u * source.direction[axis]
 
     def _add_slips(self) -> None:
         """Let what has slid through rings lengthen the strand behind each, and shorten the one before."""
         for cable in self.structure.sliding:
-            for name, (before, behind) in zip(cable.state_names, cable.pairs, strict=True):
+            for name, (before, after) in zip(cable.state_names, cable.pairs, strict=True):
                 self.rest_length[before] = self.rest_length[before] - self.internal[name]
-                self.rest_length[behind] = self.rest_length[behind] + self.internal[name]
+                self.rest_length[after] = self.rest_length[after] + self.internal[name]
 
     def _argument(self, name: str) -> ModelArgument:
         nominal = nominal_value(self.structure, self.parameters, name)
@@ -188,7 +188,7 @@ def describe_argument(structure: Structure, name: str) -> tuple[str, str]:
     """Return sentence and unit of an argument where they differ from the table of arguments, else ""."""
     if name == "internal" and structure.remembers.any():
         return WITH_MEMBERS, ""
-    if name != "input" or all(item.kind != "temperature" for item in structure.inputs):
+    if name != "input" or all(source.kind != "temperature" for source in structure.inputs):
         return "", ""
     return "Rest-length changes, changes of temperature and forces of the inputs.", "m, K or N"
 
@@ -197,15 +197,15 @@ def nominal_value(
     structure: Structure, parameters: Mapping[str, tuple[int, ...]], name: str
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return an argument's value in the scene, in C order, and the names it runs over."""
-    axes, places = list(structure.axes), structure.coordinate_node_axis
+    axes, node_axes = list(structure.axes), structure.coordinate_node_axis
     if name == "coordinate":
-        return structure.node_position[places[:, 0], places[:, 1]], ()
+        return structure.node_position[node_axes[:, 0], node_axes[:, 1]], ()
     if name == "velocity":
-        return structure.node_velocity[places[:, 0], places[:, 1]], ()
+        return structure.node_velocity[node_axes[:, 0], node_axes[:, 1]], ()
     if name == "internal":
         return find_start(structure), structure.internal_name
     if name == "input":
-        return np.zeros(len(structure.inputs)), tuple(item.name for item in structure.inputs)
+        return np.zeros(len(structure.inputs)), tuple(source.name for source in structure.inputs)
     if name == "gravity":
         return structure.gravity[axes], ()
     chosen = list(parameters[name])

@@ -52,24 +52,26 @@ def _add_jumps(
     cables = np.flatnonzero(model.subject.tension_only).tolist()
     weight = ca.SX.sym("margin_weight", len(cables))
     argument = model.arguments.setdefault("margin_weight", ModelArgument(weight, np.zeros(len(cables))))
-    own = {name: request.parameters.get(name, ()) for name in TENSIONS}
-    chosen = {name: tuple(dict.fromkeys((*own[name], *jumping))) for name in TENSIONS}
+    parameters = {name: request.parameters.get(name, ()) for name in TENSIONS}
+    chosen = {name: tuple(dict.fromkeys((*parameters[name], *jumping))) for name in TENSIONS}
 
     def find_jump() -> ca.SX:
         free = build(model.subject, replace(request, parameters={**request.parameters, **chosen}))
-        given = {name: item.symbol for name, item in model.arguments.items()}
+        symbol_of = {name: model_argument.symbol for name, model_argument in model.arguments.items()}
         along = []
         for name, members in chosen.items():
-            item = free.arguments[name]
-            values = {e: given[name][k] for k, e in enumerate(own[name])}
-            given[name] = ca.vertcat(*[values.get(e, x) for e, x in zip(members, item.nominal, strict=True)])
-            shares = [argument.symbol[cables.index(e)] if e in jumping else 0.0 for e in members]
-            along.append(ca.vertcat(*shares) * item.symbol)
+            variable = free.arguments[name]
+            values = {e: symbol_of[name][k] for k, e in enumerate(parameters[name])}
+            symbol_of[name] = ca.vertcat(
+                *[values.get(e, x) for e, x in zip(members, variable.nominal, strict=True)]
+            )
+            shifts = [argument.symbol[cables.index(e)] if e in jumping else 0.0 for e in members]
+            along.append(ca.vertcat(*shifts) * variable.symbol)
         rates = ca.densify(free.expression("state_derivative"))
         change = ca.jtimes(rates, free.stack(TENSIONS), ca.vertcat(*along))
         names = [*free.arguments, "margin_weight"]
-        symbols = [*(item.symbol for item in free.arguments.values()), argument.symbol]
-        return ca.Function("jump", symbols, [change])(*[given[name] for name in names])
+        symbols = [*(model_argument.symbol for model_argument in free.arguments.values()), argument.symbol]
+        return ca.Function("jump", symbols, [change])(*[symbol_of[name] for name in names])
 
     model.offer({"margin_jump": find_jump})
 
@@ -93,15 +95,15 @@ def _add_adjoint(model: SymbolicModel) -> None:
 def _add_columns(model: SymbolicModel, request: ModelRequest) -> None:
     """Add the derivatives that are integrated beside a motion: arguments, rates, names of columns."""
     names = request.directions or _name_columns(model, request.columns)
-    state, given = model.stack(STATE), model.stack(DIRECTED)
-    column, direction = ca.SX.sym("column", state.numel()), ca.SX.sym("direction", given.numel())
+    state, directed = model.stack(STATE), model.stack(DIRECTED)
+    column, direction = ca.SX.sym("column", state.numel()), ca.SX.sym("direction", directed.numel())
     start, along = _find_nominal(model, request, len(names))
     model.frame = replace(model.frame, column_name=names)
     model.arguments["column"] = ModelArgument(column, start)
     model.arguments["direction"] = ModelArgument(direction, along)
 
     def find_change(quantity: str) -> ca.SX:
-        variables, change = ca.vertcat(state, given), ca.vertcat(column, direction)
+        variables, change = ca.vertcat(state, directed), ca.vertcat(column, direction)
         return ca.jtimes(ca.densify(model.expression(quantity)), variables, change)
 
     def find_rates() -> ca.SX:
@@ -114,11 +116,11 @@ def _add_columns(model: SymbolicModel, request: ModelRequest) -> None:
 
 def check_columns(model: SymbolicModel, request: ModelRequest) -> None:
     """Raise FormulationError or UnknownNameError for derivatives of motions that no library integrates."""
-    where, ground = f"{model.name}: columns", getattr(model.subject, "ground", None)
+    location, ground = f"{model.name}: columns", getattr(model.subject, "ground", None)
     starts = () if model.frame.rigid_bar else STARTS
     inputs = ("input",) if model.frame.input_name else ()
     for name in request.columns:
-        check_choice(name, (*starts, *request.parameters, *inputs), "number to differentiate to", where)
+        check_choice(name, (*starts, *request.parameters, *inputs), "number to differentiate to", location)
     if len(set(request.directions)) < len(request.directions):
         raise DuplicateNameError("two directions have one name", where=f"{model.name}: directions")
     foreign = {
@@ -134,11 +136,11 @@ def check_columns(model: SymbolicModel, request: ModelRequest) -> None:
     }
     tableaus = {name: INTEGRATORS[name].tableau for name in request.integrators if name in INTEGRATORS}
     foreign |= {f"integrator {name!r}": table is None or not table.errors for name, table in tableaus.items()}
-    for what, is_foreign in foreign.items():
+    for feature, is_foreign in foreign.items():
         if is_foreign:
             raise FormulationError(
-                f"motions are not differentiated with {what}",
-                where=where,
+                f"motions are not differentiated with {feature}",
+                where=location,
                 allowed="node positions or rigid bars, emitter unrolled, rk54, tsit5 and rk853",
                 hint="build another library for this",
             )
@@ -148,16 +150,16 @@ def _name_columns(model: SymbolicModel, columns: Sequence[str]) -> tuple[str, ..
     """Return the names of the numbers that motions are differentiated to: starts, then parameters."""
     names: list[str] = []
     for argument in (name for name in model.arguments if name in columns):
-        item = model.arguments[argument]
+        model_argument = model.arguments[argument]
         axes = ["xyz"[axis] for axis in model.frame.axes]
         if argument in STARTS:
             names += [f"{argument}.{name}" for name in model.frame.coordinate_name]
         elif argument == "gravity":
             names += [f"gravity.{axis}" for axis in axes]
-        elif item.nominal.ndim == 2:
-            names += [f"{argument}.{name}_{axis}" for name in item.over for axis in axes]
+        elif model_argument.nominal.ndim == 2:
+            names += [f"{argument}.{name}_{axis}" for name in model_argument.over for axis in axes]
         else:
-            names += [f"{argument}.{name}" for name in item.over]
+            names += [f"{argument}.{name}" for name in model_argument.over]
     return tuple(names)
 
 
@@ -167,16 +169,17 @@ def _find_nominal(model: SymbolicModel, request: ModelRequest, count: int) -> tu
     Otherwise one number each, times its size, so that a tolerance means the same for all.
     """
     rows = {name: model.arguments[name].nominal for name in (*STATE, *DIRECTED) if name in model.arguments}
-    found = {name: np.zeros((value.size, count)) for name, value in rows.items()}
-    wanted = [name for name in model.arguments if name in request.columns]
+    columns = {name: np.zeros((value.size, count)) for name, value in rows.items()}
+    names = [name for name in model.arguments if name in request.columns]
     first = 0
-    for name in wanted:
+    for name in names:
         size = rows[name].size
         scale = np.ones(size) if name in STARTS else np.abs(rows[name].ravel())
-        found[name][:, first : first + size] = np.diag(np.where(scale > 0, scale, 1.0))
+        columns[name][:, first : first + size] = np.diag(np.where(scale > 0, scale, 1.0))
         first += size
     none = np.zeros((0, count))
     start, along = (
-        np.vstack([none, *(found[name] for name in names if name in found)]) for names in (STATE, DIRECTED)
+        np.vstack([none, *(columns[name] for name in names if name in columns)])
+        for names in (STATE, DIRECTED)
     )
     return start, along

@@ -4,7 +4,7 @@ from typing import Any
 
 import casadi as ca
 
-Scalar = Any
+Scalar = Any  # a 1 x 1 casadi.SX, symbolic or a number
 Vector = list[Scalar]
 
 # Added to the square of a cable's length [m2]: less than rounding from 1e-11 m on, and a normal number in

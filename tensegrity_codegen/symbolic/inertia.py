@@ -5,16 +5,13 @@ mass of a uniform bar whose points move linearly between its ends). Nodes that n
 stay diagonal; the others fall into small groups, one factorisation each.
 """
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
 from tensegrity_codegen.structure.inertia_plan import InertiaPlan, refuse_bare
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.structure.symmetric_factor import SymmetricFactor, factorise
-
-Scalar = Any
+from tensegrity_codegen.symbolic.geometry import Scalar
 
 
 class Inertia:
@@ -27,8 +24,8 @@ class Inertia:
         self.structure = structure
         self.node_mass = list(node_mass)
         self.plan = InertiaPlan(structure)
-        shares = zip(node_mass, self.plan.diagonal_share, strict=True)
-        self.diagonal = [mass + float(share) for mass, share in shares]
+        mass_pairs = zip(node_mass, self.plan.diagonal_share, strict=True)
+        self.diagonal = [mass + float(bar_mass) for mass, bar_mass in mass_pairs]
         self.coupling = {
             (int(i), int(j)): float(mass)
             for (i, j), mass in zip(self.plan.pair, self.plan.pair_mass, strict=True)
@@ -93,5 +90,5 @@ class Inertia:
 
     def weight_mass(self) -> list[Scalar]:
         """Return the mass whose weight each node carries [kg]: its own and half of each bar's."""
-        shares = zip(self.node_mass, self.plan.weight_share, strict=True)
-        return [mass + float(share) for mass, share in shares]
+        mass_pairs = zip(self.node_mass, self.plan.weight_share, strict=True)
+        return [mass + float(bar_mass) for mass, bar_mass in mass_pairs]

@@ -20,16 +20,12 @@ the triple product (w x v) . n / n^2, n = u x v, which keeps its digits where th
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any
 
 import casadi as ca
 
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.symbolic.geometry import dot
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot
 from tensegrity_codegen.system.errors import FormulationError
-
-Scalar = Any
-Vector = list[Scalar]
 
 # Value of bar_distance_case -> name. C_i is the foot of the axes' common normal on the line of bar i;
 # "outside" means beyond an end of the bar; "end" and "inner" are where the nearest points lie.
@@ -87,18 +83,18 @@ def build_bar_contact(a: Vector, b: Vector, c: Vector, d: Vector, radii: Scalar 
     n = _cross(u, v)
     nn = dot(n, n)
     parallel = ca.logic_not(nn > PARALLEL * PARALLEL * uu * vv)
-    first = _over(dot(_cross(w, v), n), nn)
+    offset = _over(dot(_cross(w, v), n), nn)
     second = _over(dot(_cross(w, u), n), nn)
     start, end = _over(dot(w, u), uu), _over(dot(w, u) + dot(v, u), uu)
     middle = (ca.fmax(0, ca.fmin(start, end)) + ca.fmin(1, ca.fmax(start, end))) / 2
-    s = _clamp(ca.if_else(parallel, middle, first))
+    s = _clamp(ca.if_else(parallel, middle, offset))
     t = _clamp(_over(s * dot(u, v) - dot(w, v), vv))
     s = _clamp(_over(t * dot(u, v) + dot(w, u), uu))
     p = [x + s * y for x, y in zip(a, u, strict=True)]
     q = [x + t * y for x, y in zip(c, v, strict=True)]
     gap = _minus(q, p)
     axes = ca.sqrt(dot(gap, gap))
-    feet = (_is_within(first), _is_within(second))
+    feet = (_is_within(offset), _is_within(second))
     no_length = ca.logic_or(ca.logic_not(uu > 0), ca.logic_not(vv > 0))
     case = ca.if_else(no_length, 11, ca.if_else(parallel, _parallel_case(s, t), _case(feet, s, t)))
     aside = [_over(x, ca.sqrt(nn)) for x in n]
@@ -162,10 +158,10 @@ class BarPairs:
         columns: list[int] = []
         values: list[ca.SX] = []
         for row, pair in enumerate(self.pairs):
-            for place, bar in enumerate(pair):
+            for end, bar in enumerate(pair):
                 rows += [row] * width
                 columns += range(bar * width, (bar + 1) * width)
-                values.append(gradient[place * width : (place + 1) * width, row])
+                values.append(gradient[end * width : (end + 1) * width, row])
         points = ca.vertcat(*[ca.vertcat(*point) for two in self.ends for point in two])
         stacked = ca.SX.triplet(
             rows, columns, ca.vertcat(*values), len(self.pairs), 2 * size * len(self.ends)
@@ -179,7 +175,7 @@ class BarPairs:
         for first, second in self.pairs:
             four = [ca.vertcat(*point) for bar in (first, second) for point in self.ends[bar]]
             columns.append(self._kernel.call([*four, ca.SX(self.radius[first] + self.radius[second])]))
-        return [ca.horzcat(*items) for items in zip(*columns, strict=True)]
+        return [ca.horzcat(*entries) for entries in zip(*columns, strict=True)]
 
     @cached_property
     def _kernel(self) -> ca.Function:
@@ -195,7 +191,7 @@ class BarPairs:
             ca.vertcat(*contact.points[0], *contact.points[1]),
             ca.vertcat(*[component for vector in contact.gradient for component in vector]),
         ]
-        return ca.Function("bar_contact", [*points, radii], [ca.SX(item) for item in outputs])
+        return ca.Function("bar_contact", [*points, radii], [ca.SX(output) for output in outputs])
 
 
 def build_bar_quantities(

@@ -66,7 +66,7 @@ class Frame:
 
 def frame_structure(structure: Structure) -> Frame:
     """Return the frame of a model whose coordinates are the structure's free node coordinates."""
-    places = _pairs(structure.coordinate_node_axis)
+    node_axes = _pairs(structure.coordinate_node_axis)
     name = structure.member_name
     return Frame(
         axes=structure.axes,
@@ -75,9 +75,9 @@ def frame_structure(structure: Structure) -> Frame:
         node_velocity=structure.node_velocity,
         member_name=structure.member_name,
         connectivity=_pairs(structure.connectivity),
-        coordinate_name=tuple(f"{structure.node_name[node]}_{'xyz'[axis]}" for node, axis in places),
-        coordinate_node_axis=places,
-        input_name=tuple(item.name for item in structure.inputs),
+        coordinate_name=tuple(f"{structure.node_name[node]}_{'xyz'[axis]}" for node, axis in node_axes),
+        coordinate_node_axis=node_axes,
+        input_name=tuple(source.name for source in structure.inputs),
         find_bar_pair=lambda: tuple((name[i], name[j]) for i, j in structure.bar_pairs),
         internal_name=structure.internal_name,
         contact_name=structure.contact_name,
@@ -150,3 +150,10 @@ class SymbolicModel:
         if quantity not in self._built:
             self._built[quantity] = ca.SX(self._builders[quantity]())
         return self._built[quantity]
+
+
+def count_operations(function: ca.Function) -> int:
+    """Return the number of floating-point operations in one evaluation of an SX function."""
+    codes = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
+    count = function.n_instructions()
+    return sum(function.instruction_id(k) not in codes for k in range(count))

@@ -11,25 +11,18 @@ import numpy as np
 from tensegrity_codegen.structure.ground import ENERGY_STATES
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.geometry import dot, member_vector
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot, member_vector
 from tensegrity_codegen.symbolic.inertia import Inertia
 from tensegrity_codegen.symbolic.interference import BarPairs, pair_members
-from tensegrity_codegen.symbolic.members.member import Member
-from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
-from tensegrity_codegen.symbolic.members.member_memory import build_member_memories
-from tensegrity_codegen.symbolic.members.member_set import MemberSet
-from tensegrity_codegen.symbolic.members.ring_cable import Pairs
-from tensegrity_codegen.symbolic.members.ring_friction import RingFriction
-from tensegrity_codegen.symbolic.memory import POWERS, Memory
-from tensegrity_codegen.symbolic.motors import Motors
+from tensegrity_codegen.symbolic.members.member import Member, MemberBlocks
+from tensegrity_codegen.symbolic.members.member_set import MemberSet, build_member_memories
+from tensegrity_codegen.symbolic.members.rings import Pairs, RingFriction
+from tensegrity_codegen.symbolic.memory import POWERS, Memory, Motors
 from tensegrity_codegen.symbolic.node_forces import build_node_forces
 from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce
-from tensegrity_codegen.symbolic.node_quantities import build_node_quantities
+from tensegrity_codegen.symbolic.quantities import build_node_quantities
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
 from tensegrity_codegen.tables.quantities import STATE
-
-Scalar = Any
-Vector = list[Scalar]
 
 
 class NodeCoordinates:
@@ -84,7 +77,7 @@ class NodeCoordinates:
     def net_force(self) -> list[Vector]:
         """Weight, load, member forces and those of the ground on every node [N]."""
         total = self.members.add_to(self.external_force, lambda member: member.density)
-        return _add_forces(total, (part.forces() for part in self.node_forces))
+        return _add_forces(total, (force.forces() for force in self.node_forces))
 
     # Forces on nodes besides members, and what these remember
 
@@ -96,46 +89,46 @@ class NodeCoordinates:
     @cached_property
     def memories(self) -> Sequence[Memory]:
         """What remembers, and the other forces on nodes."""
-        found: list[Memory] = [*self.node_forces, *build_member_memories(self.structure, self.members)]
+        memories: list[Memory] = [*self.node_forces, *build_member_memories(self.structure, self.members)]
         if self.structure.lagging_actuators:
-            found.append(Motors(self.arguments))
+            memories.append(Motors(self.arguments))
         if self.structure.sliding:
-            found.append(RingFriction(self.members.members, self.members.slips))
-        return found
+            memories.append(RingFriction(self.members.members, self.members.slips))
+        return memories
 
     def memory_quantities(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of what forces on nodes and memory offer, none where there is nothing."""
         if not self.memories:
             return {}
-        found: dict[str, Callable[[], ca.SX]] = {"energy_rate": self.energy_rate}
+        builders: dict[str, Callable[[], ca.SX]] = {"energy_rate": self.energy_rate}
         names = ("friction", "impact") if self.node_forces else ("friction",) * bool(self.structure.sliding)
         for name in names:
-            found[f"{name}_power"] = partial(self.powers.__getitem__, name)
-        for part in self.memories:
-            found |= part.builders()
+            builders[f"{name}_power"] = partial(self.powers.__getitem__, name)
+        for memory in self.memories:
+            builders |= memory.builders()
         if self.structure.internal_name:
-            found["internal_rate"] = self.internal_rate
-        if any(part.settled() for part in self.memories):
-            found["settled_internal"] = self.settled_internal
+            builders["internal_rate"] = self.internal_rate
+        if any(memory.settled() for memory in self.memories):
+            builders["settled_internal"] = self.settled_internal
         if self.structure.relaxes.any():
-            found["relaxed_internal"] = self.relaxed_internal
-        return found
+            builders["relaxed_internal"] = self.relaxed_internal
+        return builders
 
     def settled_internal(self) -> ca.SX:
         """Return what the internal states become at an event, (n_internal, 1)."""
-        return self._put_internal(part.settled() for part in self.memories)
+        return self._put_internal(memory.settled() for memory in self.memories)
 
     def relaxed_internal(self) -> ca.SX:
         """Return what the internal states come to at rest after infinite time, (n_internal, 1)."""
-        return self._put_internal({**part.settled(), **part.relaxed()} for part in self.memories)
+        return self._put_internal({**memory.settled(), **memory.relaxed()} for memory in self.memories)
 
-    def _put_internal(self, parts: Iterable[Mapping[str, Scalar]]) -> ca.SX:
-        settled = {name: value for part in parts for name, value in part.items()}
+    def _put_internal(self, states: Iterable[Mapping[str, Scalar]]) -> ca.SX:
+        settled = {name: value for state in states for name, value in state.items()}
         return ca.vertcat(*[settled.get(name, old) for name, old in self.arguments.internal.items()])
 
     def internal_rate(self) -> ca.SX:
         """Return the rates z' of the internal states, (n_internal, 1); those set at events are constant."""
-        rates = {name: rate for part in self.memories for name, rate in part.internal_rates().items()}
+        rates = {name: rate for memory in self.memories for name, rate in memory.internal_rates().items()}
         names = self.structure.internal_name
         if set(ENERGY_STATES) <= set(names):
             powers = {**self.powers, "damping": self.damping_power()}
@@ -150,7 +143,7 @@ class NodeCoordinates:
     def force_jacobian(self) -> ca.SX:
         """Return df/dx of the forces on nodes besides members and loads, (n_coordinates, n_states)."""
         zeros = [[ca.SX(0.0)] * len(self.structure.axes) for _ in range(self.structure.n_nodes)]
-        total = _add_forces(zeros, (part.forces() for part in self.node_forces))
+        total = _add_forces(zeros, (force.forces() for force in self.node_forces))
         return ca.jacobian(self.map.free(total), self.state())
 
     def energy_rate(self) -> Scalar:
@@ -167,10 +160,10 @@ class NodeCoordinates:
     @cached_property
     def powers(self) -> dict[str, Scalar]:
         """What all forces on nodes and memory add to the total energy, see Memory.powers [W]."""
-        found = {name: ca.SX(0.0) for name in POWERS}
-        for part in self.memories:
-            found |= {name: found[name] + power for name, power in part.powers().items()}
-        return found
+        powers = {name: ca.SX(0.0) for name in POWERS}
+        for memory in self.memories:
+            powers |= {name: powers[name] + power for name, power in memory.powers().items()}
+        return powers
 
     def node_values(self) -> dict[str, Callable[[], Sequence[Any]]]:
         """Return what quantities of nodes may use -> function that returns it of all nodes."""
@@ -187,8 +180,8 @@ class NodeCoordinates:
 
     def node_quantities(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of all quantities of nodes."""
-        parts = {"n_coordinates": self.map.free, "n_anchored_coordinates": self.map.anchored}
-        return build_node_quantities(self.node_values(), self.structure.n_nodes, parts)
+        stacks = {"n_coordinates": self.map.free, "n_anchored_coordinates": self.map.anchored}
+        return build_node_quantities(self.node_values(), self.structure.n_nodes, stacks)
 
     # Two-sided linear members apart from the others, for integrators whose unknowns their tensions are
 
@@ -219,12 +212,12 @@ class NodeCoordinates:
     def net_static_force(self) -> list[Vector]:
         """Weight, load, member forces and those of the ground on every node at rest [N]."""
         total = self.members.add_to(self.external_force, lambda member: member.static_density)
-        return _add_forces(total, (part.static_forces() for part in self.node_forces))
+        return _add_forces(total, (force.static_forces() for force in self.node_forces))
 
     def tangent_stiffness(self) -> ca.SX:
         """Return the Hessian of U with constant z, sparse (n_coordinates, n_coordinates) [N/m]."""
         stiffness = self.assembled({e: member.tangent_block() for e, member in self.each_member()})
-        blocks = [item for part in self.node_forces for item in part.static_stiffness().items()]
+        blocks = [entry for force in self.node_forces for entry in force.static_stiffness().items()]
         if not blocks:
             return stiffness
         free = {
@@ -254,14 +247,14 @@ class NodeCoordinates:
 
         Sparse (n_coordinates, n_members).
         """
-        parts = [
+        blocks = [
             (e, node, direction, sign)
             for e, member in self.each_member()
             for strand, (i, j) in zip(member.strands, self.members.strand_ends[e], strict=True)
             for direction in (vector(strand),)
             for node, sign in ((i, 1), (j, -1))
         ]
-        return self.map.node_columns(parts, len(self.ends))
+        return self.map.node_columns(blocks, len(self.ends))
 
     def each_member(self) -> Iterable[tuple[int, Member]]:
         """Return index and member of all."""
@@ -286,8 +279,8 @@ class NodeCoordinates:
         for force, position in zip(self.external_force, self.arguments.position, strict=True):
             work = work + dot(force, position)
         energy = self.members.elastic_energy() - work
-        for part in self.memories:
-            energy = energy + part.stored_energy()
+        for memory in self.memories:
+            energy = energy + memory.stored_energy()
         return energy
 
     def kinetic_energy(self) -> Scalar:
@@ -336,8 +329,8 @@ class NodeCoordinates:
         return ca.vertcat(*result)
 
 
-def _add_forces(total: list[Vector], parts: Iterable[Mapping[int, Vector]]) -> list[Vector]:
+def _add_forces(total: list[Vector], added: Iterable[Mapping[int, Vector]]) -> list[Vector]:
     """Return forces on nodes with those of other parts, node -> force, added [N]."""
-    for node, force in (item for part in parts for item in part.items()):
+    for node, force in (entry for forces in added for entry in forces.items()):
         total[node] = [t + f for t, f in zip(total[node], force, strict=True)]
     return total

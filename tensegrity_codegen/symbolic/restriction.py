@@ -122,8 +122,8 @@ class RestrictedBodies:
     def balance(self, s: ArrayLike, rate: ArrayLike, change: ArrayLike) -> Balance:
         """Return the full equations at s, s', s'', each (n_parameters,). Raises NonFiniteError."""
         values = [self._numbers(value) for value in (s, rate, change)]
-        own, tendon, inputs, jacobian = (np.array(item) for item in self._balance(*values))
-        return Balance(own.ravel(), tendon, inputs, jacobian)
+        inertial, tendon, inputs, jacobian = (np.array(term) for term in self._balance(*values))
+        return Balance(inertial.ravel(), tendon, inputs, jacobian)
 
     def group_matrix(self, s: ArrayLike) -> FloatArray:
         """Return J^T A G at many configurations, s (n, n_parameters) -> (n, n_parameters, n_groups)."""
@@ -132,18 +132,18 @@ class RestrictedBodies:
         return stacked.reshape(len(self.parameter), len(table), len(self.group)).transpose(1, 0, 2)
 
     def find_control(
-        self, s: ArrayLike, rate: ArrayLike, change: ArrayLike, known: ArrayLike, free: Sequence[int]
+        self, s: ArrayLike, rate: ArrayLike, change: ArrayLike, fixed: ArrayLike, free: Sequence[int]
     ) -> Control:
         """Return group tensions and the `free` inputs that balance all equations, in least squares.
 
-        known (n_inputs,): the values of the other inputs; those of free ones are ignored.
+        fixed (n_inputs,): the values of the other inputs; those of free ones are ignored.
         """
-        balance, inputs, chosen = self.balance(s, rate, change), np.array(known, dtype=float), list(free)
+        balance, inputs, chosen = self.balance(s, rate, change), np.array(fixed, dtype=float), list(free)
         inputs[chosen] = 0.0
         right = balance.own_force + balance.input_matrix @ inputs
         matrix = np.hstack([balance.tendon_matrix, balance.input_matrix[:, chosen]])
-        found, _, rank, _ = np.linalg.lstsq(matrix, -right, rcond=None)
-        tension, inputs[chosen] = found[: len(self.group)], found[len(self.group) :]
+        solution, _, rank, _ = np.linalg.lstsq(matrix, -right, rcond=None)
+        tension, inputs[chosen] = solution[: len(self.group)], solution[len(self.group) :]
         return Control(tension, inputs, balance.residual(tension, inputs), int(rank))
 
     def _build(self, s: ca.SX, rate: ca.SX, change: ca.SX, q: ca.SX) -> None:
@@ -152,22 +152,21 @@ class RestrictedBodies:
         speed = ca.mtimes(jacobian, rate)
         acceleration = ca.mtimes(jacobian, change) + ca.jtimes(speed, s, rate)
         at = {name: self._substitute(name, q, speed) for name in _NEEDED}
-        own = ca.mtimes(at["mass_matrix"], acceleration) + at["coriolis_force"]
-        own = own + ca.mtimes(at["damping_matrix"], speed) - at["coordinate_force"]
+        inertial = ca.mtimes(at["mass_matrix"], acceleration) + at["coriolis_force"]
+        inertial = inertial + ca.mtimes(at["damping_matrix"], speed) - at["coordinate_force"]
         tendon = ca.mtimes(at["equilibrium_matrix"], self._repetition())
         self._place = ca.Function("place", [s], [ca.densify(q)])
         self._speed = ca.Function("speed", [s, rate], [ca.densify(speed)])
         self._length = ca.Function("length", [s], [ca.densify(at["member_length"])])
         self._group = ca.Function("group", [s], [ca.densify(ca.mtimes(jacobian.T, tendon))])
-        parts = [ca.densify(item) for item in (own, tendon, at["load_matrix"], jacobian)]
-        self._balance = ca.Function("balance", [s, rate, change], parts)
+        terms = [ca.densify(term) for term in (inertial, tendon, at["load_matrix"], jacobian)]
+        self._balance = ca.Function("balance", [s, rate, change], terms)
 
     def _substitute(self, quantity: str, q: ca.SX, speed: ca.SX) -> ca.SX:
         symbols = [argument.symbol for argument in self._model.arguments.values()]
         values = {"coordinate": q, "velocity": speed}
-        given = [values.get(name, ca.SX(item.symbol.shape[0], item.symbol.shape[1])) for name, item in
-                 self._model.arguments.items()]  # fmt: skip
-        return ca.Function(quantity, symbols, [self._model.expression(quantity)])(*given)
+        arguments = [values.get(name, ca.SX(*a.symbol.shape)) for name, a in self._model.arguments.items()]
+        return ca.Function(quantity, symbols, [self._model.expression(quantity)])(*arguments)
 
     def _repetition(self) -> ca.SX:
         """Return G, (n_members, n_groups): one where the tendon is in the group."""

@@ -28,11 +28,11 @@ def check_no_rigid_bar(structure: Structure, formulation: str) -> None:
     rigid = np.flatnonzero(structure.is_rigid)
     if rigid.size:
         name = structure.member_name[rigid[0]]
-        others = f" and {rigid.size - 1} more" if rigid.size > 1 else ""
+        remaining = f" and {rigid.size - 1} more" if rigid.size > 1 else ""
         raise FormulationError(
             f"formulation {formulation!r} has no rigid bars",
             where=f"{structure.name}: members.{name}",
-            given=f"bar {name}{others} without axial_stiffness and spring_constant",
+            given=f"bar {name}{remaining} without axial_stiffness and spring_constant",
             allowed="axial_stiffness > 0 [N] or spring_constant > 0 [N/m] on every bar",
             hint='formulation = "rigid_bar", or give the bar a stiffness, 1,000 times that of the cables is '
             "nearly rigid",
@@ -87,12 +87,12 @@ def _check_no_moved_bar(structure: Structure, rigid: NDArray[np.bool_], request:
     problems = {"temperature": "a rigid bar keeps its length at every temperature"}
     if keeps_scene_lengths(complete_options(request.formulation, request.options)):
         problems["rest_length"] = 'bars that options.bars = "all" keeps rigid have no rest length to change'
-    for item in structure.inputs:
-        moved = [e for e in item.targets if rigid[e]] if item.kind in problems else []
+    for source in structure.inputs:
+        moved = [e for e in source.targets if rigid[e]] if source.kind in problems else []
         if moved:
             raise FormulationError(
-                problems[item.kind],
-                where=f"{structure.name}: inputs.{item.name}",
+                problems[source.kind],
+                where=f"{structure.name}: inputs.{source.name}",
                 given=structure.member_name[moved[0]],
                 allowed="members that are no rigid bars",
                 hint='formulation = "node_position", in which bars with a stiffness change their lengths',
@@ -104,8 +104,8 @@ def find_redundant(structure: Structure, members: NDArray[np.int64]) -> NDArray[
 
     From the rank of the unit vectors along the bars, (n_coordinates, n_bars), by a pivoted QR factorisation.
     """
-    found = [_find_dependent(structure, members[group]) for group in _join_bars(structure, members)]
-    return np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *found]))
+    dependent = [_find_dependent(structure, members[group]) for group in _join_bars(structure, members)]
+    return np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *dependent]))
 
 
 def _join_bars(structure: Structure, members: NDArray[np.int64]) -> list[NDArray[np.int64]]:

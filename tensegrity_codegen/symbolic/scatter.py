@@ -7,9 +7,8 @@ from typing import Any
 import casadi as ca
 
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
-
-Scalar = Any
+from tensegrity_codegen.symbolic.geometry import Scalar
+from tensegrity_codegen.symbolic.members.member import MemberBlocks
 
 
 class CoordinateMap:
@@ -31,10 +30,10 @@ class CoordinateMap:
 
     def coordinate_nodes(self) -> dict[int, list[tuple[int, int]]]:
         """Return node -> (coordinate, axis) of its free components, in ascending order."""
-        places: dict[int, list[tuple[int, int]]] = {}
+        entries_of: dict[int, list[tuple[int, int]]] = {}
         for (node, axis), position in self.index.items():
-            places.setdefault(node, []).append((position, axis))
-        return places
+            entries_of.setdefault(node, []).append((position, axis))
+        return entries_of
 
     def indices(self, nodes: list[int], axis: int) -> list[int]:
         """Return the coordinates of free `nodes` along `axis`."""
@@ -85,35 +84,35 @@ class CoordinateMap:
         for e, end in order:
             if e not in blocks:
                 continue
-            own, other = ends[e][end], ends[e][1 - end]
+            own, far_node = ends[e][end], ends[e][1 - end]
             for r, row_axis in enumerate(self.axes):
                 for c, column_axis in enumerate(self.axes):
                     column = self.index.get((own, column_axis))
-                    for node, sign in ((own, 1), (other, -1)):
+                    for node, sign in ((own, 1), (far_node, -1)):
                         row = self.index.get((node, row_axis))
                         if row is not None and column is not None:
                             self._add(entries, row, column, blocks[e].entries[r][c], sign)
-        for first, second, block in pairs:
-            for (own, sign), (other, turned) in product(_signed(first), _signed(second)):
+        for row_node, second, block in pairs:
+            for (own, sign), (far_node, turned) in product(_signed(row_node), _signed(second)):
                 for (r, row_axis), (c, column_axis) in product(enumerate(self.axes), repeat=2):
-                    row, column = self.index.get((own, row_axis)), self.index.get((other, column_axis))
+                    row, column = self.index.get((own, row_axis)), self.index.get((far_node, column_axis))
                     if row is not None and column is not None:
                         self._add(entries, row, column, block.entries[r][c], sign * turned)
         return self._sparse(entries, self.n_coordinates)
 
     def member_columns(self, directions: list[list[Scalar]], ends: list[tuple[int, int]]) -> ca.SX:
         """Return one column +u at node i, -u at node j a member, sparse (n_coordinates, n_members)."""
-        parts = [
+        terms = [
             (member, node, direction, sign)
             for member, (direction, (i, j)) in enumerate(zip(directions, ends, strict=True))
             for node, sign in ((i, 1), (j, -1))
         ]
-        return self.node_columns(parts, len(directions))
+        return self.node_columns(terms, len(directions))
 
-    def node_columns(self, parts: Iterable[tuple[int, int, list[Scalar], int]], count: int) -> ca.SX:
+    def node_columns(self, terms: Iterable[tuple[int, int, list[Scalar], int]], count: int) -> ca.SX:
         """Return the sum of vectors, (column, node, vector, sign), sparse (n_coordinates, count)."""
         entries: dict[tuple[int, int], Scalar] = {}
-        for column, node, vector, sign in parts:
+        for column, node, vector, sign in terms:
             for component, axis in zip(vector, self.axes, strict=True):
                 row = self.index.get((node, axis))
                 if row is not None:
@@ -130,11 +129,11 @@ class CoordinateMap:
             entries[row, column] = present + value if sign > 0 else present - value
 
     def _sparse(self, entries: dict[tuple[int, int], Scalar], columns: int) -> ca.SX:
-        places = sorted(
+        entry_keys = sorted(
             (key for key, value in entries.items() if not value.is_zero()), key=lambda k: (k[1], k[0])
         )
-        values = [entries[place] for place in places]
-        rows, cols = [place[0] for place in places], [place[1] for place in places]
+        values = [entries[key] for key in entry_keys]
+        rows, cols = [key[0] for key in entry_keys], [key[1] for key in entry_keys]
         stacked = ca.vertcat(*values) if values else ca.SX(0, 1)
         return ca.SX.triplet(rows, cols, stacked, self.n_coordinates, columns)
 

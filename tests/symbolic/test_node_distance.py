@@ -14,8 +14,8 @@ from scipy.sparse.linalg import splu
 from tensegrity_codegen.codegen.emitter import prune
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
-from tensegrity_codegen.symbolic.distances.pair_coordinates import PairCoordinates
 from tensegrity_codegen.symbolic.inertia import Inertia
+from tensegrity_codegen.symbolic.pair_coordinates import PairCoordinates
 from tensegrity_codegen.system.errors import FormulationError, UnknownKeyError, UnknownNameError
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 from tests.cases import draws, thorough

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.bar_constraints import BarConstraints
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
-from tensegrity_codegen.symbolic.rigid_motion import RigidMotion
+from tensegrity_codegen.symbolic.rigid_motion import BarConstraints, RigidMotion
 from tests.cases import draws
 from tests.random_structures import structures
 from tests.symbolic.test_rigid_bar import make_rigid

@@ -27,7 +27,7 @@ from tensegrity_codegen.codegen.lanes.kernel import (
 from tensegrity_codegen.codegen.print.printer import LONGEST_LINE, name_local, plain_comment, print_body
 from tensegrity_codegen.codegen.unrolled import UNROLLED, write_lanes
 from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
-from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
+from tensegrity_codegen.symbolic.members.member import MemberBlocks
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.tables.precision import Precision
 from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES

@@ -16,13 +16,11 @@ from tensegrity_codegen.codegen.lanes.kernel import AXES, RATES, DensityKernel, 
 from tensegrity_codegen.codegen.print.printer import name_local, plain_comment, print_body, print_number
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
+from tensegrity_codegen.symbolic.geometry import Scalar
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 from tensegrity_codegen.tables.laws.law import compute_spring_constant
 
 # Scalars of a structure as C text: numbers, entries of arguments, or what is worked out before.
-
-
-Scalar = Any
 
 
 class ScalarTexts:

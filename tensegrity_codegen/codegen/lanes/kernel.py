@@ -3,7 +3,6 @@
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 
@@ -11,9 +10,8 @@ from tensegrity_codegen.codegen.print.instructions import read_instructions
 from tensegrity_codegen.codegen.print.operations import ARITHMETIC
 from tensegrity_codegen.codegen.print.printer import print_number
 from tensegrity_codegen.codegen.print.render import render
-from tensegrity_codegen.symbolic.geometry import LEAST_SQUARE
-from tensegrity_codegen.symbolic.members.member import Member
-from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
+from tensegrity_codegen.symbolic.geometry import LEAST_SQUARE, Scalar
+from tensegrity_codegen.symbolic.members.member import Member, MemberBlocks
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 from tensegrity_codegen.tables.precision import PRECISIONS
@@ -62,8 +60,6 @@ def _print_packs(
 def _fill(value: float) -> str:
     return f"pack_all({print_number(value, PRECISIONS['double'])})"
 
-
-Scalar = Any
 
 AXES = ("x", "y", "z")
 RATES = ("x_rate", "y_rate", "z_rate")

@@ -14,8 +14,7 @@ from tensegrity_codegen.codegen.print.printer import print_body
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.build import build_model
-from tensegrity_codegen.symbolic.model import SymbolicModel
-from tensegrity_codegen.symbolic.operations import count_operations
+from tensegrity_codegen.symbolic.model import SymbolicModel, count_operations
 from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES, STATE
 from tensegrity_codegen.tables.quantities.arguments import ABOVE_ZERO, FROM_ZERO, INPUT_UNITS

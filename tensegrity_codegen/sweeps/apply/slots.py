@@ -145,8 +145,8 @@ def _distances(structure: Structure, request: ModelRequest) -> dict[str, FloatAr
     """Return the state in differences of node positions and centres of mass."""
     import casadi as ca  # which this formulation alone needs here
 
-    from tensegrity_codegen.symbolic.distances.pair_coordinates import PairCoordinates
     from tensegrity_codegen.symbolic.inertia import Inertia
+    from tensegrity_codegen.symbolic.pair_coordinates import PairCoordinates
 
     options = complete_options(request.formulation, request.options)
     inertia = Inertia(structure, [ca.SX(float(value)) for value in structure.node_mass])

@@ -15,22 +15,16 @@ import numpy as np
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodyLoad, BodySystem, FixedBody, RigidBody
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.member_laws import SECTION_VALUES
-from tensegrity_codegen.symbolic.body_motion.body_arguments import BodyArguments
-from tensegrity_codegen.symbolic.body_motion.body_motion import BodyMotion
-from tensegrity_codegen.symbolic.body_motion.lagrange import Lagrangian
-from tensegrity_codegen.symbolic.geometry import dot, member_vector
+from tensegrity_codegen.symbolic.body_motion import BodyArguments, BodyMotion, Lagrangian
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot, member_vector
 from tensegrity_codegen.symbolic.interference import BarPairs, build_bar_quantities
 from tensegrity_codegen.symbolic.jacobians import below_zeros
 from tensegrity_codegen.symbolic.members.member import Member
-from tensegrity_codegen.symbolic.members.member_family import build_member_quantities
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw
 from tensegrity_codegen.symbolic.model import Frame, SymbolicModel
-from tensegrity_codegen.symbolic.node_quantities import build_node_quantities, stack_nodes
+from tensegrity_codegen.symbolic.quantities import build_member_quantities, build_node_quantities, stack_nodes
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
-
-Scalar = Any
-Vector = list[Scalar]
 
 QUANTITIES = (
     "node_jacobian", "chart_margin",
@@ -79,11 +73,13 @@ def build_bodies(system: BodySystem, request: ModelRequest) -> SymbolicModel:
     Raises FormulationError for a body without inertia and for a run-time parameter that bodies do not have.
     """
     _check_inertia(system)
-    parts = _Bodies(BodyArguments(system, request.parameters))
-    builders = parts.node_quantities() | {name: getattr(parts, name) for name in QUANTITIES}
-    builders |= build_member_quantities(system, lambda: parts.members)
-    builders |= build_bar_quantities(parts.bar_pairs, parts.q)
-    return SymbolicModel("bodies", system, parts.frame(), parts.arguments.ordered(), builders, WORDS)
+    expressions = _Bodies(BodyArguments(system, request.parameters))
+    builders = expressions.node_quantities() | {name: getattr(expressions, name) for name in QUANTITIES}
+    builders |= build_member_quantities(system, lambda: expressions.members)
+    builders |= build_bar_quantities(expressions.bar_pairs, expressions.q)
+    return SymbolicModel(
+        "bodies", system, expressions.frame(), expressions.arguments.ordered(), builders, WORDS
+    )
 
 
 def _check_inertia(system: BodySystem) -> None:
@@ -125,7 +121,7 @@ class _Bodies:
             connectivity=tuple((int(i), int(j)) for i, j in system.connectivity),
             coordinate_name=system.coordinate_name,
             coordinate_node_axis=(),
-            input_name=tuple(item.name for item in system.inputs),
+            input_name=tuple(source.name for source in system.inputs),
             find_bar_pair=lambda: tuple(
                 (system.bodies[i].name, system.bodies[j].name) for i, j in system.bar_pairs
             ),
@@ -215,9 +211,9 @@ class _Bodies:
     def load_potential(self) -> Scalar:
         """Potential of weight and of forces with a constant direction [J]."""
         energy = ca.SX(0.0)
-        for body, item in enumerate(self.system.bodies):
-            if not isinstance(item, FixedBody):
-                energy = energy - item.mass * dot(self.arguments.gravity, self.place.centre(body))
+        for body, spec in enumerate(self.system.bodies):
+            if not isinstance(spec, FixedBody):
+                energy = energy - spec.mass * dot(self.arguments.gravity, self.place.centre(body))
         for node, load in enumerate(self.arguments.node_load):
             if not isinstance(self.system.bodies[int(self.system.node_body[node])], FixedBody):
                 energy = energy - dot(load, self.points[node])
@@ -247,11 +243,11 @@ class _Bodies:
         force = ca.SX(self.n, 1)
         for load in self.system.loads:
             force = force + self._spread(load, load.target, [ca.SX(x) for x in load.vector])
-        for index, item in enumerate(self.system.inputs):
-            if item.kind == "torque" or (item.kind == "force" and item.frame == "body"):
-                for target in item.targets:
-                    vector = [self.u[index] * x for x in item.direction]
-                    force = force + self._spread(item, target, vector)
+        for index, source in enumerate(self.system.inputs):
+            if source.kind == "torque" or (source.kind == "force" and source.frame == "body"):
+                for target in source.targets:
+                    vector = [self.u[index] * x for x in source.direction]
+                    force = force + self._spread(source, target, vector)
         return force
 
     def _spread(self, load: BodyLoad | BodyInput, target: int, vector: Vector) -> ca.SX:

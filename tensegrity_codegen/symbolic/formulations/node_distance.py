@@ -16,29 +16,25 @@ import numpy as np
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.distances.distance_blocks import DistanceBlocks
-from tensegrity_codegen.symbolic.distances.distance_constraints import DistanceConstraints
-from tensegrity_codegen.symbolic.distances.distance_inertia import (
+from tensegrity_codegen.symbolic.distance_terms import (
+    DistanceBlocks,
+    DistanceConstraints,
     build_distance_inertia,
     build_inverse_inertia,
     spread_force,
 )
-from tensegrity_codegen.symbolic.distances.pair_coordinates import PairCoordinates
-from tensegrity_codegen.symbolic.geometry import dot
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot
 from tensegrity_codegen.symbolic.inertia import Inertia
 from tensegrity_codegen.symbolic.interference import BarPairs, build_bar_quantities, pair_members
 from tensegrity_codegen.symbolic.jacobians import below_zeros, by_inputs, by_parameters
-from tensegrity_codegen.symbolic.members.member_family import build_member_quantities
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
 from tensegrity_codegen.symbolic.model import Frame, ModelArgument, SymbolicModel, frame_structure
-from tensegrity_codegen.symbolic.node_quantities import build_node_quantities
+from tensegrity_codegen.symbolic.pair_coordinates import PairCoordinates
+from tensegrity_codegen.symbolic.quantities import build_member_quantities, build_node_quantities
 from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
-
-Scalar = Any
-Vector = list[Scalar]
 
 
 def build_node_distance(structure: Structure, request: ModelRequest) -> SymbolicModel:
@@ -51,9 +47,13 @@ def build_node_distance(structure: Structure, request: ModelRequest) -> Symbolic
     check_no_rigid_bar(structure, "node_distance")
     _check_anchors_stay(structure, request)
     options = complete_options("node_distance", request.options)
-    parts = _NodeDistance(structure, SymbolicArguments(structure, request.parameters), options)
+    expressions = _NodeDistance(structure, SymbolicArguments(structure, request.parameters), options)
     return SymbolicModel(
-        "node_distance", structure, parts.frame(), parts.ordered_arguments(), parts.builders()
+        "node_distance",
+        structure,
+        expressions.frame(),
+        expressions.ordered_arguments(),
+        expressions.builders(),
     )
 
 
@@ -77,13 +77,13 @@ class _NodeDistance:
         self.arguments = arguments
         self.options = options
         self.inertia = Inertia(structure, arguments.node_mass)
-        which, order = options["pairs"], options["order"]
-        self.layout = PairCoordinates(structure, which, order, self.inertia.weight_mass())
+        selection, order = options["pairs"], options["order"]
+        self.layout = PairCoordinates(structure, selection, order, self.inertia.weight_mass())
         self.coordinate = ca.SX.sym("coordinate", self.layout.n_coordinates)
         self.velocity = ca.SX.sym("velocity", self.layout.n_coordinates)
         zero = self.zero = [[ca.SX(0.0) for _ in structure.axes] for _ in range(structure.n_nodes)]
-        places = structure.node_position[:, list(structure.axes)]
-        held = self.held = [[ca.SX(float(x)) for x in row] for row in places]
+        positions = structure.node_position[:, list(structure.axes)]
+        held = self.held = [[ca.SX(float(x)) for x in row] for row in positions]
         pairs = [int(pair) for pair in self.layout.pairs.pair_of_member]
         self.members = MemberSet(
             structure,
@@ -106,7 +106,7 @@ class _NodeDistance:
         structure, layout = self.structure, self.layout
         mass = [ca.SX(float(value)) for value in structure.node_mass]
         weight = np.array([float(value) for value in Inertia(structure, mass).weight_mass()])
-        own = {
+        builders = {
             "coordinate": ModelArgument(
                 self.coordinate,
                 layout.compute(structure.node_position, weight),
@@ -118,7 +118,7 @@ class _NodeDistance:
                 sentence="Rates of these differences and of the centre of mass.",
             ),
         }
-        return {**self.arguments.ordered(), **own}
+        return {**self.arguments.ordered(), **builders}
 
     def builders(self) -> dict[str, Any]:
         """Return quantity name -> builder."""
@@ -158,8 +158,8 @@ class _NodeDistance:
     def bar_pairs(self) -> BarPairs:
         """Return the pairs of bars, between points counted from a point of the structure."""
         origin = self.layout.find_origin(self.coordinate, self.held)
-        near = self.layout.node_vectors(self.coordinate, self.held, origin)
-        return pair_members(self.structure, near, origin)
+        nodes = self.layout.node_vectors(self.coordinate, self.held, origin)
+        return pair_members(self.structure, nodes, origin)
 
     @cached_property
     def external_force(self) -> list[Vector]:
@@ -184,8 +184,8 @@ class _NodeDistance:
             "force": lambda: self.net_force,
             "static_force": lambda: self.net_static_force,
         }
-        parts = {"n_anchored_coordinates": CoordinateMap(self.structure).anchored}
-        return build_node_quantities(values, self.structure.n_nodes, parts, has_states=True)
+        stacks = {"n_anchored_coordinates": CoordinateMap(self.structure).anchored}
+        return build_node_quantities(values, self.structure.n_nodes, stacks, has_states=True)
 
     def potential_energy(self) -> Scalar:
         work = ca.SX(0.0)
@@ -225,8 +225,8 @@ class _NodeDistance:
     def distance_force(self) -> ca.SX:
         values = spread_force(self.layout, self.external_force)
         for e, vector in enumerate(self.members.vectors):
-            for place, row in self.blocks.places(e):
-                values[place] = values[place] - self.members.densities[e] * vector[row]
+            for index, row in self.blocks.places(e):
+                values[index] = values[index] - self.members.densities[e] * vector[row]
         return ca.vertcat(*values, *self._centre_forces())
 
     def distance_inertia(self) -> ca.SX:
@@ -253,10 +253,10 @@ class _NodeDistance:
         inertia_force = ca.mtimes(self.distance_inertia(), self.acceleration())
         return self.constraints.multiplier(self.distance_force() - inertia_force)
 
-    def _check_full(self, what: str) -> None:
+    def _check_full(self, quantity: str) -> None:
         if self.options["pairs"] != "full":
             raise FormulationError(
-                f"{what} needs the pairs of all nodes",
+                f"{quantity} needs the pairs of all nodes",
                 where=f"{self.structure.name}: model.options.pairs",
                 given=self.options["pairs"],
                 allowed="full",

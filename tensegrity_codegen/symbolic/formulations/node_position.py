@@ -13,17 +13,15 @@ from tensegrity_codegen.structure.memory_support import require_no_memory
 from tensegrity_codegen.structure.sliding import require_no_ring_friction
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+from tensegrity_codegen.symbolic.geometry import Vector
 from tensegrity_codegen.symbolic.interference import build_bar_quantities
 from tensegrity_codegen.symbolic.jacobians import below_zeros, by_parameters
 from tensegrity_codegen.symbolic.members.member import Member
-from tensegrity_codegen.symbolic.members.member_family import build_member_quantities
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
+from tensegrity_codegen.symbolic.quantities import build_member_quantities
 from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
 from tensegrity_codegen.tables.request import ModelRequest
-
-Scalar = Any
-Vector = list[Scalar]
 
 
 def build_node_position(structure: Structure, request: ModelRequest) -> SymbolicModel:
@@ -32,10 +30,12 @@ def build_node_position(structure: Structure, request: ModelRequest) -> Symbolic
     Raises FormulationError for rigid bars, which this formulation does not have.
     """
     check_no_rigid_bar(structure, "node_position")
-    parts = _NodePosition(structure, SymbolicArguments(structure, request.parameters))
-    arguments = parts.arguments.ordered()
+    expressions = _NodePosition(structure, SymbolicArguments(structure, request.parameters))
+    arguments = expressions.arguments.ordered()
     frame = frame_structure(structure)
-    return SymbolicModel("node_position", structure, frame, arguments, parts.builders(), parts=parts)
+    return SymbolicModel(
+        "node_position", structure, frame, arguments, expressions.builders(), parts=expressions
+    )
 
 
 class _NodePosition(NodeCoordinates):
@@ -136,7 +136,7 @@ class _NodePosition(NodeCoordinates):
 
     def _pulls_of_inputs(self) -> Iterable[tuple[int, int, Vector, int]]:
         """Yield input, node, force that one unit of it adds there, and its sign: members in their order."""
-        gains = [item.rest_length_gain for item in self.structure.inputs]
+        gains = [source.rest_length_gain for source in self.structure.inputs]
         for e in self.members.plan.member.tolist():
             for number, gain in ((n, gain[e]) for n, gain in enumerate(gains) if e in gain):
                 for strand, ends in zip(
@@ -145,9 +145,9 @@ class _NodePosition(NodeCoordinates):
                     pull = [gain * component for component in strand.rest_pull()]
                     for node, sign in zip(ends, (1, -1), strict=True):
                         yield number, node, pull, sign
-        for number, item in enumerate(self.structure.inputs):
-            for node in item.targets if item.kind == "force" else ():
-                yield number, node, [ca.SX(item.direction[axis]) for axis in self.structure.axes], 1
+        for number, source in enumerate(self.structure.inputs):
+            for node in source.targets if source.kind == "force" else ():
+                yield number, node, [ca.SX(source.direction[axis]) for axis in self.structure.axes], 1
 
     def parameter_jacobian(self) -> ca.SX:
         return by_parameters(ca.vertcat(self.acceleration(), self.internal_rate()), self.arguments)

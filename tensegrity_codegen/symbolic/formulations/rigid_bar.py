@@ -18,21 +18,16 @@ import numpy as np
 from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.bar_constraints import BarConstraints
-from tensegrity_codegen.symbolic.geometry import dot
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot
 from tensegrity_codegen.symbolic.interference import build_bar_quantities
 from tensegrity_codegen.symbolic.jacobians import by_inputs, by_parameters
-from tensegrity_codegen.symbolic.members.member import Member
-from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
-from tensegrity_codegen.symbolic.members.member_family import HeldMember, build_member_quantities
+from tensegrity_codegen.symbolic.members.member import Member, MemberBlocks
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
+from tensegrity_codegen.symbolic.quantities import HeldMember, build_member_quantities
 from tensegrity_codegen.symbolic.rigid_bar_check import check_rigid_bars, keeps_scene_lengths
-from tensegrity_codegen.symbolic.rigid_motion import RigidMotion
+from tensegrity_codegen.symbolic.rigid_motion import BarConstraints, RigidMotion
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
-
-Scalar = Any
-Vector = list[Scalar]
 
 
 def build_rigid_bar(structure: Structure, request: ModelRequest) -> SymbolicModel:
@@ -47,9 +42,9 @@ def build_rigid_bar(structure: Structure, request: ModelRequest) -> SymbolicMode
     check_rigid_bars(structure, rigid, request)
     values = {name: np.where(rigid, 0.0, getattr(structure, name)) for name in ELASTIC}
     arguments = SymbolicArguments(structure.with_changes(**values), request.parameters)
-    parts = _RigidBar(structure, arguments, [int(e) for e in np.flatnonzero(rigid)], options)
-    frame = replace(frame_structure(structure), rigid_bar=parts.constant_bars())
-    return SymbolicModel("rigid_bar", structure, frame, arguments.ordered(), parts.builders(), WORDS)
+    expressions = _RigidBar(structure, arguments, [int(e) for e in np.flatnonzero(rigid)], options)
+    frame = replace(frame_structure(structure), rigid_bar=expressions.constant_bars())
+    return SymbolicModel("rigid_bar", structure, frame, arguments.ordered(), expressions.builders(), WORDS)
 
 
 # What quantities mean where bars are rigid.
@@ -147,9 +142,9 @@ class _RigidBar(NodeCoordinates):
         """Return what the mixed form takes; a spring constant of zero means that a length is kept."""
         if self.is_corrected:
             return {}
-        kept = dict(zip(self.bars, self.lengths, strict=True))
-        rest = self.arguments.rest_length
-        laws = [(e, kept.get(e, rest[e])) for e in range(len(self.ends))]
+        bar_length = dict(zip(self.bars, self.lengths, strict=True))
+        rest_length = self.arguments.rest_length
+        laws = [(e, bar_length.get(e, rest_length[e])) for e in range(len(self.ends))]
         return {
             "member_law": lambda: ca.horzcat(*[self._law(e, length) for e, length in laws]),
         }
@@ -188,8 +183,8 @@ class _RigidBar(NodeCoordinates):
         """Multipliers lambda, (n_bars, 1) [N/m]: force densities, positive in tension."""
         if not self.is_corrected:
             return self.motion.multipliers()
-        kept = ca.vertcat(*self.lengths)
-        pull = kept * self.stretch(2) + self.stretch(1) * self.stretch(1)
+        bar_lengths = ca.vertcat(*self.lengths)
+        pull = bar_lengths * self.stretch(2) + self.stretch(1) * self.stretch(1)
         return self.motion.multipliers() - self.constraints.solve(self.motion.matrix, pull)
 
     def acceleration(self) -> ca.SX:
@@ -221,24 +216,28 @@ class _RigidBar(NodeCoordinates):
     @cached_property
     def lengths(self) -> list[Scalar]:
         if self.keeps_scene_lengths:
-            kept = np.where(self.elastic.is_rigid, self.elastic.rest_length, self.elastic.member_length())
-            return [ca.SX(float(kept[e])) for e in self.bars]
-        rest = [self.arguments.rest_length[e] for e in self.bars]
+            reference = np.where(
+                self.elastic.is_rigid, self.elastic.rest_length, self.elastic.member_length()
+            )
+            return [ca.SX(float(reference[e])) for e in self.bars]
+        rest_lengths = [self.arguments.rest_length[e] for e in self.bars]
         if not self.is_corrected:
-            return rest
+            return rest_lengths
         stretch = self.stretch()
-        return [rest[b] + stretch[b] for b in range(len(self.bars))]
+        return [rest_lengths[b] + stretch[b] for b in range(len(self.bars))]
 
     def constraint_residual(self) -> ca.SX:
         lengths = [self.members.lengths[e] for e in self.bars]
-        return ca.vertcat(*[length - kept for length, kept in zip(lengths, self.lengths, strict=True)])
+        return ca.vertcat(
+            *[length - bar_length for length, bar_length in zip(lengths, self.lengths, strict=True)]
+        )
 
     def consistent_coordinate(self) -> ca.SX:
         return self.constraints.project_position(self.q, self.arguments.position, self.lengths)
 
     def consistent_velocity(self) -> ca.SX:
         change = self.stretch(1) if self.is_corrected else ca.SX.zeros(len(self.bars), 1)
-        rates = [kept * change[b] for b, kept in enumerate(self.lengths)]
+        rates = [bar_length * change[b] for b, bar_length in enumerate(self.lengths)]
         return self.constraints.project_velocity(self.arguments.position, self.v, rates)
 
     def rigidity_error(self) -> ca.SX:

@@ -1,19 +1,74 @@
-"""One member: all that follows from its vector, the rate of it and the values of its law."""
+"""One member: all that follows from its vector, the rate of it and the values of its law.
+
+The symmetric blocks that it adds to matrices share their off-diagonal expressions: nothing is computed twice.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.symbolic.geometry import LEAST_SQUARE, dot, member_length, member_rate
-from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks, stiffness_block, tangent_block
+from tensegrity_codegen.symbolic.geometry import LEAST_SQUARE, Scalar, Vector, dot, member_length, member_rate
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw, build_law
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 
-Scalar = Any
-Vector = list[Scalar]
+
+@dataclass(frozen=True)
+class MemberBlocks:
+    """Entries of one member's (n_axes, n_axes) block, row by row."""
+
+    entries: tuple[tuple[Scalar, ...], ...]
+
+    @classmethod
+    def outer(cls, a: Vector, b: Vector, scale: Scalar) -> "MemberBlocks":
+        """Return scale a b^T; symmetric entries are shared when a is b."""
+        scaled = [scale * x for x in a]
+        rows = [[x * y for y in b] for x in scaled]
+        if a is b:
+            rows = [[rows[min(r, c)][max(r, c)] for c in range(len(b))] for r in range(len(a))]
+        return cls(tuple(tuple(row) for row in rows))
+
+    def plus(self, addend: "MemberBlocks") -> "MemberBlocks":
+        """Return the sum of two blocks."""
+        return MemberBlocks(
+            tuple(
+                tuple(x + y for x, y in zip(row, other_row, strict=True))
+                for row, other_row in zip(self.entries, addend.entries, strict=True)
+            )
+        )
+
+
+def stiffness_block(
+    vector: Vector, length: Scalar, square: Scalar, slope: Scalar, density: Scalar
+) -> MemberBlocks:
+    """Return one member's stiffness block, slope d d^T / l^2 + density (I - d d^T / l^2) [N/m].
+
+    square: l^2 [m2]; slope = dt/dl and density = t/l [N/m]: the material and the geometric part (S&K 5, the
+    same as mu [(1 - rho/l) I + (rho/l^3) d d^T]); either may be zero. Over one axis d / l is exactly 1 or -1,
+    and nothing is left of the geometric part.
+    """
+    if len(vector) == 1:
+        return _sum([vector[0] / length], slope - density, density)
+    return _sum(vector, (slope - density) / square, density)
+
+
+def tangent_block(
+    vector: Vector, length: Scalar, square: Scalar, slope: Scalar, tension: Scalar
+) -> MemberBlocks:
+    """Return the block of both parts [N/m], from the tension [N]: one quotient serves all entries."""
+    if len(vector) == 1:
+        return stiffness_block(vector, length, square, slope, tension / length)
+    inverse = length / square  # CasADi would make quotients again of products with 1 / length
+    density = tension * inverse
+    return _sum(vector, (slope - density) * (inverse * inverse), density)
+
+
+def _sum(vector: Vector, along: Scalar, density: Scalar) -> MemberBlocks:
+    """Return along d d^T + density I."""
+    size, zero = range(len(vector)), ca.SX(0.0)
+    identity = MemberBlocks(tuple(tuple(density if r == c else zero for c in size) for r in size))
+    return identity.plus(MemberBlocks.outer(vector, vector, along))
 
 
 @dataclass(frozen=True)
@@ -157,7 +212,10 @@ class Member:
         if not self.is_damped:
             return gradient
         by_rate = self.law.tension_by_rate()
-        return [total + by_rate * part for total, part in zip(gradient, self.rate_gradient(), strict=True)]
+        return [
+            total + by_rate * rate_term
+            for total, rate_term in zip(gradient, self.rate_gradient(), strict=True)
+        ]
 
     def rate_gradient(self) -> Vector:
         """Return dl'/dd = d'/l - (l'/l^2) d: the rate of l = d . d' / l depends on the member vector."""

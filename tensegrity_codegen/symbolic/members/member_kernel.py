@@ -14,14 +14,11 @@ import casadi as ca
 
 from tensegrity_codegen.structure.assembly import ABSENT, MemberClass
 from tensegrity_codegen.structure.member_laws import SECTION_VALUES
-from tensegrity_codegen.symbolic.geometry import member_vector
-from tensegrity_codegen.symbolic.members.member import Member
-from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
-from tensegrity_codegen.symbolic.operations import count_operations
+from tensegrity_codegen.symbolic.geometry import Scalar, member_vector
+from tensegrity_codegen.symbolic.members.member import Member, MemberBlocks
+from tensegrity_codegen.symbolic.model import count_operations
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES
-
-Scalar = Any
 
 # The symbols of a kernel: four vectors over the modelled axes, and what the law takes.
 VECTORS = ("start", "end", "start_rate", "end_rate")
@@ -54,7 +51,7 @@ def _rows(block: MemberBlocks) -> list[Scalar]:
 
 # What a kernel returns, by name. A symmetric block is its upper triangle, row by row.
 KERNELS: dict[str, Callable[[Member], list[Scalar]]] = {
-    **{item.kernel: item.entries for item in MEMBER_QUANTITIES},
+    **{quantity.kernel: quantity.entries for quantity in MEMBER_QUANTITIES},
     "margin": lambda m: [m.law.margin()],
     "switch": lambda m: [m.law.switch()],
     "static_tension": lambda m: [m.law.static_tension()],

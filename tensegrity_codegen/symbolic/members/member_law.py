@@ -12,14 +12,12 @@ t  = max(0, that) while l > rho, else 0: a cable never pushes, slack or damped; 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 
+from tensegrity_codegen.symbolic.geometry import Scalar
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS, MEMBER_VALUES, find_law
 from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
-
-Scalar = Any
 
 
 @dataclass(frozen=True)
@@ -38,8 +36,8 @@ class MemberLaw:
     @cached_property
     def law(self) -> Law:
         """Return the law that the member follows."""
-        given = self.law_parameter
-        return find_law(lambda name: name in given and not given[name].is_zero())
+        parameter = self.law_parameter
+        return find_law(lambda name: name in parameter and not parameter[name].is_zero())
 
     @property
     def mu(self) -> Scalar:
@@ -54,11 +52,11 @@ class MemberLaw:
     def margin(self) -> Scalar:
         """Return l - rho [m], or y + c l' / mu if that is less: a cable pulls while it is positive."""
         y = self._moving
-        least = y if self.law.states else self.extension
+        lower = y if self.law.states else self.extension
         if self.damping.is_zero():
-            return least
+            return lower
         # The quotient first, so that constants meet before the rate.
-        return ca.fmin(least, y + self.damping / self.mu * self.rate)
+        return ca.fmin(lower, y + self.damping / self.mu * self.rate)
 
     def static_tension(self) -> Scalar:
         """Return mu y(l - rho) [N], zero when slack."""
@@ -87,9 +85,9 @@ class MemberLaw:
     def energy(self) -> Scalar:
         """Return the strain energy [J], zero when slack; with memory also that of the memory."""
         if self.law.states:
-            given, x = self.law_parameter, self.extension
-            x = self.law.limit_slack(x, given, ca.if_else) if self.tension_only else x
-            return self.law.energy(self.mu, x, given, ca.if_else)
+            parameter, x = self.law_parameter, self.extension
+            x = self.law.limit_slack(x, parameter, ca.if_else) if self.tension_only else x
+            return self.law.energy(self.mu, x, parameter, ca.if_else)
         return self._if_taut(self.law.energy(self.mu, self.extension, self.law_parameter, ca.if_else))
 
     def static_tension_by_length(self) -> Scalar:
@@ -182,6 +180,8 @@ def build_law(length: Scalar, rate: Scalar, values: Mapping[str, Scalar], tensio
 
     values: those of MEMBER_VALUES, and the internal states of a law with memory, by their names there.
     """
-    others = {name: values[name] for name in MEMBER_VALUES if name not in LAW_PARAMETERS}
-    own = {name: value for name, value in values.items() if name not in others}
-    return MemberLaw(length=length, rate=rate, tension_only=tension_only, law_parameter=own, **others)
+    stiffness_values = {name: values[name] for name in MEMBER_VALUES if name not in LAW_PARAMETERS}
+    parameters = {name: value for name, value in values.items() if name not in stiffness_values}
+    return MemberLaw(
+        length=length, rate=rate, tension_only=tension_only, law_parameter=parameters, **stiffness_values
+    )

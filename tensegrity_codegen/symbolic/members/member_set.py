@@ -2,12 +2,13 @@
 
 A formulation says where the members are, by their vectors d_e and rates d_e'; everything here follows from
 these, whatever the coordinates are.
+
+Members with memory have internal states of their laws, energies and margins.
 """
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,13 +17,12 @@ from tensegrity_codegen.structure.assembly import plan_assembly
 from tensegrity_codegen.structure.member_laws import SECTION_VALUES
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw
-from tensegrity_codegen.symbolic.members.ring_cable import RingCable
-from tensegrity_codegen.symbolic.members.ring_friction import RingSlip, SlidingStrand
-
-Scalar = Any
-Vector = list[Scalar]
+from tensegrity_codegen.symbolic.members.rings import RingCable, RingSlip, SlidingStrand
+from tensegrity_codegen.symbolic.memory import Memory
+from tensegrity_codegen.tables.manifest import VISCOUS_WORK
 
 
 class MemberSet:
@@ -60,11 +60,11 @@ class MemberSet:
     @cached_property
     def slips(self) -> list[RingSlip]:
         """The slip of each cable with friction at rings."""
-        found = []
+        members = []
         for cable in self.structure.sliding:
             strands = [SlidingStrand(*self._values(e)) for e in cable.members]
-            found.append(RingSlip(cable, strands))
-        return found
+            members.append(RingSlip(cable, strands))
+        return members
 
     @cached_property
     def lengths(self) -> list[Scalar]:
@@ -79,11 +79,11 @@ class MemberSet:
     @cached_property
     def strand_ends(self) -> list[list[tuple[int, int]]]:
         """Nodes of the straight parts of each member: of most members its own two."""
-        found: list[list[tuple[int, int]]] = [[] for _ in self.ends]
+        joined: list[list[tuple[int, int]]] = [[] for _ in self.ends]
         strands = self.structure.strands
         for e, (i, j) in zip(strands.member.tolist(), strands.ends.tolist(), strict=True):
-            found[e].append((i, j))
-        return found
+            joined[e].append((i, j))
+        return joined
 
     @cached_property
     def densities(self) -> list[Scalar]:
@@ -101,7 +101,7 @@ class MemberSet:
 
     def cable_margin(self) -> ca.SX:
         """Return the margins of the members that pull only, (n_tension_only, 1) [m]."""
-        return ca.vertcat(ca.SX(0, 1), *[item.margin() for item in self.members if item.tension_only])
+        return ca.vertcat(ca.SX(0, 1), *[member.margin() for member in self.members if member.tension_only])
 
     def switch_margin(self) -> ca.SX:
         """Return the margins of the switches of laws that have one, (n_switches, 1) [m]."""
@@ -158,3 +158,119 @@ class MemberSet:
             bool(self.structure.tension_only[e]),
             {name: ca.SX(float(getattr(self.structure, name)[e])) for name in SECTION_VALUES},
         )
+
+
+class MemberMemory(Memory):
+    """All members of a structure that follow one law with internal states."""
+
+    def __init__(self, structure: Structure, members: MemberSet, rows: list[int]) -> None:
+        self.structure = structure
+        # Rates of elongation, with those of rest lengths that motors change
+        self.rate = {
+            structure.member_name[e]: members.laws[e].rate - members.arguments.rest_rate.get(e, ca.SX(0.0))
+            for e in rows
+        }
+        self.laws: dict[str, MemberLaw] = {structure.member_name[e]: members.laws[e] for e in rows}
+
+    def stored_energy(self) -> Scalar:
+        """Return 0: what members store is their strain energy."""
+        return ca.SX(0.0)
+
+    def internal_rates(self) -> Mapping[str, Scalar]:
+        """Return the rates of the states of all members [m/s]."""
+        return {
+            f"{name}_{state}": rate
+            for name, law in self.laws.items()
+            for state, rate in zip(law.law.states, self._rates(name), strict=True)
+        }
+
+    def settled(self) -> Mapping[str, Scalar]:
+        """Return the states of all members behind what they have done [m]."""
+        return {
+            f"{name}_{state}": value
+            for name, law in self.laws.items()
+            for state, value in zip(law.law.states, law.settled(), strict=True)
+        }
+
+    def _rates(self, name: str) -> tuple[Scalar, ...]:
+        law = self.laws[name]
+        motion = (law.extension, self.rate[name])
+        return law.law.rates(motion, law.law_parameter, ca.if_else, law.tension_only)
+
+
+class PlasticMembers(MemberMemory):
+    """The members that yield."""
+
+    def powers(self) -> Mapping[str, Scalar]:
+        """Return minus what plastic flow takes, -Fy a' [W]."""
+        lost = (self._flow_force(law) * self._rates(name)[1] for name, law in self.laws.items())
+        return {"plastic": -sum(lost, ca.SX(0.0))}
+
+    def builders(self) -> dict[str, Callable[[], ca.SX]]:
+        """Return the builders of margins, plastic elongations, and what flow takes and has taken."""
+        return {
+            "plastic_power": lambda: self.powers()["plastic"],
+            "yield_margin": self._margins,
+            "plastic_elongation": self._elongations,
+            "plastic_work": self._work,
+        }
+
+    def _margins(self) -> ca.SX:
+        found = [law.memory_margins(self.rate[name]) for name, law in self.laws.items()]
+        return ca.vertcat(*[margin for margins in found for margin in margins])
+
+    def _elongations(self) -> ca.SX:
+        """Return q of all members, 0 of those that are elastic, (n_members, 1) [m]."""
+        settled = {name: law.settled()[0] for name, law in self.laws.items()}
+        return ca.vertcat(*[settled.get(name, ca.SX(0.0)) for name in self.structure.member_name])
+
+    def _work(self) -> Scalar:
+        """Return minus what flow has taken, -Fy a, up to the internal states [J]."""
+        powers = (self._flow_force(law) * law.law_parameter["accumulated"] for law in self.laws.values())
+        return -sum(powers, ca.SX(0.0))
+
+    def _flow_force(self, law: MemberLaw) -> Scalar:
+        """Return Fy [N]."""
+        return law.mu * law.law_parameter["yield_elongation"]
+
+
+class ViscousMembers(MemberMemory):
+    """The members that relax."""
+
+    def internal_rates(self) -> Mapping[str, Scalar]:
+        """Return the rates of the states of all members [m/s], and of what they have taken [W]."""
+        return {**super().internal_rates(), VISCOUS_WORK: self.powers()["viscous"]}
+
+    def powers(self) -> Mapping[str, Scalar]:
+        """Return minus what the dashpots take, -c p'^2 with c = T mu / (1 - h) [W]."""
+        lost = (self._viscosity(law) * self._rates(name)[0] ** 2 for name, law in self.laws.items())
+        return {"viscous": -sum(lost, ca.SX(0.0))}
+
+    def settled(self) -> Mapping[str, Scalar]:
+        """Return nothing: events do not change what changes with time."""
+        return {}
+
+    def relaxed(self) -> Mapping[str, Scalar]:
+        """Return the states of all members after infinite time at their lengths [m]."""
+        return super().settled()
+
+    def builders(self) -> dict[str, Callable[[], ca.SX]]:
+        """Return the builder of what the dashpots take."""
+        return {"viscous_power": lambda: self.powers()["viscous"]}
+
+    def _viscosity(self, law: MemberLaw) -> Scalar:
+        """Return c [N s/m]."""
+        parameter = law.law_parameter
+        return parameter["relaxation_time"] * law.mu / (1.0 - parameter["relaxed_fraction"])
+
+
+MEMORIES = {"plastic": PlasticMembers, "viscous": ViscousMembers}  # by the name of the law
+
+
+def build_member_memories(structure: Structure, members: MemberSet) -> list[Memory]:
+    """Return the memory of the members of each law that has internal states."""
+    return [
+        MEMORIES[law.name](structure, members, np.flatnonzero(mask).tolist())
+        for law, mask in structure.members_of_law
+        if law.states
+    ]

@@ -21,5 +21,5 @@ NODE_FORCES: tuple[Callable[[Structure, SymbolicArguments], NodeForce | None], .
 
 def build_node_forces(structure: Structure, arguments: SymbolicArguments) -> list[NodeForce]:
     """Return all forces on nodes of a structure besides members, weights and loads."""
-    found = [build(structure, arguments) for build in NODE_FORCES]
-    return [force for force in found if force is not None]
+    forces = [build(structure, arguments) for build in NODE_FORCES]
+    return [force for force in forces if force is not None]

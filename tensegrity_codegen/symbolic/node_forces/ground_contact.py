@@ -23,14 +23,11 @@ import numpy as np
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.geometry import dot
-from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce
-from tensegrity_codegen.symbolic.node_forces.normal_force import NormalForce
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot
+from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce, NormalForce
 from tensegrity_codegen.system.arrays import FloatArray
 
-Scalar = Any
 ContactLaw = Any  # the fields of a Ground, numbers or symbols
-Vector = list[Scalar]
 
 
 def build_ground_contact(structure: Structure, arguments: SymbolicArguments) -> "GroundContact | None":
@@ -52,8 +49,8 @@ class GroundContact(NodeForce):
                 bristle = [arguments.internal[f"{self.names[k]}_stick{i}"] for i in tangents]
             else:
                 basis = ground.tangents(structure.axes)[: len(tangents), list(structure.axes)]
-                places = zip(basis, ground.stick_point[k].tolist(), strict=True)
-                bristle = [_along(tangent, at) - place for tangent, place in places]
+                stuck = zip(basis, ground.stick_point[k].tolist(), strict=True)
+                bristle = [_along(tangent, at) - stick for tangent, stick in stuck]
             slips = arguments.internal.get(f"{self.names[k]}_slips")
             law = put_numbers(ground, arguments.ground)
             contact = build_contact(ground, law, structure.axes, (at, rate), radius, bristle, slips)
@@ -89,8 +86,8 @@ class GroundContact(NodeForce):
 
     def powers(self) -> Mapping[str, Scalar]:
         """Return minus what impacts and friction lose, and what a belt does [W]."""
-        found = [contact.powers() for contact in self.contacts]
-        return {name: sum((item[name] for item in found), ca.SX(0.0)) for name in found[0]}
+        powers = [contact.powers() for contact in self.contacts]
+        return {name: sum((power[name] for power in powers), ca.SX(0.0)) for name in powers[0]}
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of forces, penetrations and margins."""
@@ -113,7 +110,7 @@ def count_bristles(structure: Structure) -> int:
 
 def put_numbers(ground: Ground, changed: Mapping[str, Scalar]) -> "ContactLaw":
     """Return the numbers of a ground, some of them replaced by symbols."""
-    stated = {item.name: getattr(ground, item.name) for item in fields(ground)}
+    stated = {field.name: getattr(ground, field.name) for field in fields(ground)}
     return SimpleNamespace(**stated | dict(changed))
 
 
@@ -252,8 +249,8 @@ class Contact:
 
     def stick_margin(self) -> Scalar:
         """Return (mu N - |T|) / kt [m], -1 out of contact: there nothing sticks."""
-        left = (self.friction_limit - self.trial_size) / self.ground.stick_stiffness
-        return ca.if_else(self.normal_force.force > 0, left, -1)
+        margin = (self.friction_limit - self.trial_size) / self.ground.stick_stiffness
+        return ca.if_else(self.normal_force.force > 0, margin, -1)
 
 
 def _along(direction: FloatArray, vector: Vector) -> Scalar:

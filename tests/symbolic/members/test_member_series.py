@@ -4,7 +4,7 @@ import casadi as ca
 import pytest
 
 from tensegrity_codegen.symbolic.members.member import Member
-from tensegrity_codegen.symbolic.members.member_series import MemberSeries, half_square
+from tensegrity_codegen.symbolic.rigid_motion import MemberSeries, half_square
 
 TIME = ca.SX.sym("t")
 CURVE = [1.0 + 0.3 * TIME + TIME**3, ca.sin(2.0 * TIME) - 0.2, 0.5 * TIME * TIME]

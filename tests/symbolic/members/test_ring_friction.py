@@ -12,7 +12,7 @@ from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.sliding import SlidingCable
-from tensegrity_codegen.symbolic.members.ring_friction import RingSlip
+from tensegrity_codegen.symbolic.members.rings import RingSlip
 
 GIVING = 0.01  # of the damping, on what a strand gives away
 

@@ -10,7 +10,7 @@ from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.codegen.table import node_quantities as table_nodes
 from tensegrity_codegen.codegen.table.quantities import BUILDERS
 from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.symbolic import node_quantities as symbolic_nodes
+from tensegrity_codegen.symbolic import quantities as symbolic_nodes
 from tensegrity_codegen.tables import quantities
 from tensegrity_codegen.tables.quantities.nodes import BARS_IN, NODE_QUANTITIES, NodeQuantity
 from tensegrity_codegen.tables.quantities.quantity import Quantity

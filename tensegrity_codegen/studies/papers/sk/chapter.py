@@ -20,7 +20,7 @@ from tensegrity_codegen.studies.papers.sk.motion import drift_section, sample_st
 from tensegrity_codegen.studies.papers.sk.offset import offset_section
 from tensegrity_codegen.studies.study import build_sections
 from tensegrity_codegen.symbolic.build import build_model
-from tensegrity_codegen.symbolic.distances.pair_graph import AxisGraph
+from tensegrity_codegen.symbolic.pair_coordinates import AxisGraph
 from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.progress import ProgressFunction
 from tensegrity_codegen.tables.request import ModelRequest

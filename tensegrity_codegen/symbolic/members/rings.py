@@ -1,4 +1,13 @@
-"""Friction of cables at rings: what slips from one strand into the next, as expressions.
+"""Cables through rings: straight segments with one tension in all, or with friction at the rings.
+
+l = sum of l_s over the strands, t = mu (l - rho) + c l' as of any cable, and each strand pulls the nodes at
+its ends together with t. With a = dl/dq, summed up from the directions of the strands,
+
+K = (dt/dl) a a^T + sum over strands of (t / l_s) (I - u_s u_s^T)
+
+so that every two strands share a block of the first part.
+
+Friction: the rest length that slides from one strand into the next, with
 
 T_k = a_k - c rho_k',  a_k = t_k + d_k,  t_k = mu_k max(0, l_k - rho_k),  rho_k' = v_(k-1) - v_k
 v_k = 0 while 1 / E_k <= T_(k+1) / T_k <= E_k,  E_k = exp(mu theta_k),  else the ratio is at that limit
@@ -30,11 +39,136 @@ from typing import Any
 import casadi as ca
 
 from tensegrity_codegen.structure.sliding import SlidingCable
-from tensegrity_codegen.symbolic.geometry import LEAST_SQUARE, dot
-from tensegrity_codegen.symbolic.members.member import Member
+from tensegrity_codegen.symbolic.geometry import LEAST_LENGTH, LEAST_SQUARE, Scalar, Vector, dot
+from tensegrity_codegen.symbolic.members.member import Member, MemberBlocks, stiffness_block
+from tensegrity_codegen.symbolic.members.member_law import MemberLaw, build_law
 from tensegrity_codegen.symbolic.memory import Memory
 
-Scalar = Any
+Pairs = dict[tuple[int, int], MemberBlocks]
+
+
+@dataclass(frozen=True)
+class Strand(Member):
+    """A straight part of a cable: vector and rate of its own, tension and law of the whole cable."""
+
+    cable_law: MemberLaw | None = None
+
+    @cached_property
+    def law(self) -> MemberLaw:
+        """The law of the cable, at its whole length."""
+        assert self.cable_law is not None
+        return self.cable_law
+
+    @cached_property
+    def divisor(self) -> Scalar:
+        """Length [m], 0 where the ends of a strand that pulls coincide: its pull has no direction there."""
+        return self.length - ca.if_else(self.law.rest_length < self.law.length, LEAST_LENGTH, 0)
+
+    @cached_property
+    def density(self) -> Scalar:
+        """Tension of the cable with damping over the length of the strand [N/m]."""
+        return self.law.tension() / self.divisor
+
+    @cached_property
+    def static_density(self) -> Scalar:
+        """Tension of the cable without damping over the length of the strand [N/m]."""
+        return self.law.static_tension() / self.divisor
+
+
+@dataclass(frozen=True)
+class RingCable(Member):
+    """A cable through rings; its vector goes from its last node to its first one.
+
+    parts: vector and rate of each strand.
+    """
+
+    parts: tuple[tuple[Vector, Vector], ...] = ()
+
+    @property
+    def plain_length(self) -> Scalar:
+        """Sum of the lengths of the strands [m], exactly."""
+        return sum((strand.plain_length for strand in self._geometry), ca.SX(0.0))
+
+    @cached_property
+    def length(self) -> Scalar:
+        """Sum of the lengths of the strands [m]."""
+        return sum((strand.length for strand in self._geometry), ca.SX(0.0))
+
+    @cached_property
+    def rate(self) -> Scalar:
+        """Sum of the rates of the lengths of the strands [m/s]."""
+        return sum((strand.rate for strand in self._geometry), ca.SX(0.0))
+
+    @cached_property
+    def law(self) -> MemberLaw:
+        """Law at the whole length, its rate and the rest length."""
+        return build_law(self.length, self.rate, self.values, self.tension_only)
+
+    @cached_property
+    def strands(self) -> tuple[Member, ...]:
+        """The straight parts, from the first node to the last."""
+        return tuple(self._strand(vector, rate, self.law) for vector, rate in self.parts)
+
+    @cached_property
+    def _geometry(self) -> tuple[Member, ...]:
+        """The strands before there is a law: lengths and rates."""
+        return tuple(Member(vector, rate, self.values, self.tension_only) for vector, rate in self.parts)
+
+    def _strand(self, vector: Vector, rate: Vector, law: MemberLaw) -> Strand:
+        return Strand(vector, rate, self.values, self.tension_only, cable_law=law)
+
+    # Blocks of pairs of strands
+
+    def material_block(self) -> Pairs:  # type: ignore[override]
+        """Return the parts of (dt/dl) a a^T without damping [N/m]."""
+        return self._outer(self.law.static_tension_by_length())
+
+    def geometric_block(self) -> Pairs:  # type: ignore[override]
+        """Return the geometric stiffness of each strand without damping [N/m]."""
+        return self._turning([strand.static_density for strand in self.strands])
+
+    def tangent_block(self) -> Pairs:  # type: ignore[override]
+        """Return the sum of both [N/m]."""
+        return _add(self.material_block(), self.geometric_block())
+
+    def rate_block(self) -> Pairs:  # type: ignore[override]
+        """Return the parts of c a a^T while it pulls [N s/m]."""
+        return self._outer(self.law.tension_by_rate())
+
+    def position_block(self) -> Pairs:  # type: ignore[override]
+        """Return the parts of -d(force)/dq, damping included [N/m]."""
+        block = _add(
+            self._outer(self.law.tension_by_length()),
+            self._turning([strand.density for strand in self.strands]),
+        )
+        if not self.is_damped:
+            return block
+        gradients = [strand.rate_gradient() for strand in self.strands]
+        return _add(block, self._outer(self.law.tension_by_rate(), gradients))
+
+    def _outer(self, scale: Scalar, columns: list[Vector] | None = None) -> Pairs:
+        """Return scale u_s w_t^T for all strands s and t; w: given columns, or the directions u."""
+        rows = [strand.direction() for strand in self.strands]
+        columns = rows if columns is None else columns
+        return {
+            (s, t): MemberBlocks.outer(row, column, scale)
+            for s, row in enumerate(rows)
+            for t, column in enumerate(columns)
+        }
+
+    def _turning(self, densities: list[Scalar]) -> Pairs:
+        """Return (t / l_s) (I - u_s u_s^T) of each strand."""
+        strands = enumerate(zip(self.strands, densities, strict=True))
+        return {
+            (s, s): stiffness_block(strand.vector, strand.length, strand.square, ca.SX(0.0), density)
+            for s, (strand, density) in strands
+        }
+
+
+def _add(pairs: Pairs, addends: Mapping[tuple[int, int], MemberBlocks]) -> Pairs:
+    """Return the sum of blocks; pairs: has those of all strands."""
+    return {key: block.plus(addends[key]) if key in addends else block for key, block in pairs.items()}
+
 
 SLACK_STRAIN = 1e-4  # of a strand, below which it has less damping on what it gives away
 SLACK_MARGIN = 1e-6  # of the rest length of a strand: margin of a ring between slack ones
@@ -119,29 +253,29 @@ class Flow:
 
     def at(self, x: Scalar) -> Scalar:
         """Return the value at a tension [m/s]."""
-        given = x - self.strand.stuck_tension
-        own = given / ca.if_else(given < 0, self.strand.law.damping, self.strand.giving)
+        excess = x - self.strand.stuck_tension
+        slope = excess / ca.if_else(excess < 0, self.strand.law.damping, self.strand.giving)
         if self.before is None:
-            return own
-        root, least, most = self.before.root, x / self.ratio, x * self.ratio
-        onward = self.before.at(ca.fmin(ca.fmax(root, least), most))
-        return own + ca.if_else(ca.logic_and(least <= root, root <= most), 0, onward)
+            return slope
+        root, lower, upper = self.before.root, x / self.ratio, x * self.ratio
+        onward = self.before.at(ca.fmin(ca.fmax(root, lower), upper))
+        return slope + ca.if_else(ca.logic_and(lower <= root, root <= upper), 0, onward)
 
     @cached_property
     def corners(self) -> list[Scalar]:
         """Tensions at which the slope changes [N]."""
-        own = [self.strand.stuck_tension]
+        corners = [self.strand.stuck_tension]
         if self.before is None:
-            return own
+            return corners
         root, ratio = self.before.root, self.ratio
-        moved = [ca.if_else(item > root, item * ratio, item / ratio) for item in self.before.corners]
-        return [*own, root / ratio, root * ratio, *moved]
+        moved = [ca.if_else(corner > root, corner * ratio, corner / ratio) for corner in self.before.corners]
+        return [*corners, root / ratio, root * ratio, *moved]
 
     @cached_property
     def most(self) -> Scalar:
         """A tension at which it is not negative [N]."""
-        own = 2.0 * self.strand.stuck_tension
-        return own if self.before is None else own + self.before.most
+        corner = 2.0 * self.strand.stuck_tension
+        return corner if self.before is None else corner + self.before.most
 
     @cached_property
     def root(self) -> Scalar:
@@ -170,8 +304,8 @@ class RingSlip:
         """Largest ratio of the tensions at both sides of each ring, exp(mu theta)."""
         values = zip(pairwise(self.strands), self.cable.friction, self.cable.wrap_deg, strict=True)
         return [
-            ca.exp(friction * (ca.SX(radians(wrap)) if wrap else _find_angle(before, behind)))
-            for (before, behind), friction, wrap in values
+            ca.exp(friction * (ca.SX(radians(wrap)) if wrap else _find_angle(before, after)))
+            for (before, after), friction, wrap in values
         ]
 
     @cached_property
@@ -190,9 +324,9 @@ class RingSlip:
         """Whether a ring may slip; 0: all stick, as (a_(k+1) - a_k)^2 <= limit min(a_k, a_(k+1))^2 says."""
         pulls = [strand.stuck_tension for strand in self.strands]
         sticks = [
-            (behind - before) ** 2 * square <= limit * end**2
-            for (before, behind), (limit, square) in zip(pairwise(pulls), self.limits, strict=True)
-            for end in (before, behind)
+            (after - before) ** 2 * square <= limit * end**2
+            for (before, after), (limit, square) in zip(pairwise(pulls), self.limits, strict=True)
+            for end in (before, after)
         ]
         return ca.logic_not(reduce(ca.logic_and, sticks))
 
@@ -217,7 +351,7 @@ class RingSlip:
             tension = ca.fmin(ca.fmax(free, tension / ratio), tension * ratio)
         return flows[::-1], margins[::-1]
 
-    def _find_margin(self, k: int, before: Scalar, behind: Scalar) -> Scalar:
+    def _find_margin(self, k: int, before: Scalar, after: Scalar) -> Scalar:
         """Return the margin of ring k [m]; before, behind: tensions unless all rings stick for sure [N].
 
         That is a length, room / mu, with a little of room / both: where both strands go slack it stays
@@ -225,26 +359,26 @@ class RingSlip:
         """
         law, ratio = self.strands[k].law, self.ratios[k]
         before = ca.if_else(self.moves, before, self.strands[k].stuck_tension)
-        behind = ca.if_else(self.moves, behind, self.strands[k + 1].stuck_tension)
-        room, both = ca.fmin(ratio * behind - before, ratio * before - behind), before + behind
-        least = SLACK_MARGIN * law.rest_length
-        part = ca.if_else(both > 0, room / ca.if_else(both > 0, both, 1), -1)
-        return room / law.mu + least * part
+        after = ca.if_else(self.moves, after, self.strands[k + 1].stuck_tension)
+        room, total = ca.fmin(ratio * after - before, ratio * before - after), before + after
+        margin = SLACK_MARGIN * law.rest_length
+        ratio_margin = ca.if_else(total > 0, room / ca.if_else(total > 0, total, 1), -1)
+        return room / law.mu + margin * ratio_margin
 
     def excess(self) -> list[Scalar]:
         """Return what tensions at rest are beyond the limit, behind each ring and before it [N]."""
         tensions = pairwise(strand.elastic for strand in self.strands)
-        both = [
-            (behind - HELD * ratio * before, before - HELD * ratio * behind)
-            for ratio, (before, behind) in zip(self.ratios, tensions, strict=True)
+        terms = [
+            (after - HELD * ratio * before, before - HELD * ratio * after)
+            for ratio, (before, after) in zip(self.ratios, tensions, strict=True)
         ]
-        return [value for pair in both for value in pair]
+        return [value for pair in terms for value in pair]
 
     def slide(self) -> list[SlidingStrand]:
         """Return the strands as they slip."""
         flows = [ca.SX(0.0), *self.solution[0], ca.SX(0.0)]
-        both = zip(self.strands, pairwise(flows), strict=True)
-        return [replace(strand, slide=before - behind, moves=self.moves) for strand, (before, behind) in both]
+        joined = zip(self.strands, pairwise(flows), strict=True)
+        return [replace(strand, slide=before - after, moves=self.moves) for strand, (before, after) in joined]
 
 
 class RingFriction(Memory):
@@ -282,29 +416,31 @@ class RingFriction(Memory):
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
         """Return the builders of margins, and of what tensions are beyond their limits."""
         return {
-            "ring_margin": lambda: ca.vertcat(*[item for slip in self.slips for item in slip.solution[1]]),
-            "ring_ratio": lambda: ca.vertcat(*[item for slip in self.slips for item in slip.ratios]),
-            "ring_excess": lambda: ca.vertcat(*[item for slip in self.slips for item in slip.excess()]),
+            "ring_margin": lambda: ca.vertcat(
+                *[margin for slip in self.slips for margin in slip.solution[1]]
+            ),
+            "ring_ratio": lambda: ca.vertcat(*[ratio for slip in self.slips for ratio in slip.ratios]),
+            "ring_excess": lambda: ca.vertcat(*[excess for slip in self.slips for excess in slip.excess()]),
         }
 
 
-def _bound_limit(friction: float, before: Member, behind: Member) -> tuple[Scalar, Scalar]:
+def _bound_limit(friction: float, before: Member, after: Member) -> tuple[Scalar, Scalar]:
     """Return what is below (E - 1)^2 at a ring: what divided by what.
 
     2 w + w^2 / 3 <= theta^2 with w = 1 - cos(theta), and y + 7 y^2 / 12 <= (exp(x) - 1)^2 with y = x^2: the
     first terms of series of positive ones.
     """
-    length, square = before.length * behind.length, friction**2
-    turn = SURE * length - dot(before.vector, behind.vector)
+    length, square = before.length * after.length, friction**2
+    turn = SURE * length - dot(before.vector, after.vector)
     return turn * (2.0 * square * length + (square / 3.0 + square**2 * (7.0 / 3.0)) * turn), length * length
 
 
-def _find_angle(before: Member, behind: Member) -> Scalar:
+def _find_angle(before: Member, after: Member) -> Scalar:
     """Return the angle between two strands [rad], 0 straight on and pi folded back; exact near both.
 
     The root of the area between them has the derivative 0 where it is 0.
     """
-    pairs = list(zip(before.vector, behind.vector, strict=True))
+    pairs = list(zip(before.vector, after.vector, strict=True))
     square = sum(((x * w - y * v) ** 2 for (x, v), (y, w) in combinations(pairs, 2)), ca.SX(0.0))
     area = ca.if_else(square > 0, ca.sqrt(ca.if_else(square > 0, square, 1)), 0)
-    return ca.atan2(area, dot(before.vector, behind.vector) + LEAST_SQUARE)
+    return ca.atan2(area, dot(before.vector, after.vector) + LEAST_SQUARE)

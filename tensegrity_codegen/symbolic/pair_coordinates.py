@@ -3,20 +3,142 @@
 uvec123: all x components of the pairs, then all y, then all z; uvec321: pair by pair. Behind them, for each
 axis and each part of the structure that no anchor holds along it, the component of its centre of mass.
 Components between two nodes that are both anchored along an axis are constants and no coordinates.
+
+The pairs are a graph, axis by axis. A pair (i, j) stands for the component r_i - r_j along the axis. It is
+a coordinate unless both nodes are anchored there. A spanning forest of the moving pairs leads from roots to
+every other node: anchored nodes are roots; a part of the structure that no anchor holds has one root of its
+own and floats.
 """
 
+from collections import deque
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.symbolic.distances.pair_graph import AxisGraph, list_pairs
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector
 
-Scalar = Any
-Vector = list[Scalar]
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of nodes in the order of the coordinates: actuated members first, in the order of the inputs.
+
+    ends: (n_pairs, 2) nodes (i, j) of r_i - r_j; member: the member on each pair, -1 where there is none;
+    pair_of_member: the pair of each member.
+    """
+
+    ends: NDArray[np.int64]
+    member: NDArray[np.int64]
+    pair_of_member: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.ends)
+
+
+def list_pairs(structure: Structure, selection: str) -> Pairs:
+    """Return the pairs that are members ("connected"), or these and then all others, i < j ("full")."""
+    actuated = [e for source in structure.inputs for e in source.rest_length_gain]
+    members = list(dict.fromkeys([*actuated, *range(structure.n_members)]))
+    ends = [(int(i), int(j)) for i, j in structure.connectivity[members]]
+    if selection == "full":
+        joined = {frozenset(pair) for pair in ends}
+        n = structure.n_nodes
+        all_pairs = ((i, j) for i in range(n) for j in range(i + 1, n))
+        ends += [pair for pair in all_pairs if frozenset(pair) not in joined]
+    pair_of_member = np.empty(structure.n_members, dtype=np.int64)
+    pair_of_member[members] = np.arange(structure.n_members)
+    member = np.full(len(ends), -1, dtype=np.int64)
+    member[: len(members)] = members
+    return Pairs(np.array(ends, dtype=np.int64).reshape(-1, 2), member, pair_of_member)
+
+
+@dataclass(frozen=True)
+class TreeStep:
+    """One step of the spanning forest: r_node = r_parent + sign (r_i - r_j) of the pair."""
+
+    node: int
+    parent: int
+    pair: int
+    sign: int
+
+
+@dataclass(frozen=True)
+class AxisGraph:
+    """The graph of the pairs along one axis; anchored: (n_nodes,) nodes that are held along it."""
+
+    ends: NDArray[np.int64]
+    anchored: NDArray[np.bool_]
+
+    @cached_property
+    def moving(self) -> NDArray[np.int64]:
+        """Pairs with at least one free end: the coordinates."""
+        return np.flatnonzero(~self.anchored[self.ends].all(axis=1))
+
+    @cached_property
+    def steps(self) -> tuple[TreeStep, ...]:
+        """Spanning forest, breadth first from the anchored nodes and then from one node a floating part."""
+        return self._forest[0]
+
+    @cached_property
+    def closing(self) -> NDArray[np.int64]:
+        """Moving pairs outside the forest: each closes one cycle."""
+        in_forest = [step.pair for step in self.steps]
+        return np.setdiff1d(self.moving, np.array(in_forest, dtype=np.int64))
+
+    @cached_property
+    def root(self) -> NDArray[np.int64]:
+        """(n_nodes,): the root from which each node is reached, itself for a root."""
+        return self._forest[1]
+
+    @cached_property
+    def floating(self) -> tuple[tuple[int, ...], ...]:
+        """Nodes of each part that no anchor holds along this axis, by their lowest node."""
+        roots = [int(root) for root in np.unique(self.root) if not self.anchored[root]]
+        return tuple(tuple(int(node) for node in np.flatnonzero(self.root == root)) for root in roots)
+
+    @cached_property
+    def incidence(self) -> NDArray[np.float64]:
+        """(n_moving, n_nodes): +1 at i, -1 at j of each moving pair."""
+        result = np.zeros((len(self.moving), len(self.anchored)))
+        rows = np.arange(len(self.moving))
+        result[rows, self.ends[self.moving, 0]] = 1.0
+        result[rows, self.ends[self.moving, 1]] = -1.0
+        return result
+
+    @cached_property
+    def _forest(self) -> tuple[tuple[TreeStep, ...], NDArray[np.int64]]:
+        root = np.where(self.anchored, np.arange(len(self.anchored)), -1)
+        queue = deque(int(node) for node in np.flatnonzero(self.anchored))
+        steps = list(self._grow(queue, root))
+        for node in range(len(root)):
+            if root[node] < 0:
+                root[node] = node
+                steps += self._grow(deque([node]), root)
+        return tuple(steps), root
+
+    def _grow(self, queue: deque[int], root: NDArray[np.int64]) -> list[TreeStep]:
+        steps = []
+        while queue:
+            parent = queue.popleft()
+            for node, pair, sign in self._neighbours[parent]:
+                if root[node] < 0:
+                    root[node] = root[parent]
+                    steps.append(TreeStep(node, parent, pair, sign))
+                    queue.append(node)
+        return steps
+
+    @cached_property
+    def _neighbours(self) -> list[list[tuple[int, int, int]]]:
+        """Node -> (other node, pair, sign) with r_other = r_node + sign (r_i - r_j), over moving pairs."""
+        result: list[list[tuple[int, int, int]]] = [[] for _ in self.anchored]
+        for pair in self.moving:
+            i, j = (int(node) for node in self.ends[pair])
+            result[i].append((j, int(pair), -1))
+            result[j].append((i, int(pair), 1))
+        return result
 
 
 @dataclass(frozen=True)
@@ -30,21 +152,23 @@ class Centre:
 class PairCoordinates:
     """Where each component lies in the coordinate vector, and node vectors from coordinates and back.
 
-    structure: the structure; which: "connected" or "full" pairs; order: "uvec123" or "uvec321"; weight:
+    structure: the structure; selection: "connected" or "full" pairs; order: "uvec123" or "uvec321"; weight:
     n_nodes masses [kg] that each node has in the centre of mass.
     """
 
-    def __init__(self, structure: Structure, which: str, order: str, weight: list[Scalar]) -> None:
+    def __init__(self, structure: Structure, selection: str, order: str, weight: list[Scalar]) -> None:
         self.structure = structure
         self.axes = structure.axes
         self.weight = weight
-        self.pairs = list_pairs(structure, which)
+        self.pairs = list_pairs(structure, selection)
         self.graphs = [AxisGraph(self.pairs.ends, structure.node_anchored[:, axis]) for axis in self.axes]
-        places = [(int(pair), column) for column, graph in enumerate(self.graphs) for pair in graph.moving]
+        pair_columns = [
+            (int(pair), column) for column, graph in enumerate(self.graphs) for pair in graph.moving
+        ]
         if order == "uvec321":
-            places.sort()
-        self.places = tuple(places)
-        self.index = {place: position for position, place in enumerate(self.places)}
+            pair_columns.sort()
+        self.places = tuple(pair_columns)
+        self.index = {pair_column: position for position, pair_column in enumerate(self.places)}
         self.centres = tuple(
             Centre(column, nodes) for column, graph in enumerate(self.graphs) for nodes in graph.floating
         )
@@ -94,9 +218,9 @@ class PairCoordinates:
                 root = int(graph.root[node])
                 base = fixed[root][column] - start if graph.anchored[root] else ca.SX(0.0)
                 result[node][column] = value if base.is_zero() else base + value
-        for place, centre in enumerate(self.centres, start=self.n_differences):
+        for position, centre in enumerate(self.centres, start=self.n_differences):
             column, total = centre.column, self.mass(centre)
-            base = vector[place] if origin is None else vector[place] - origin[column]
+            base = vector[position] if origin is None else vector[position] - origin[column]
             mean = sum((self.weight[k] / total * result[k][column] for k in centre.nodes), ca.SX(0.0))
             for node in centre.nodes:
                 result[node][column] = (result[node][column] - mean) + base
@@ -104,10 +228,10 @@ class PairCoordinates:
 
     def find_origin(self, vector: ca.SX, fixed: list[Vector]) -> Vector:
         """Return a point of the structure: along each axis its first anchored node, else its first centre."""
-        first = {centre.column: place for place, centre in reversed([*enumerate(self.centres)])}
+        starts = {centre.column: position for position, centre in reversed([*enumerate(self.centres)])}
         held = [np.flatnonzero(graph.anchored) for graph in self.graphs]
         return [
-            fixed[nodes[0]][column] if nodes.size else vector[self.n_differences + first[column]]
+            fixed[nodes[0]][column] if nodes.size else vector[self.n_differences + starts[column]]
             for column, nodes in enumerate(held)
         ]
 
@@ -134,9 +258,9 @@ class PairCoordinates:
             node = self._sum_steps(vector, column)
             for pair in graph.closing:
                 i, j = (int(end) for end in ends[pair])
-                apart = fixed[graph.root[i]][column] - fixed[graph.root[j]][column]
+                offset = fixed[graph.root[i]][column] - fixed[graph.root[j]][column]
                 between = node[i] - node[j]
-                result[self.index[int(pair), column]] = between if apart.is_zero() else between + apart
+                result[self.index[int(pair), column]] = between if offset.is_zero() else between + offset
         return result
 
     def differences(self, vectors: list[Vector]) -> list[Scalar]:

@@ -1,1 +1,0 @@
-"""Bodies in motion: their arguments, velocities and Lagrange equations."""

@@ -1,1 +1,0 @@
-"""Node distances as coordinates: pairs, cycles, constraints and inertia."""
