@@ -203,7 +203,7 @@ def make_contenders(case: Case) -> dict[str, Contender]:
     wanted = {name for pair in case.pairs for name in pair.ours} | set(REFERENCES)
     others = tuple(name for pair in case.pairs for name in pair.others)
     makers = {
-        **dict(own_contenders(problem, flags="native", compiler=None, more=("rodas",))),
+        **dict(own_contenders(problem, flags="native", compiler=None, extra_methods=("rodas",))),
         **dict(peer_contenders(problem)),
         DOOR: dict(own_contenders(problem, flags="reference", compiler=None))[DOOR],
     }

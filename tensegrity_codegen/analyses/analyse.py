@@ -203,7 +203,7 @@ class AnalyseResult(Result):
         """Write arrays, a page, or the scene with the prestress found."""
         subject = self.case.subject
         if name == "out":
-            from tensegrity_codegen.report.analysis_data import write_analysis
+            from tensegrity_codegen.report.analysis_tables import write_analysis
 
             write_analysis(self.analysis, path, subject.member_name, subject.node_name, overwrite=overwrite)
             return True
@@ -245,7 +245,7 @@ class AnalyseResult(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return counts, tensions, certificate, modes and members against their limits."""
-        from tensegrity_codegen.report.analysis_data import describe_analysis
+        from tensegrity_codegen.report.analysis_tables import describe_analysis
 
         subject, analysis, tense = self.case.subject, self.analysis, self.prestressed
         data = describe_analysis(analysis, subject.member_name, subject.node_name)

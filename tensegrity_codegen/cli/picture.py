@@ -189,7 +189,7 @@ def describe_left_out(
     output: Output, subject: "Subject", labels: tuple[str, ...], most: int | None = None
 ) -> dict[str, Any]:
     """Warn of names that are left out since they are too many; return the key of the JSON that says so."""
-    from tensegrity_codegen.report.pictures.labels import choose_names
+    from tensegrity_codegen.report.pictures.marks import choose_names
     from tensegrity_codegen.structure.outline import outline_bodies
 
     _, left = choose_names(outline_bodies(subject), labels, most)

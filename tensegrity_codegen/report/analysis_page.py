@@ -49,25 +49,25 @@ STATUS = {
 
 
 def build_analysis_page(
-    found: Analysis, structure: Structure, member_name: tuple[str, ...], command: str = ""
+    analysis: Analysis, structure: Structure, member_name: tuple[str, ...], command: str = ""
 ) -> Page:
     """Return the page of an analysis.
 
     structure: what is drawn, its members first those of `member_name` (then edges of bodies); command: the
     command line that makes the page.
     """
-    rows = tuple((text_cell(name), text_cell(value)) for name, value in describe_counts(found))
+    rows = tuple((text_cell(name), text_cell(value)) for name, value in describe_counts(analysis))
     table = Table("What was found", (Column("what", numeric=False), Column("value", numeric=False)), rows)
-    blocks: list[Block] = [Paragraph(as_sentence(found.message))]
-    blocks += [Remark("differs", as_sentence(text)) for text in found.warnings]
+    blocks: list[Block] = [Paragraph(as_sentence(analysis.message))]
+    blocks += [Remark("differs", as_sentence(text)) for text in analysis.warnings]
     sections = (
-        Section("verdict", "all", "Verdict", "plain", STATUS[found.status], (*blocks, table)),
-        _singular_values(found),
-        _prestress(found, structure),
-        *_proof(found, structure, member_name),
-        *_mechanisms(found, structure),
-        *_modes(found, structure),
-        _members(found, member_name),
+        Section("verdict", "all", "Verdict", "plain", STATUS[analysis.status], (*blocks, table)),
+        _singular_values(analysis),
+        _prestress(analysis, structure),
+        *_proof(analysis, structure, member_name),
+        *_mechanisms(analysis, structure),
+        *_modes(analysis, structure),
+        _members(analysis, member_name),
         *([command_section(command)] if command else []),
     )
     counts = ", ".join(
@@ -75,16 +75,16 @@ def build_analysis_page(
     )
     return Page(
         subject=f"Analysis of {structure.name}",
-        title=describe_analysis_finding(found),
+        title=describe_analysis_finding(analysis),
         lead=LEAD,
-        chapters=(Chapter("analysis", structure.name, STATUS[found.status], f"{counts}.", sections),),
+        chapters=(Chapter("analysis", structure.name, STATUS[analysis.status], f"{counts}.", sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/analyse.md."),
         summary_heads=("part", "what", "result"),
     )
 
 
-def _singular_values(found: Analysis) -> Section:
-    rank = found.rank
+def _singular_values(analysis: Analysis) -> Section:
+    rank = analysis.rank
     largest = float(rank.singular_value.max(initial=0.0)) or 1.0
     values = np.maximum(rank.singular_value / largest, rank.rounding)
     number = np.arange(1, len(values) + 1)
@@ -103,21 +103,21 @@ def _singular_values(found: Analysis) -> Section:
     return Section("singular-values", "rank", "Singular values", "plain", text, blocks)
 
 
-def _prestress(found: Analysis, structure: Structure) -> Section:
-    own, loaded = found.prestress, found.load_prestress
-    if own.is_found and not math.isinf(own.least_tension):
-        text, tension = "self-stress with every cable in tension; the largest force is 1", own.tension
+def _prestress(analysis: Analysis, structure: Structure) -> Section:
+    selfstress, loaded = analysis.prestress, analysis.load_prestress
+    if selfstress.is_found and not math.isinf(selfstress.least_tension):
+        text, tension = "self-stress with every cable in tension; the largest force is 1", selfstress.tension
     elif loaded is not None and loaded.is_found:
         text, tension = "tensions under the loads", loaded.tension
-    elif math.isinf(own.least_tension):
-        text, tension = "no member needs to be in tension", own.tension
+    elif math.isinf(selfstress.least_tension):
+        text, tension = "no member needs to be in tension", selfstress.tension
     else:
-        text, tension = "no prestress exists; the present tensions are shown", found.member_tension
-    unit = "member tension / largest force" if tension is own.tension else "member tension [N]"
+        text, tension = "no prestress exists; the present tensions are shown", analysis.member_tension
+    unit = "member tension / largest force" if tension is selfstress.tension else "member tension [N]"
     # Tensions of all that is drawn; those of the edges of bodies are unknown
-    more = structure.n_members - len(tension)
+    omitted = structure.n_members - len(tension)
     picture = draw_tensions(
-        structure, found.node_position, np.pad(tension, (0, more), constant_values=np.nan), unit
+        structure, analysis.node_position, np.pad(tension, (0, omitted), constant_values=np.nan), unit
     )
     figure = Figure(
         draw_picture(picture, "prestress"),
@@ -128,12 +128,12 @@ def _prestress(found: Analysis, structure: Structure) -> Section:
     return Section("prestress", "tension", "Prestress", "plain", text, (figure,))
 
 
-def _proof(found: Analysis, structure: Structure, member_name: tuple[str, ...]) -> Iterator[Section]:
-    proof, motion = found.certificate, found.certificate_displacement
+def _proof(analysis: Analysis, structure: Structure, member_name: tuple[str, ...]) -> Iterator[Section]:
+    proof, motion = analysis.certificate, analysis.certificate_displacement
     if proof is None or motion is None or not proof.is_verified:
         return
     text = f"{len(proof.shortening)} cables shorten, no cable lengthens, no bar changes its length"
-    picture = draw_picture(draw_motion(structure, found.node_position, motion), "proof")
+    picture = draw_picture(draw_motion(structure, analysis.node_position, motion), "proof")
     figure = Figure(picture, f"The motion, enlarged: {text}.", text, {"displacement": motion.tolist()})
     axes = structure.axes
     columns = (Column("node", numeric=False), *(Column("xyz"[axis]) for axis in axes))
@@ -164,21 +164,21 @@ def tabulate_elongation(proof: Certificate, member_name: Sequence[str], spec: st
     return Table("Changes of length, A^T d", columns, rows, note)
 
 
-def _mechanisms(found: Analysis, structure: Structure) -> Iterator[Section]:
-    count = found.n_mechanisms
+def _mechanisms(analysis: Analysis, structure: Structure) -> Iterator[Section]:
+    count = analysis.n_mechanisms
     if count:
         text = f"{count} motion{'s' * (count > 1)} that change{'s' * (count == 1)} no length to first order"
         figures = tuple(
             _motion_figure(
-                structure, found, found.mechanism[:, :, k], f"mechanism{k + 1}", f"Mechanism {k + 1}."
+                structure, analysis, analysis.mechanism[:, :, k], f"mechanism{k + 1}", f"Mechanism {k + 1}."
             )
             for k in range(min(count, MOST_MECHANISMS))
         )
         yield Section("mechanisms", "motion", "Mechanisms", "plain", text, figures)
 
 
-def _modes(found: Analysis, structure: Structure) -> Iterator[Section]:
-    modes = found.modes
+def _modes(analysis: Analysis, structure: Structure) -> Iterator[Section]:
+    modes = analysis.modes
     if modes is None or not len(modes.frequency):
         return
     figures = []
@@ -186,13 +186,13 @@ def _modes(found: Analysis, structure: Structure) -> Iterator[Section]:
         caption = f"Mode {k + 1}: {modes.frequency[k]:.5g} Hz."
         if modes.growth_rate[k]:
             caption = f"Mode {k + 1}: unstable, grows by {modes.growth_rate[k]:.4g} 1/s."
-        figures.append(_motion_figure(structure, found, modes.shape[:, :, k], f"mode{k + 1}", caption))
-    more = (
+        figures.append(_motion_figure(structure, analysis, modes.shape[:, :, k], f"mode{k + 1}", caption))
+    lacking = (
         f", {MOST_MODES} of {len(modes.frequency)} computed modes drawn"
         if len(modes.frequency) > MOST_MODES
         else ""
     )
-    text = f"{describe_modes(found)}; {modes.n_total} modes{more}"
+    text = f"{describe_modes(analysis)}; {modes.n_total} modes{lacking}"
     columns = (Column("mode"), Column("frequency", "Hz"), Column("growth", "1/s"))
     rows = tuple(
         (
@@ -203,21 +203,21 @@ def _modes(found: Analysis, structure: Structure) -> Iterator[Section]:
         for k, (frequency, rate) in enumerate(zip(modes.frequency, modes.growth_rate, strict=True))
     )
     with_growth = bool(np.any(modes.growth_rate))
-    kept = 3 if with_growth else 2
-    table = Table("Natural frequencies", columns[:kept], tuple(row[:kept] for row in rows))
+    n_columns = 3 if with_growth else 2
+    table = Table("Natural frequencies", columns[:n_columns], tuple(row[:n_columns] for row in rows))
     name = "Natural frequencies at the present tensions"
     yield Section("modes", "motion", name, "plain", text, (*figures, table))
 
 
 def _motion_figure(
-    structure: Structure, found: Analysis, motion: FloatArray, name: str, caption: str
+    structure: Structure, analysis: Analysis, motion: FloatArray, name: str, caption: str
 ) -> Figure:
-    picture = draw_picture(draw_motion(structure, found.node_position, motion), name)
+    picture = draw_picture(draw_motion(structure, analysis.node_position, motion), name)
     return Figure(picture, caption, caption, {"displacement": motion.tolist()})
 
 
-def _members(found: Analysis, member_name: tuple[str, ...]) -> Section:
-    members = found.members
+def _members(analysis: Analysis, member_name: tuple[str, ...]) -> Section:
+    members = analysis.members
     limited = [name for name in MEMBER_CHECKS if not np.isnan(members.use[name]).all()]
     with_section = not np.isnan(members.stress).all()
     columns = [Column("member", numeric=False), Column("prestress", "1"), Column("tension", "N")]
@@ -227,8 +227,8 @@ def _members(found: Analysis, member_name: tuple[str, ...]) -> Section:
     for e, name in enumerate(member_name):
         cells = [
             text_cell(name),
-            number_cell(float(found.prestress.tension[e]), "+.4f"),
-            number_cell(float(found.member_tension[e]), "+.4f"),
+            number_cell(float(analysis.prestress.tension[e]), "+.4f"),
+            number_cell(float(analysis.member_tension[e]), "+.4f"),
         ]
         if with_section:
             cells += [_cell(members.stress[e] / 1e6, ".3f"), _cell(members.buckling_factor[e], ".2f")]

@@ -28,26 +28,28 @@ def compute_loads(subject: Structure | BodySystem, motion: Trajectory | None = N
     if motion.input is None:
         return load
     columns = {name: motion.input[:, k] for k, name in enumerate(motion.input_name)}
-    for item in subject.inputs:
-        if _is_force(item) and item.name in columns:
-            pushed = columns[item.name][:, None, None] * np.array(item.direction)
-            load[:, list(item.targets)] += pushed
+    for source in subject.inputs:
+        if _is_force(source) and source.name in columns:
+            pushed = columns[source.name][:, None, None] * np.array(source.direction)
+            load[:, list(source.targets)] += pushed
     return load
 
 
-def compute_static_loads(subject: Structure | BodySystem, found: Equilibrium) -> FloatArray:
+def compute_static_loads(subject: Structure | BodySystem, equilibrium: Equilibrium) -> FloatArray:
     """Return the loads on nodes at an equilibrium, (n_nodes, 3) [N], as `compute_loads` does for motions."""
-    load = np.array(subject.node_load if found.node_load is None else found.node_load, dtype=float)
+    load = np.array(
+        subject.node_load if equilibrium.node_load is None else equilibrium.node_load, dtype=float
+    )
     inputs: Sequence[ActuatedInput | BodyInput] = subject.inputs
-    for item, value in zip(inputs, [] if found.input is None else found.input, strict=False):
-        if _is_force(item):
-            load[list(item.targets)] += float(value) * np.array(item.direction)
+    for source, value in zip(inputs, [] if equilibrium.input is None else equilibrium.input, strict=False):
+        if _is_force(source):
+            load[list(source.targets)] += float(value) * np.array(source.direction)
     return load
 
 
-def _is_force(item: ActuatedInput | BodyInput) -> bool:
+def _is_force(source: ActuatedInput | BodyInput) -> bool:
     """Return whether an input is a force on nodes in a constant direction."""
-    return item.kind == "force" and getattr(item, "frame", "inertial") == "inertial"
+    return source.kind == "force" and getattr(source, "frame", "inertial") == "inertial"
 
 
 def describe_other_loads(subject: Structure | BodySystem, motion: Trajectory | None = None) -> str:
@@ -62,8 +64,10 @@ def describe_other_loads(subject: Structure | BodySystem, motion: Trajectory | N
     )
     names = () if motion is None else motion.input_name
     driven = {names[k] for k in pushed}
-    turning = [item for item in subject.inputs if item.kind == "torque" or item.frame == "body"]
-    count = len(subject.loads) + sum(item.name in driven for item in turning if item.kind != "rest_length")
+    turning = [source for source in subject.inputs if source.kind == "torque" or source.frame == "body"]
+    count = len(subject.loads) + sum(
+        source.name in driven for source in turning if source.kind != "rest_length"
+    )
     if not count:
         return ""
     return f"{count} torques, or forces that turn with a body, are not drawn"

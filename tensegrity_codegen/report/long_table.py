@@ -45,18 +45,18 @@ class LongTable:
     caption: str = ""
     short: "LongTable | None" = None
 
-    def pick(self, most: int) -> list[int]:
+    def pick(self, limit: int) -> list[int]:
         """Return the numbers of at most `most` rows: the first of each reason in turn, reason by reason."""
         picked: dict[int, int] = {}
-        for places in zip_longest(*(order[:most] for _, order in self.ranking)):
-            for reason, place in enumerate(places):
-                if place is not None and len(picked) < most:
-                    picked.setdefault(place, reason)
-        return sorted(picked, key=lambda place: picked[place])
+        for indices in zip_longest(*(order[:limit] for _, order in self.ranking)):
+            for reason, index in enumerate(indices):
+                if index is not None and len(picked) < limit:
+                    picked.setdefault(index, reason)
+        return sorted(picked, key=lambda index: picked[index])
 
-    def describe_cut(self, most: int) -> str:
+    def describe_cut(self, limit: int) -> str:
         """Return the title, how many rows are shown and why these, and how many are not."""
-        shown = len(self.pick(most))
+        shown = len(self.pick(limit))
         why = ", ".join(reason for reason, order in self.ranking if len(order))
         cut = f"{shown} of {self.count:,} {self.things} ({why}), {self.count - shown:,} more"
         return f"{self.title}; {cut}" if self.title else cut
@@ -68,10 +68,10 @@ class LongTable:
             max(len(line) for text in column for line in text.split("\n"))
             for column in zip(*texts, strict=True)
         ]
-        kept = [
+        selected = [
             min(n, LEAST_FOLDED) if side == "f" else n for side, n in zip(self.sides, lengths, strict=True)
         ]
-        return sum(kept) + 2 * len(kept) <= width
+        return sum(selected) + 2 * len(selected) <= width
 
     def __rich__(self) -> "Table":
         from rich.text import Text
@@ -83,8 +83,8 @@ class LongTable:
             table.add_column(
                 Text(head), justify=justify, no_wrap=not folds, overflow="fold" if folds else "ellipsis"
             )
-        for place in range(self.count):
-            add_row(table, *self.row(place))
+        for index in range(self.count):
+            add_row(table, *self.row(index))
         if self.caption:
             table.caption, table.caption_justify = Text(self.caption), "left"
         return table
@@ -125,7 +125,9 @@ def find_most_rows(counts: Sequence[int], lines: int = 55) -> int:
     if sum(counts) <= min(room, MOST_WHOLE):
         return max(counts, default=0)
     room = min(room, MOST_TOGETHER)
-    fitting = (most for most in range(MOST_ROWS, 1, -1) if sum(min(count, most) for count in counts) <= room)
+    fitting = (
+        limit for limit in range(MOST_ROWS, 1, -1) if sum(min(count, limit) for count in counts) <= room
+    )
     return next(fitting, 1)
 
 
@@ -137,9 +139,9 @@ def rank_rows(values: Any) -> list[int]:
     return order
 
 
-def is_cut(count: int, most: int) -> bool:
+def is_cut(count: int, limit: int) -> bool:
     """Return whether a table of so many rows is cut to `most`: a fifth more fits as well."""
-    return count > most + most // 5
+    return count > limit + limit // 5
 
 
 def new_table(title: str, *texts: str, **columns: str) -> "Table":

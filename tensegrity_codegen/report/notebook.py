@@ -26,24 +26,24 @@ SIDE_BY_SIDE = 'style="display:flex;flex-wrap:wrap;gap:1em;align-items:flex-star
 MOST_MEMBERS = 3000  # of structures that are drawn without being asked
 
 
-def build_html(item: Summarised) -> str:
+def build_html(result: Summarised) -> str:
     """Return the HTML that a notebook shows of a result: name, table of facts, picture."""
     rows = "".join(
         f"<tr><th {LEFT}>{escape(name)}</th><td {LEFT}>{escape(text)}</td></tr>"
-        for name, text in item.facts()
+        for name, text in result.facts()
     )
-    head = ": ".join(part for part in (type(item).__name__, item.headline()) if part)
+    head = ": ".join(title for title in (type(result).__name__, result.headline()) if title)
     table = f"<table><caption {LEFT}><b>{escape(head)}</b></caption>{rows}</table>"
-    return f"<div {SIDE_BY_SIDE}>{table}{_picture(item)}</div>"
+    return f"<div {SIDE_BY_SIDE}>{table}{_picture(result)}</div>"
 
 
-def _picture(item: Any) -> str:
+def _picture(result: Any) -> str:
     """Return an image, or "" for what has no picture, is too large, or where matplotlib is missing."""
     try:
-        if isinstance(item, Motion):
-            figure = _plot_rest_lengths(item)
-        elif isinstance(item, DRAWN) and _count_members(item) <= MOST_MEMBERS:
-            figure, _ = draw_shot(find_shot(item), PictureChoices(follow=True))
+        if isinstance(result, Motion):
+            figure = _plot_rest_lengths(result)
+        elif isinstance(result, DRAWN) and _count_members(result) <= MOST_MEMBERS:
+            figure, _ = draw_shot(find_shot(result), PictureChoices(follow=True))
         else:
             return ""
         data = io.BytesIO()
@@ -54,8 +54,8 @@ def _picture(item: Any) -> str:
     return f'<img alt="picture" style="max-width:100%" src="data:image/png;base64,{text}">'
 
 
-def _count_members(item: Any) -> int:
-    structure = item if isinstance(item, Structure | BodySystem) else getattr(item, "structure", None)
+def _count_members(result: Any) -> int:
+    structure = result if isinstance(result, Structure | BodySystem) else getattr(result, "structure", None)
     return 0 if structure is None else int(structure.n_members)
 
 

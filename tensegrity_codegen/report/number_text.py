@@ -36,4 +36,4 @@ def raise_digits(number: int) -> str:
 
 def lower_indices(text: str, opening: str, closing: str) -> str:
     """Return text in which the index of each symbol like T_S stands between `opening` and `closing`."""
-    return _INDEXED.sub(lambda found: f"{found[1]}{opening}{found[2]}{closing}", text)
+    return _INDEXED.sub(lambda match: f"{match[1]}{opening}{match[2]}{closing}", text)

@@ -54,16 +54,16 @@ def say_spectrum(spectrum: "Spectrum") -> list[str]:
     value, zeros = spectrum.eigenvalue, spectrum.zero_eigenvalues
     moving = value[zeros:]
     real = np.sort(moving[np.abs(moving.imag) <= REAL * np.abs(moving)].real)
-    said = []
+    sentences = []
     if not spectrum.is_complete:
-        said.append("only the slowest modes were computed")
+        sentences.append("only the slowest modes were computed")
     if len(real):
         listed = ", ".join(f"{x:.6g}" for x in real[:MOST_REAL]) + (" ..." if len(real) > MOST_REAL else "")
-        said.append(f"real eigenvalues [1/s] (motions that decay or grow without oscillation): {listed}")
+        sentences.append(f"real eigenvalues [1/s] (motions that decay or grow without oscillation): {listed}")
     if zeros:
         are = describe_count(zeros, "eigenvalue is", "eigenvalues are")
-        said.append(f"{are} zero: rigid motions and mechanisms, two each")
-    return said
+        sentences.append(f"{are} zero: rigid motions and mechanisms, two each")
+    return sentences
 
 
 def tabulate_path(path: LoadPath, model: ModelPath) -> dict[str, FloatArray]:
@@ -111,23 +111,23 @@ def write_path(columns: dict[str, FloatArray], path: LoadPath, file: Path, *, ov
     write_text(json.dumps(plain(data), indent=1, allow_nan=False) + "\n", file, overwrite=overwrite)
 
 
-def events_table(events: Sequence[PathEvent], whole: bool = True, digits: int = 10) -> LongTable:
-    """Return a table of the events in order; whole: with all names, otherwise with the first of many.
+def events_table(events: Sequence[PathEvent], all_names: bool = True, digits: int = 10) -> LongTable:
+    """Return a table of the events in order; all_names: or the first ones of many.
 
     digits: of load factors.
     """
-    most = max(4, 30 // max(len(events), 1))
+    limit = max(4, 30 // max(len(events), 1))
 
     def describe(k: int) -> tuple[str, ...]:
         names = events[k].names
-        listed = name_list(names, len(names) if whole else most)
+        listed = name_list(names, len(names) if all_names else limit)
         return f"{events[k].load_factor:.{digits}g}", events[k].kind, listed
 
-    own = [k for k, item in enumerate(events) if item.kind in OF_THE_PATH]
-    others = [k for k, item in enumerate(events) if item.kind not in OF_THE_PATH]
+    path_events = [k for k, event in enumerate(events) if event.kind in OF_THE_PATH]
+    other_events = [k for k, event in enumerate(events) if event.kind not in OF_THE_PATH]
     return LongTable(
         "events", ("load factor", "event", "of"), "rff", len(events), describe, "events",
-        (("limit points, bifurcations, contacts", own), ("first others", others)),
+        (("limit points, bifurcations, contacts", path_events), ("first others", other_events)),
     )  # fmt: skip
 
 
@@ -136,28 +136,28 @@ def _columns(prefix: str, names: Sequence[str], rows: FloatArray) -> dict[str, F
     return {f"{prefix}{name}": table[:, k] for k, name in enumerate(names)}
 
 
-def list_columns(found: Sensitivity) -> dict[str, dict[str, Any]]:
+def list_columns(sensitivity: Sensitivity) -> dict[str, dict[str, Any]]:
     """Return what each column does most, by its name.
 
     Returns name -> `node` and its `motion` [m/m], the node that moves most; `raised` and `lowered`, the
     members whose tensions rise and fall most, each with `derivative` [N/m], or None where none does.
     """
-    size = np.linalg.norm(found.node, axis=1)  # (n_nodes, n_columns)
+    size = np.linalg.norm(sensitivity.node, axis=1)  # (n_nodes, n_columns)
     result: dict[str, dict[str, Any]] = {}
-    for k, name in enumerate(found.column_name):
-        node, change = int(size[:, k].argmax()), found.tension[:, k]
+    for k, name in enumerate(sensitivity.column_name):
+        node, change = int(size[:, k].argmax()), sensitivity.tension[:, k]
         result[name] = {
-            "node": found.node_name[node],
-            "motion": found.node[node, :, k].tolist(),
-            "raised": _extreme(found, change, int(change.argmax()), 1.0),
-            "lowered": _extreme(found, change, int(change.argmin()), -1.0),
+            "node": sensitivity.node_name[node],
+            "motion": sensitivity.node[node, :, k].tolist(),
+            "raised": _extreme(sensitivity, change, int(change.argmax()), 1.0),
+            "lowered": _extreme(sensitivity, change, int(change.argmin()), -1.0),
         }
     return result
 
 
-def _extreme(found: Sensitivity, change: Any, member: int, sign: float) -> dict[str, Any] | None:
+def _extreme(sensitivity: Sensitivity, change: Any, member: int, sign: float) -> dict[str, Any] | None:
     value = float(change[member])
-    return {"member": found.member_name[member], "derivative": value} if sign * value > 0 else None
+    return {"member": sensitivity.member_name[member], "derivative": value} if sign * value > 0 else None
 
 
 def columns_table(columns: Mapping[str, Mapping[str, Any]]) -> LongTable:
@@ -188,7 +188,10 @@ def columns_table(columns: Mapping[str, Mapping[str, Any]]) -> LongTable:
 
 def _find_change(facts: Mapping[str, Any]) -> float:
     """Return the largest change of a tension of one column [N/m]."""
-    return max((abs(item["derivative"]) for item in (facts["raised"], facts["lowered"]) if item), default=0.0)
+    return max(
+        (abs(extreme["derivative"]) for extreme in (facts["raised"], facts["lowered"]) if extreme),
+        default=0.0,
+    )
 
 
 def ranks_table(title: str, unit: str, ranks: Sequence[tuple[str, float]]) -> Table:

@@ -49,10 +49,10 @@ def functions_table(manifest: Manifest) -> Table:
     table = new_table(
         f"{manifest.name}: functions", "quantity", "arguments", "shape", "unit", operations="right"
     )
-    for item in manifest.functions:
+    for function in manifest.functions:
         add_row(
-            table, item.quantity, ", ".join(item.arguments) or "none", _shape(item.shape), item.unit,
-            f"{item.operations:,}",
+            table, function.quantity, ", ".join(function.arguments) or "none", _shape(function.shape),
+            function.unit, f"{function.operations:,}",
         )  # fmt: skip
     for integrator in manifest.integrators:
         passed = ", ".join(("state", *integrator.arguments))
@@ -81,11 +81,11 @@ def left_out_table(manifest: Manifest) -> Table:
         f"{manifest.name}: left out", "what, and why",
         functions="right", arguments="right", operations="right", object_bytes="right",
     )  # fmt: skip
-    for item in manifest.left_out:
-        sign = "" if item.measured else "~"
+    for feature in manifest.left_out:
+        sign = "" if feature.measured else "~"
         add_row(
-            table, f"{item.what}\n{item.why}", f"{item.functions:,}", f"{item.arguments:,}",
-            f"{item.operations:,}", f"{sign}{item.object_bytes:,}",
+            table, f"{feature.what}\n{feature.why}", f"{feature.functions:,}", f"{feature.arguments:,}",
+            f"{feature.operations:,}", f"{sign}{feature.object_bytes:,}",
         )  # fmt: skip
         table.add_section()
     return table
@@ -95,7 +95,7 @@ def memory_table(code_bytes: int | None, stack_bytes: Mapping[str, int]) -> Tabl
     """Return a table of the program memory of a library and the stack of its functions [bytes]."""
     size = "unknown" if code_bytes is None else f"{code_bytes:,} bytes"
     table = new_table(f"code and constants: {size}; stack at most", "function", bytes="right")
-    for name, size_of in sorted(stack_bytes.items(), key=lambda item: -item[1]):
+    for name, size_of in sorted(stack_bytes.items(), key=lambda entry: -entry[1]):
         add_row(table, name, f"{size_of:,}")
     return table
 
@@ -110,8 +110,8 @@ def nodes_table(structure: Structure, node_position: FloatArray) -> LongTable:
 
     def describe(n: int) -> list[str]:
         held = "".join("xyz"[axis] for axis in structure.axes if structure.node_anchored[n, axis])
-        places = [f"{node_position[n, axis]:.6f}" for axis in structure.axes]
-        return [structure.node_name[n], *places, f"{moved[n]:.3g}", held]
+        components = [f"{node_position[n, axis]:.6f}" for axis in structure.axes]
+        return [structure.node_name[n], *components, f"{moved[n]:.3g}", held]
 
     return LongTable(
         f"{structure.name}: nodes", ("node", *(f"{letter} [m]" for letter in letters), "moved [m]", "held"),
@@ -135,15 +135,16 @@ def feet_table(
     size = np.linalg.norm(force, axis=1)
     shown = np.where(np.abs(force) > 1e-12 * size.max(initial=0.0), force, 0.0)
 
-    def describe(place: int) -> list[str]:
-        k = rows[place]
-        more = [] if penetration is None else [state[k], f"{penetration[k]:.6g}"]
-        return [node_name[k], *(f"{x:.6g}" for x in shown[k]), *more]
+    def describe(node: int) -> list[str]:
+        k = rows[node]
+        contact_cells = [] if penetration is None else [state[k], f"{penetration[k]:.6g}"]
+        return [node_name[k], *(f"{x:.6g}" for x in shown[k]), *contact_cells]
 
-    more = () if penetration is None else ("contact", "penetration [m]")
+    contact_heads = () if penetration is None else ("contact", "penetration [m]")
     return LongTable(
-        f"{name}: feet", ("node", "force x [N]", "force y [N]", "force z [N]", *more),
-        "frrr" + "lr"[: len(more)], len(rows), describe, "feet", (("largest force", rank_rows(-size[rows])),),
+        f"{name}: feet", ("node", "force x [N]", "force y [N]", "force z [N]", *contact_heads),
+        "frrr" + "lr"[: len(contact_heads)], len(rows), describe, "feet",
+        (("largest force", rank_rows(-size[rows])),),
     )  # fmt: skip
 
 
@@ -177,13 +178,23 @@ def segments_table(name: str, segments: Sequence["SegmentError"]) -> LongTable:
     """Return a table of cables in segments: tensions and sags, and by how much these err."""
 
     def describe(k: int) -> list[str]:
-        item = segments[k]
-        errors = item.end_tension - item.extrapolated_end_tension, item.sag - item.extrapolated_sag
-        tension, sag = f"{item.end_tension:.6g}", f"{item.sag:.6g}"
-        return [item.cable, str(item.n_segments), tension, f"{errors[0]:+.2g}", sag, f"{errors[1]:+.2g}"]
+        segment = segments[k]
+        errors = (
+            segment.end_tension - segment.extrapolated_end_tension,
+            segment.sag - segment.extrapolated_sag,
+        )
+        tension, sag = f"{segment.end_tension:.6g}", f"{segment.sag:.6g}"
+        return [
+            segment.cable,
+            str(segment.n_segments),
+            tension,
+            f"{errors[0]:+.2g}",
+            sag,
+            f"{errors[1]:+.2g}",
+        ]
 
     heads = ("cable", "segments", "end tension\n[N]", "error\n[N]", "sag\n[m]", "error\n[m]")
-    worst = rank_rows(np.array([-item.relative for item in segments]))
+    worst = rank_rows(np.array([-segment.relative for segment in segments]))
     return LongTable(
         f"{name}: cables in segments", heads, "frrrrr", len(segments), describe, "cables",
         (("largest error", worst),),
@@ -306,13 +317,13 @@ def rank_members(
     limited = np.flatnonzero(~np.isnan(use))
     bars = np.flatnonzero(structure.is_bar)
     cables = np.flatnonzero(~structure.is_bar)
-    found = [
+    facts = [
         ("nearest to their limits or beyond", limited, -use),
         ("cables with least tension", cables, member_tension),
         ("bars with most compression", bars if not len(limited) else bars[:0], member_tension),
     ]
     return tuple(
-        (reason, rows[rank_rows(value[rows])].tolist()) for reason, rows, value in found if len(rows)
+        (reason, rows[rank_rows(value[rows])].tolist()) for reason, rows, value in facts if len(rows)
     )
 
 

@@ -31,18 +31,18 @@ from tensegrity_codegen.tables.request import ModelRequest
 PACKAGES = ("casadi", "matplotlib", "mujoco", "numpy", "scikit-sundae", "scipy")
 
 
-def hash_run(*words: str) -> str:
+def hash_run(*texts: str) -> str:
     """Return the sha256 of `words` with the source code, the packages in use and the machine."""
-    return hash_text(*_surroundings(), *words)
+    return hash_text(*_surroundings(), *texts)
 
 
-def hash_study(structure: Structure, compiler: str | None, flags: str, *words: str) -> str:
+def hash_study(structure: Structure, compiler: str | None, flags: str, *texts: str) -> str:
     """Return the sha256 of a study of a structure by compiled models; words: its options.
 
     Raises CompilerMissingError, or UnknownNameError for unknown flags.
     """
     toolchain = describe_toolchain(find_compiler(compiler), find_flags(flags))
-    return hash_run(hash_scene(structure, ModelRequest(())), toolchain, *words)
+    return hash_run(hash_scene(structure, ModelRequest(())), toolchain, *texts)
 
 
 def prepare_study(
@@ -92,12 +92,12 @@ def find_version(package: str) -> str:
 @functools.cache
 def load_c(name: str, text: str) -> ctypes.CDLL:
     """Return the library of one C file, compiled once a machine."""
-    compiler, kept, flags = find_compiler(), Cache(), find_flags("reference")
+    compiler, cache, flags = find_compiler(), Cache(), find_flags("reference")
     key = hash_text(text, describe_toolchain(compiler, flags))
-    entry = kept.find(key)
+    entry = cache.find(key)
     if entry is None:
         made = compile_library({f"{name}.c": text}, name=name, compiler=compiler, flags=flags)
-        entry = kept.store(key, {"manifest.json": b"{}", made.file_name: made.library})
+        entry = cache.store(key, {"manifest.json": b"{}", made.file_name: made.library})
     return ctypes.CDLL(str(entry.library))
 
 
@@ -115,18 +115,18 @@ def build_sections(
     """
     journal = journal or Journal(None)
     sections = {name: read_section(journal.find(name)) for name, _, _ in steps}
-    kept = [name for name, section in sections.items() if section is not None]
-    journal.announce(steps[0][0].split()[0], "sections", len(kept), len(steps))
-    total = sum(share for _, share, _ in steps)
-    done = sum(share for name, share, _ in steps if name in kept)
+    done_names = [name for name, section in sections.items() if section is not None]
+    journal.announce(steps[0][0].split()[0], "sections", len(done_names), len(steps))
+    total = sum(weight for _, weight, _ in steps)
+    done = sum(weight for name, weight, _ in steps if name in done_names)
     if progress is not None:
         progress(min(done / total, 1.0))
-    for name, share, build in steps:
+    for name, weight, build in steps:
         if sections[name] is not None:
             continue
         sections[name] = section = run_study(name, build)
         journal.store(name, section_as_json(section))
-        done += share
+        done += weight
         if progress is not None:
             progress(min(done / total, 1.0))
     return tuple(section for section in sections.values() if section is not None)

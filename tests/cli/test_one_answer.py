@@ -14,7 +14,7 @@ from tensegrity_codegen.analyses.equilibrium import RESULTS
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.pipeline.settle import choose_request
-from tensegrity_codegen.report.analysis_data import describe_analysis
+from tensegrity_codegen.report.analysis_tables import describe_analysis
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance
 from tensegrity_codegen.scene.write import write_scene

@@ -10,14 +10,14 @@ import pytest
 
 from tensegrity_codegen.report.pages.page import Figure, Page, render_page
 from tensegrity_codegen.report.pages.page_table import Table
-from tensegrity_codegen.studies.work_precision.finding import (
+from tensegrity_codegen.studies.work_precision.measure import MotionProblem, Reference, Row, find_fastest
+from tensegrity_codegen.studies.work_precision.report import build_page
+from tensegrity_codegen.studies.work_precision.scene_report import (
+    SceneReport,
     compare_scene,
     describe_finding,
     describe_rows,
 )
-from tensegrity_codegen.studies.work_precision.measure import MotionProblem, Reference, Row, find_fastest
-from tensegrity_codegen.studies.work_precision.report import build_page
-from tensegrity_codegen.studies.work_precision.scene_report import SceneReport
 from tests.report.page_checks import check_in_browser, in_browser
 from tests.report.page_html import check_static
 from tests.runtime.build import prism

@@ -11,8 +11,14 @@ from tensegrity_codegen.control.feedback.study.control_study import LOOP_NAMES, 
 from tensegrity_codegen.control.pages.control_studies import find_actuator_use
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
-from tensegrity_codegen.report.pages.joined_series import Look, choose_looks, joined_figure
-from tensegrity_codegen.report.pages.page import Figure, Section, diagram_figure
+from tensegrity_codegen.report.pages.page import (
+    Figure,
+    Look,
+    Section,
+    choose_looks,
+    diagram_figure,
+    joined_figure,
+)
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_film, draw_picture, draw_tensions
 from tensegrity_codegen.runtime.model.model import CompiledModel

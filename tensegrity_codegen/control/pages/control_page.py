@@ -28,7 +28,6 @@ from tensegrity_codegen.control.pages.control_studies import (
     has_limits,
 )
 from tensegrity_codegen.report.number_text import format_short
-from tensegrity_codegen.report.pages.joined_series import join_names
 from tensegrity_codegen.report.pages.page import (
     Block,
     Chapter,
@@ -38,6 +37,7 @@ from tensegrity_codegen.report.pages.page import (
     Section,
     as_sentence,
     command_section,
+    join_names,
 )
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.runtime.model.model import CompiledModel

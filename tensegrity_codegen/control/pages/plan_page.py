@@ -9,7 +9,6 @@ from tensegrity_codegen.control.pages.plans import describe_extremes, describe_p
 from tensegrity_codegen.report.analysis_page import tabulate_elongation
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
-from tensegrity_codegen.report.pages.joined_series import choose_looks, joined_figure
 from tensegrity_codegen.report.pages.page import (
     Block,
     Chapter,
@@ -19,7 +18,9 @@ from tensegrity_codegen.report.pages.page import (
     Remark,
     Section,
     as_sentence,
+    choose_looks,
     command_section,
+    joined_figure,
 )
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_motion, draw_picture, draw_tensions

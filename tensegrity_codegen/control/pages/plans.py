@@ -9,7 +9,7 @@ from rich.table import Table
 
 from tensegrity_codegen.report.long_table import LongTable, add_row, new_table, rank_rows
 from tensegrity_codegen.report.number_text import format_short
-from tensegrity_codegen.report.pages.joined_series import join_names
+from tensegrity_codegen.report.pages.page import join_names
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, Contradiction, Cover, PlanResult
 from tensegrity_codegen.structure.limits import Limits

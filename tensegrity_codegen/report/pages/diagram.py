@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.report.number_text import format_number, raise_digits
-from tensegrity_codegen.report.pictures.canvas import new_figure
-from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, PAPER, SEQUENCE
+from tensegrity_codegen.report.pictures.canvas import GRID, INK, MUTED, PAPER, SEQUENCE, new_figure
 from tensegrity_codegen.tables.integrators import INTEGRATORS, STIFF_INTEGRATOR
 
 if TYPE_CHECKING:
@@ -62,8 +61,8 @@ def _build_formatter() -> "Formatter":
     class RaisedPower(ScalarFormatter):
         def get_offset(self) -> str:
             text = str(super().get_offset())
-            found = POWER.search(text.replace("\N{MINUS SIGN}", "-"))
-            return f"× 10{raise_digits(int(found[1]))}" if found else text
+            power = POWER.search(text.replace("\N{MINUS SIGN}", "-"))
+            return f"× 10{raise_digits(int(power[1]))}" if power else text
 
     formatter = RaisedPower(useOffset=False)
     formatter.set_powerlimits((-4, 5))
@@ -267,8 +266,8 @@ def find_style(name: str) -> MethodStyle:
 
     What none of them describes has a look that depends on its name alone.
     """
-    words = _WORD.findall(name.lower().replace("scipy_", "scipy "))
-    fitting = [key for key in METHOD_STYLES if _has(words, _WORD.findall(key))]
+    name_words = _WORD.findall(name.lower().replace("scipy_", "scipy "))
+    fitting = [key for key in METHOD_STYLES if _has(name_words, _WORD.findall(key))]
     if fitting:
         return METHOD_STYLES[max(fitting, key=lambda key: (len(_WORD.findall(key)), len(key)))]
     number = crc32(name.encode())
@@ -284,10 +283,10 @@ def choose_styles(names: Iterable[str]) -> dict[str, MethodStyle]:
     chosen: dict[str, MethodStyle] = {}
     for name in names:
         style = find_style(name)
-        others = set(chosen.values())
+        used_styles = set(chosen.values())
         start = MARKERS.index(style.marker)
         for step in range(1, len(MARKERS)):
-            if style not in others:
+            if style not in used_styles:
                 break
             style = replace(style, marker=MARKERS[(start + step) % len(MARKERS)])
         chosen[name] = style
@@ -300,7 +299,7 @@ def method_series(name: str, x: ArrayLike, y: ArrayLike, style: MethodStyle | No
     return Series(name, x, y, style.dash, style.color, style.marker)
 
 
-def _has(words: list[str], wanted: list[str]) -> bool:
+def _has(name_words: list[str], phrase: list[str]) -> bool:
     """Return whether words have those wanted, in order, others between them or not."""
-    rest = iter(words)
-    return all(word in rest for word in wanted)
+    remaining = iter(name_words)
+    return all(word in remaining for word in phrase)

@@ -1,4 +1,7 @@
-"""The content of a page of results: chapters of sections with text, remarks, tables and figures."""
+"""The content of a page of results: chapters of sections with text, remarks, tables and figures.
+
+Lines of a diagram that coincide are drawn as one, with all their names.
+"""
 
 import dataclasses
 import functools
@@ -20,6 +23,14 @@ from tensegrity_codegen.system.files import plain
 
 if TYPE_CHECKING:
     import jinja2
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tensegrity_codegen.report.pages.diagram import Series
+from tensegrity_codegen.report.pictures.canvas import SEQUENCE
 
 Verdict = Literal["agrees", "differs", "wrong", "unstated", "new", "plain"]
 VERDICTS: Mapping[str, str] = {
@@ -263,7 +274,7 @@ def section_as_json(section: Section) -> dict[str, Any]:
 def read_section(data: Any) -> Section | None:
     """Return the section that section_as_json wrote, None if `data` is no such thing."""
     try:
-        blocks = tuple(_adapter(item["kind"]).validate_python(item) for item in data["blocks"])
+        blocks = tuple(_adapter(block["kind"]).validate_python(block) for block in data["blocks"])
         section: Section = _adapter("section").validate_python({**data, "blocks": ()})
     except (ValidationError, ValueError, KeyError, TypeError):
         return None
@@ -304,8 +315,8 @@ SHORT = re.compile("[\\d.]+e[-+]\\d+(?:\N{NO-BREAK SPACE}\\w+)?")
 
 def render_page(page: Page) -> str:
     """Return the page as HTML; all its words are escaped, only SVG pictures are taken as they are."""
-    words = {"theme": THEME, "hint_widths": HINT_WIDTHS}
-    return html_template("pages", "page.html.j2", rich=_enrich).render(page=page, **words)
+    settings = {"theme": THEME, "hint_widths": HINT_WIDTHS}
+    return html_template("pages", "page.html.j2", rich=_enrich).render(page=page, **settings)
 
 
 def _enrich(text: str) -> Markup:
@@ -314,3 +325,63 @@ def _enrich(text: str) -> Markup:
     tied = SHORT.sub('<span class="whole">\\g<0></span>', tied)
     tied = tied.replace(" × 10", "\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10")
     return Markup(lower_indices(tied, "<sub>", "</sub>"))
+
+
+Look = tuple[int, Literal["line", "dashed", "dotted", "dashdot"]]
+
+# Of the height of a diagram: lines that are nowhere further apart cannot be told apart.
+INDISTINGUISHABLE_DISTANCE = 0.004
+MOST_NAMES = 3
+STYLES: tuple[Literal["line", "dashed", "dotted", "dashdot"], ...] = ("line", "dashed", "dotted", "dashdot")
+
+
+def choose_looks(names: Iterable[str]) -> Mapping[str, Look]:
+    """Return number of the colour and style of each name: all colours solid, then dashed, then dotted."""
+    order = list(dict.fromkeys(names))
+    count = len(SEQUENCE)
+    return {name: (k % count, STYLES[k // count % len(STYLES)]) for k, name in enumerate(order)}
+
+
+def join_series(series: Sequence[Series]) -> tuple[Series, ...]:
+    """Return series of which those that coincide are one line, with the look of the first and all names."""
+    # The range of all finite values, zero without any.
+    values = np.concatenate([np.zeros(0), *(np.ravel(np.asarray(line.y, dtype=float)) for line in series)])
+    finite = values[np.isfinite(values)]
+    height = float(np.ptp(finite)) if len(finite) else 0.0
+    groups: list[list[Series]] = []
+    for line in series:
+        for group in groups:
+            if _coincide(group[0], line, INDISTINGUISHABLE_DISTANCE * height):
+                group.append(line)
+                break
+        else:
+            groups.append([line])
+    return tuple(replace(group[0], name=join_names([line.name for line in group])) for group in groups)
+
+
+def join_names(names: Sequence[str], limit: int = MOST_NAMES) -> str:
+    """Return names in one text: "v1, v2, v3", or "v1, v2 and 4 more"."""
+    shown = [name for name in names if name]
+    if len(shown) <= limit:
+        return ", ".join(shown)
+    return f"{', '.join(shown[: limit - 1])} and {len(shown) - limit + 1} more"
+
+
+def joined_figure(name: str, diagram: Diagram, caption: str, alt: str) -> Figure:
+    """Return a diagram as a figure whose coinciding lines are drawn as one; its data has every line."""
+    drawn = replace(diagram, series=join_series(diagram.series))
+    return Figure(draw_picture(draw_diagram(drawn), name), caption, alt, diagram.as_dict())
+
+
+def _coincide(line: Series, candidate: Series, distance: float) -> bool:
+    """Return whether two lines have the same places and values within `near`."""
+    if line.style != candidate.style and "points" in (line.style, candidate.style):
+        return False
+    line_y, second = (np.asarray(curve.y, dtype=float) for curve in (line, candidate))
+    abscissas = [np.asarray(curve.x, dtype=float) for curve in (line, candidate)]
+    if line_y.shape != second.shape or not np.array_equal(abscissas[0], abscissas[1]):
+        return False
+    finite = np.isfinite(line_y)
+    if not np.array_equal(finite, np.isfinite(second)):
+        return False
+    return bool(np.all(np.abs(line_y[finite] - second[finite]) <= distance))

@@ -38,17 +38,17 @@ def choose_layout(columns: Sequence[ColumnText]) -> str:
     if small + SMALL_PADDING * len(columns) > PHONE:
         names.append("cards")
     if wide > PHONE:
-        place = wide + MARGINS
-        names.append(f"hint-{next((w for w in HINT_WIDTHS[:-1] if place <= w), HINT_WIDTHS[-1])}")
+        offset = wide + MARGINS
+        names.append(f"hint-{next((w for w in HINT_WIDTHS[:-1] if offset <= w), HINT_WIDTHS[-1])}")
     return " ".join(["table", *names])
 
 
-def _count_letters(column: ColumnText, least: int) -> int:
+def _count_letters(column: ColumnText, limit: int) -> int:
     """Return the letters of the longest line of a column that is not broken; words are, from `least` on."""
     heads = [word for text in column.heading for word in text.split()]
     if column.numeric:
         return max(map(len, (*heads, *column.cells)), default=0)
-    longest = max((min(len(text), least) for text in column.cells), default=0)
+    longest = max((min(len(text), limit) for text in column.cells), default=0)
     return max(longest, *map(len, (*heads, "")), *(len(w) for text in column.cells for w in text.split()))
 
 
@@ -157,8 +157,8 @@ def text_cell(text: str) -> Cell:
 
 def number_cell(value: float | None, spec: str, role: str = "") -> Cell:
     """Return a cell with a number in the format `spec`; None and NaN show as a dash."""
-    known = None if value is None or math.isnan(value) else value
-    return Cell(((role, format_number(known, spec)),), known)
+    stated = None if value is None or math.isnan(value) else value
+    return Cell(((role, format_number(stated, spec)),), stated)
 
 
 def compare_cell(paper: float | None, ours: float | None, spec: str) -> Cell:

@@ -14,10 +14,18 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.report.number_text import lower_indices
 from tensegrity_codegen.report.pictures.animate import write_gif
-from tensegrity_codegen.report.pictures.canvas import PICTURE_DPI, new_figure
+from tensegrity_codegen.report.pictures.canvas import (
+    BAR,
+    GRID,
+    INK,
+    MUTED,
+    PAPER,
+    PICTURE_DPI,
+    SEQUENCE,
+    new_figure,
+)
 from tensegrity_codegen.report.pictures.drawing import StructureDrawing, find_tension_limit
 from tensegrity_codegen.report.pictures.frame import draw_frame, picture_size
-from tensegrity_codegen.report.pictures.palette import BAR, GRID, INK, MUTED, PAPER, SEQUENCE
 from tensegrity_codegen.report.pictures.panel import add_color_bar
 from tensegrity_codegen.report.pictures.view import View, find_box, fit_view
 from tensegrity_codegen.structure.structure import Structure
@@ -89,8 +97,8 @@ def find_dark_color(color: str) -> str:
     return "#" + "".join(f"{round(255 * min(max(value, 0.0), 1.0)):02x}" for value in rotated)
 
 
-def _pair(found: re.Match[str]) -> str:
-    return f"light-dark({found[0]}, {find_dark_color(found[0])})"
+def _pair(match: re.Match[str]) -> str:
+    return f"light-dark({match[0]}, {find_dark_color(match[0])})"
 
 
 # Bytes of SVG above which a picture becomes a PNG.
@@ -159,8 +167,8 @@ def _inline_svg(content: bytes, name: str) -> str:
     return use_variables(svg)
 
 
-def _lower(found: re.Match[str]) -> str:
-    return lower_indices(found[0], '<tspan baseline-shift="sub" font-size="75%">', "</tspan>")
+def _lower(match: re.Match[str]) -> str:
+    return lower_indices(match[0], '<tspan baseline-shift="sub" font-size="75%">', "</tspan>")
 
 
 SHOWN = 0.16  # largest displacement in a picture, over the longest side of the structure
@@ -180,10 +188,10 @@ def draw_tensions(
     name: of the tensions, with their unit; among: positions (n, n_nodes, 3) and tensions (n, n_members) that
     pictures of the same view and colours show.
     """
-    places, tensions = (position, tension) if among is None else among
+    positions, tensions = (position, tension) if among is None else among
     limit = find_tension_limit(tensions)
-    first = places.reshape(-1, *position.shape)[0]
-    figure, axes, view = _new_panel(structure, places, first, with_bar=limit is not None)
+    frame = positions.reshape(-1, *position.shape)[0]
+    figure, axes, view = _new_panel(structure, positions, frame, with_bar=limit is not None)
     drawing = StructureDrawing(axes, structure, view, tension_limit=limit)
     drawing.show(position, tension)
     if drawing.mappable is not None:
@@ -199,9 +207,9 @@ def draw_motion(structure: Structure, position: FloatArray, motion: FloatArray) 
     side = float(np.ptp(position, axis=0).max(initial=0.0))
     moved = position + motion * (SHOWN * side / largest if largest else 0.0)
     figure, axes, view = _new_panel(structure, np.stack([position, moved]), position, with_bar=False)
-    place, _ = view.project(position)
+    projected, _ = view.project(position)
     shadow = LineCollection(
-        list(place[structure.strands.ends]), colors=MUTED, linewidths=0.7, linestyles="dotted", zorder=2
+        list(projected[structure.strands.ends]), colors=MUTED, linewidths=0.7, linestyles="dotted", zorder=2
     )
     axes.add_collection(shadow, autolim=False)
     drawing = StructureDrawing(axes, structure, view)
@@ -210,11 +218,16 @@ def draw_motion(structure: Structure, position: FloatArray, motion: FloatArray) 
 
 
 def _new_panel(
-    structure: Structure, places: FloatArray, first: FloatArray, *, with_bar: bool, dpi: float = PICTURE_DPI
+    structure: Structure,
+    positions: FloatArray,
+    frame: FloatArray,
+    *,
+    with_bar: bool,
+    dpi: float = PICTURE_DPI,
 ) -> "tuple[Figure, Any, View]":
     """Return a new figure with axes that hold all places (..., 3) [m], and the view that suits `first`."""
-    box = find_box(places, structure.axes)
-    view = fit_view(structure, box, first)
+    box = find_box(positions, structure.axes)
+    view = fit_view(structure, box, frame)
     figure = new_figure(*picture_size(view, box, with_bar=with_bar, area=AREA), dpi=dpi)
     axes = figure.add_subplot()
     draw_frame(axes, view, box)
@@ -240,8 +253,10 @@ def draw_film(
     """
     import_extra("PIL.Image")
     limit = find_tension_limit(tension)
-    places = np.concatenate([position, planned])
-    figure, axes, view = _new_panel(structure, places, position[0], with_bar=limit is not None, dpi=CSS_DPI)
+    positions = np.concatenate([position, planned])
+    figure, axes, view = _new_panel(
+        structure, positions, position[0], with_bar=limit is not None, dpi=CSS_DPI
+    )
     shadow, clock = _add_shadow(axes)
     drawing = StructureDrawing(axes, structure, view, tension_limit=limit)
     if drawing.mappable is not None:
@@ -253,8 +268,8 @@ def draw_film(
         canvas: Any = figure.canvas
         for k in range(len(time)):
             drawing.show(position[k], tension[k])
-            place, _ = view.project(planned[k])
-            shadow.set_segments(list(place[structure.strands.ends]))
+            projected, _ = view.project(planned[k])
+            shadow.set_segments(list(projected[structure.strands.ends]))
             clock.set_text(f"{time[k]:.2f} s")
             canvas.draw()
             yield np.array(canvas.buffer_rgba(), dtype=np.uint8)[..., :3]

@@ -59,8 +59,8 @@ def write_gif(path: Path, images: Iterator[Image], counts: Sequence[int], fps: f
     """
     from PIL import Image as Pillow
 
-    first = Pillow.fromarray(next(images))
-    palette = first.quantize(colors=256, method=Pillow.Quantize.MEDIANCUT, dither=Pillow.Dither.NONE)
+    opening = Pillow.fromarray(next(images))
+    palette = opening.quantize(colors=256, method=Pillow.Quantize.MEDIANCUT, dither=Pillow.Dither.NONE)
 
     # Averaging must not tint the paper.
     colors = np.array(palette.getpalette()).reshape(-1, 3)
@@ -73,7 +73,7 @@ def write_gif(path: Path, images: Iterator[Image], counts: Sequence[int], fps: f
     # Rounding the ends, not the lengths, keeps the film in time.
     ends = np.rint(np.concatenate([[0], np.cumsum(counts)]) * 100.0 / fps).astype(int)
     with path.open("wb") as file:
-        reduce(first).save(
+        reduce(opening).save(
             file,
             format="GIF",
             save_all=True,
@@ -89,8 +89,8 @@ def write_mp4(ffmpeg: str, path: Path, images: Iterator[Image], counts: Sequence
 
     Raises OutputError with what ffmpeg wrote if it fails.
     """
-    first = next(images)
-    height, width = first.shape[:2]
+    opening = next(images)
+    height, width = opening.shape[:2]
     command = [
         ffmpeg, "-hide_banner", "-loglevel", "error", "-y",
         "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:.6f}", "-i", "-",
@@ -98,12 +98,12 @@ def write_mp4(ffmpeg: str, path: Path, images: Iterator[Image], counts: Sequence
         "-f", "mp4", str(path.absolute()),
     ]  # fmt: skip
     with tempfile.TemporaryFile() as log:
-        code = _feed(command, chain([first], images), counts, log)
+        code = _feed(command, chain([opening], images), counts, log)
         if code != 0:
             log.seek(0)
-            said = log.read().decode(errors="replace").strip()[-1000:]
+            message = log.read().decode(errors="replace").strip()[-1000:]
             raise OutputError(
-                f"ffmpeg failed with code {code}: {said}", where=path.suffix, hint="write a .gif instead"
+                f"ffmpeg failed with code {code}: {message}", where=path.suffix, hint="write a .gif instead"
             )
 
 
@@ -205,9 +205,9 @@ def find_frames(time: FloatArray, fps: float, slow_down: float) -> IntArray:
     after = np.minimum(after, len(elapsed) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(moments - elapsed[before] <= elapsed[after] - moments, before, after)
-    last = len(elapsed) - 1
-    if nearest[-1] != last:
-        nearest = np.append(nearest, last)
+    end = len(elapsed) - 1
+    if nearest[-1] != end:
+        nearest = np.append(nearest, end)
     chosen: IntArray = nearest.astype(np.int64)
     return chosen
 
@@ -245,7 +245,7 @@ class _Stage:
         self._clock = add_clock(self._figure)
         self._digits = _clock_digits(trajectory.time)
         # In the order in which a whole figure paints them.
-        self._changing = (*sorted(self._panel.artists, key=lambda item: float(item.zorder)), self._clock)
+        self._changing = (*sorted(self._panel.artists, key=lambda artist: float(artist.zorder)), self._clock)
         self._canvas, self._empty = self._paint_still()
 
     def _paint_still(self) -> tuple[Any, Any]:

@@ -86,8 +86,8 @@ def read_view(text: str | tuple[float, float] | None) -> Direction | None:
     if isinstance(text, str) and text.strip().lower() in _NAMED:
         return _NAMED[text.strip().lower()]
     try:
-        parts = text.split(",") if isinstance(text, str) else text
-        azimuth, elevation = (float(part) for part in parts)
+        angles = text.split(",") if isinstance(text, str) else text
+        azimuth, elevation = (float(angle) for angle in angles)
     except (TypeError, ValueError):
         azimuth = elevation = math.nan
     if not (math.isfinite(azimuth) and -90.0 <= elevation <= 90.0):
@@ -105,8 +105,8 @@ def read_size(text: str | tuple[int, int] | None) -> Size | None:
     if text is None:
         return None
     if isinstance(text, str):
-        found = re.fullmatch(r"\s*(\d{1,9})\s*[x×X]\s*(\d{1,9})\s*", text)
-        sides = tuple(int(side) for side in found.groups()) if found else ()
+        match = re.fullmatch(r"\s*(\d{1,9})\s*[x×X]\s*(\d{1,9})\s*", text)
+        sides = tuple(int(side) for side in match.groups()) if match else ()
     else:
         try:
             sides = tuple(int(side) for side in text if float(side).is_integer())
@@ -123,23 +123,23 @@ def read_size(text: str | tuple[int, int] | None) -> Size | None:
     return sides[0], sides[1]
 
 
-def read_labels(given: Labels) -> tuple[str, ...]:
+def read_labels(labels: Labels) -> tuple[str, ...]:
     """Return which names are written, of LABELS.
 
     given: true: both; False or ``"none"``: no names; ``"nodes"``, ``"members"``, several separated by commas.
     Raises InvalidValueError: another word, or ``"none"`` with others.
     """
-    if isinstance(given, bool):
-        return LABELS if given else ()
+    if isinstance(labels, bool):
+        return LABELS if labels else ()
     try:
-        items = given.split(",") if isinstance(given, str) else [str(item) for item in given]
+        entries = labels.split(",") if isinstance(labels, str) else [str(label) for label in labels]
     except TypeError:
-        items = [str(given)]
-    words = [word.strip().lower() for item in items for word in item.split(",") if word.strip()]
-    known = set(words) <= {*LABELS, "none"}
-    if not known or ("none" in words and len(set(words)) > 1) or (items and not words):
+        entries = [str(labels)]
+    words = [word.strip().lower() for entry in entries for word in entry.split(",") if word.strip()]
+    is_valid = set(words) <= {*LABELS, "none"}
+    if not is_valid or ("none" in words and len(set(words)) > 1) or (entries and not words):
         raise InvalidValueError(
-            "unknown labels", where="labels", given=given if isinstance(given, str) else ",".join(items),
+            "unknown labels", where="labels", given=labels if isinstance(labels, str) else ",".join(entries),
             allowed="nodes, members, both separated by a comma, or none",
         )  # fmt: skip
     return tuple(word for word in LABELS if word in words)
@@ -189,8 +189,8 @@ def check_tension(
         if array.shape == shape
         else np.zeros(1, dtype=bool)
     )
-    known = np.where(unknown, 0.0, array) if unknown.any() else array
-    check_array(name, known, shape, over)
+    values = np.where(unknown, 0.0, array) if unknown.any() else array
+    check_array(name, values, shape, over)
     return array
 
 

@@ -78,31 +78,31 @@ def draw_shot(
         tension = find_rest_tension(shot.subject, shot.rigid)
     else:
         tension = pad_tension(shot.member_tension, structure)
-    parts = BodyParts.of(shot.subject)
-    shown = show_structure(structure, position, tension, load=shot.node_load, parts=parts)
+    bodies = BodyParts.of(shot.subject)
+    shown = show_structure(structure, position, tension, load=shot.node_load, bodies=bodies)
     number = 0
     if shot.whole is not None and not choices.follow:
-        whole, number = shot.whole
-        shown = show_whole(structure, whole, shot.subject)
+        result, number = shot.whole
+        shown = show_whole(structure, result, shot.subject)
     setting = set_up(shown, replace(choices, follow=False))
     heading = structure.name if title is None else title
-    note = shot.note or describe_size(structure, parts)
+    note = shot.note or describe_size(structure, bodies)
     if setting.limit is None and choices.color != "kind":
         note += "; no tension is known" if np.isnan(tension).all() else "; no member has a tension"
-    return draw_shown(setting, number, heading, note, is_vector=is_vector), tension[~parts.edge]
+    return draw_shown(setting, number, heading, note, is_vector=is_vector), tension[~bodies.edge]
 
 
 def show_whole(
-    structure: Structure, whole: Trajectory | PlanResult, subject: Structure | BodySystem
+    structure: Structure, result: Trajectory | PlanResult, subject: Structure | BodySystem
 ) -> Shown:
     """Return what pictures of all samples show."""
-    for number in range(len(whole.node_position)):
-        check_sample(structure, whole, number)
-    if isinstance(whole, Trajectory):
-        return show_motion(structure, outline_motion(whole, structure), subject)
-    load = np.broadcast_to(subject.node_load, whole.node_position.shape)
-    tension = pad_tension(whole.member_tension, structure)
-    return Shown(structure, whole.node_position, tension, load, BodyParts.of(subject))
+    for number in range(len(result.node_position)):
+        check_sample(structure, result, number)
+    if isinstance(result, Trajectory):
+        return show_motion(structure, outline_motion(result, structure), subject)
+    load = np.broadcast_to(subject.node_load, result.node_position.shape)
+    tension = pad_tension(result.member_tension, structure)
+    return Shown(structure, result.node_position, tension, load, BodyParts.of(subject))
 
 
 def outline_motion(motion: Trajectory, structure: Structure) -> Trajectory:
@@ -118,8 +118,8 @@ def find_rigid(subject: Structure | BodySystem, request: ModelRequest) -> BoolAr
 
 def pad_tension(tension: FloatArray, structure: Structure) -> FloatArray:
     """Return tensions (..., n_members) with NaN for the bars and edges of bodies of `structure`."""
-    more = structure.n_members - tension.shape[-1]
-    widths = [(0, 0)] * (tension.ndim - 1) + [(0, more)]
+    omitted = structure.n_members - tension.shape[-1]
+    widths = [(0, 0)] * (tension.ndim - 1) + [(0, omitted)]
     padded: FloatArray = np.pad(tension, widths, constant_values=np.nan)
     return padded
 
@@ -140,15 +140,15 @@ def find_shot(subject: Any, time: float | None = None, sample: int | None = None
             allowed="a Trajectory or a PlanResult as the subject",
         )
     if isinstance(subject, str | Path | Mapping | Scene):
-        found, request = assemble_scene(read_scene(subject), name_source(subject))
-        return Shot(found, rigid=find_rigid(found, request))
+        structure, request = assemble_scene(read_scene(subject), name_source(subject))
+        return Shot(structure, rigid=find_rigid(structure, request))
     if isinstance(subject, Structure | BodySystem):
         return Shot(subject)
     if isinstance(subject, Equilibrium):
         note = f"equilibrium: {subject.headline()}"
-        found = _require(subject)
-        load = compute_static_loads(found, subject)
-        return Shot(found, subject.node_position, subject.member_tension, load, note=note)
+        structure = _require(subject)
+        load = compute_static_loads(structure, subject)
+        return Shot(structure, subject.node_position, subject.member_tension, load, note=note)
     if isinstance(subject, CompiledModel):
         rigid = np.isin(subject.manifest.member_name, subject.manifest.rigid_bar)
         return Shot(_require(subject), rigid=rigid)
@@ -181,30 +181,30 @@ def _find_sample(subject: Trajectory | PlanResult, time: float | None, sample: i
             given=number,
             allowed=f"{-count} to {count - 1}" if count else "",
         )
-    found = _require(subject)
-    check_sample(outline_bodies(found), subject, number % count)
+    drawable = _require(subject)
+    check_sample(outline_bodies(drawable), subject, number % count)
     note = f"point {number % count} of {count}" if times is None else f"t = {times[number]:.6g} s"
-    load = compute_loads(found, subject)[number] if isinstance(subject, Trajectory) else None
+    load = compute_loads(drawable, subject)[number] if isinstance(subject, Trajectory) else None
     return Shot(
-        found, subject.node_position[number], subject.member_tension[number], load, note=note,
+        drawable, subject.node_position[number], subject.member_tension[number], load, note=note,
         whole=(subject, number % count),
     )  # fmt: skip
 
 
-def check_sample(structure: Structure, whole: Trajectory | PlanResult, number: int) -> None:
+def check_sample(structure: Structure, result: Trajectory | PlanResult, number: int) -> None:
     """Raise NonFiniteError for a sample with positions, or tensions of cables, that are not finite."""
-    position, tension = whole.node_position[number], pad_tension(whole.member_tension[number], structure)
+    position, tension = result.node_position[number], pad_tension(result.member_tension[number], structure)
     check_array(f"node_position of sample {number}", position, (structure.n_nodes, 3), "nodes, axes")
     name = f"member_tension of sample {number}"
     check_tension(tension, (structure.n_members,), structure, "members", name)
 
 
-def check_time(time: float, first: float, last: float) -> None:
+def check_time(time: float, start: float, end: float) -> None:
     """Raise InvalidValueError for a time [s] that is not within a motion, up to rounding."""
-    slack = 1e-9 * (last - first)
-    if not (isinstance(time, int | float) and first - slack <= time <= last + slack):
+    slack = 1e-9 * (end - start)
+    if not (isinstance(time, int | float) and start - slack <= time <= end + slack):
         raise InvalidValueError(
-            "the motion has no such time", where="time", given=time, allowed=f"{first:g} to {last:g} s"
+            "the motion has no such time", where="time", given=time, allowed=f"{start:g} to {end:g} s"
         )
 
 

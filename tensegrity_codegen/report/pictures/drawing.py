@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.report.pictures.palette import (
+from tensegrity_codegen.report.pictures.canvas import (
     BAR,
     BODY,
     CABLE,
@@ -67,7 +67,7 @@ class BodyParts:
         """Return the parts of the outline of a structure or of bodies."""
         bodies = () if isinstance(subject, Structure) else subject.bodies
         faces = np.array(find_faces(subject), dtype=np.int64).reshape(-1, 3)
-        count = sum(isinstance(item, RigidBody) for item in bodies)
+        count = sum(isinstance(body, RigidBody) for body in bodies)
         return cls(is_edge(subject), faces, count, find_joints(subject))
 
 
@@ -145,11 +145,11 @@ class StructureDrawing:
         """
         color = tension if color is None else color
         self.slack = find_slack(self._structure, node_position, tension)
-        place, depth = self.view.project(node_position)
+        projected, depth = self.view.project(node_position)
         pair, member = self._structure.strands.ends, self._structure.strands.member
         order = np.argsort(depth[pair].mean(axis=1), kind="stable")
         nearness = self.view.magnification(depth) ** WIDTH_DEPTH
-        segments, widths, colors = self._strokes(place[pair], nearness[pair].mean(axis=1), color)
+        segments, widths, colors = self._strokes(projected[pair], nearness[pair].mean(axis=1), color)
         self._lines.set_segments(list(segments[order].reshape(-1, 2, 2)))
         # The styles of rim, outline and fill in turn; a slack cable has a dashed fill only
         dashed = self.slack[member[order]]
@@ -162,12 +162,12 @@ class StructureDrawing:
             linestyles=styles,
             colors=colors[order].reshape(-1, 4),
         )
-        self._faces.set_verts(list(place[self._parts.faces]))
+        self._faces.set_verts(list(projected[self._parts.faces]))
         order = np.argsort(depth, kind="stable")
-        self._nodes.set_offsets(place[order])
+        self._nodes.set_offsets(projected[order])
         self._nodes.set_sizes((self._scale * NODE_WIDTH * nearness[order]) ** 2)
         for chosen, marks in self._anchors:
-            marks.set_data(*place[chosen].T)
+            marks.set_data(*projected[chosen].T)
 
     def _strokes(
         self, ends: FloatArray, nearness: FloatArray, color: FloatArray | None
@@ -209,11 +209,11 @@ def _group_anchors(structure: Structure, view: View) -> list[tuple[BoolArray, st
 
     Nodes that are held on all modelled axes are filled; a node whose members lead down hangs.
     """
-    place, _ = view.project(structure.node_position)
+    projected, _ = view.project(structure.node_position)
     i, j = structure.strands.ends.T
     lead = np.zeros(structure.n_nodes)
-    np.add.at(lead, i, place[j, 1] - place[i, 1])
-    np.add.at(lead, j, place[i, 1] - place[j, 1])
+    np.add.at(lead, i, projected[j, 1] - projected[i, 1])
+    np.add.at(lead, j, projected[i, 1] - projected[j, 1])
     hangs = lead < -1e-9 * float(np.max(np.abs(lead), initial=0.0))
     held = structure.node_anchored[:, list(structure.axes)]
     fully, partly = held.all(axis=1), held.any(axis=1) & ~held.all(axis=1)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, PAPER, SOIL
+from tensegrity_codegen.report.pictures.canvas import GRID, INK, MUTED, PAPER, SOIL
 from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, PlanarView, View
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.system.arrays import FloatArray
@@ -38,8 +38,8 @@ class _Side:
 
 def panel_extent(view: View, box: Box) -> tuple[FloatArray, FloatArray]:
     """Return the lower left and the upper right (2,) [m] of all that the panel must show on paper."""
-    place, _ = view.project(box.shown())
-    return place.min(axis=0), place.max(axis=0)
+    projected, _ = view.project(box.shown())
+    return projected.min(axis=0), projected.max(axis=0)
 
 
 def panel_ratio(view: View, box: Box) -> float:
@@ -98,9 +98,9 @@ def _draw_ground(axes: "Axes", view: View, box: Box) -> None:
     (x0, y0, z0), (x1, y1, _) = box.low, box.high
     lines = [[(x, y0, z0), (x, y1, z0)] for x in box.ticks(0)]
     lines += [[(x0, y, z0), (x1, y, z0)] for y in box.ticks(1)]
-    place, _ = view.project(lines)
+    projected, _ = view.project(lines)
     axes.add_collection(
-        LineCollection(list(place), colors=GRID, linewidths=0.8, zorder=0.5, clip_on=False), autolim=False
+        LineCollection(list(projected), colors=GRID, linewidths=0.8, zorder=0.5, clip_on=False), autolim=False
     )
 
 
@@ -114,48 +114,48 @@ def draw_plane(axes: "Axes", view: View, box: Box, ground: Ground) -> None:
     corners[:, sides[0]] = np.array([box.low, box.high, box.high, box.low])[:, sides[0]]
     corners[:, sides[1]] = np.array([box.low, box.low, box.high, box.high])[:, sides[1]]
     corners[:, up] = (ground.offset - corners @ ground.normal) / ground.normal[up]
-    place, _ = view.project(corners)
-    axes.add_patch(Polygon(place, facecolor=SOIL, edgecolor=MUTED, linewidth=0.8, zorder=0.4))
+    projected, _ = view.project(corners)
+    axes.add_patch(Polygon(projected, facecolor=SOIL, edgecolor=MUTED, linewidth=0.8, zorder=0.4))
 
 
 def _draw_rulers(axes: "Axes", view: PerspectiveView, box: Box) -> None:
     """Label the two near edges of the ground and the left upright."""
     eye = view.rotation[2]
     # From below the far edges are the lower ones on paper.
-    near = np.where((eye > -1e-9) == (eye[2] >= 0), box.high, box.low)
+    corner = np.where((eye > -1e-9) == (eye[2] >= 0), box.high, box.low)
     bottom = float(box.low[2])
     _draw_upright(axes, view, box)
-    for axis, start in ((0, [box.low[0], near[1], bottom]), (1, [near[0], box.low[1], bottom])):
+    for axis, start in ((0, [box.low[0], corner[1], bottom]), (1, [corner[0], box.low[1], bottom])):
         ticks = box.ticks(axis)
-        places = _project_ticks(view, start, axis, ticks)
+        positions = _project_ticks(view, start, axis, ticks)
         extent = panel_extent(view, box)
         if not _is_long(view, box, axis, start):
             continue
         side = _find_side(view, box, axis, start)
         texts = _numbers(ticks, box.step[axis])
-        stride = _stride(axes, places, extent, texts)
-        for place, text in zip(places[::stride], texts[::stride], strict=True):
-            _write(axes, place, text, side.offset, side.align, size=TICK_SIZE, color=MUTED)
-        _name_ground_ruler(axes, axis, places, texts, side)
+        stride = _stride(axes, positions, extent, texts)
+        for position, text in zip(positions[::stride], texts[::stride], strict=True):
+            _write(axes, position, text, side.offset, side.align, size=TICK_SIZE, color=MUTED)
+        _name_ground_ruler(axes, axis, positions, texts, side)
 
 
 def _draw_upright(axes: "Axes", view: PerspectiveView, box: Box) -> None:
     """Draw the upright edge that is farthest to the left, with its numbers and name."""
     ground = [(x, y, box.low[2]) for x in (box.low[0], box.high[0]) for y in (box.low[1], box.high[1])]
-    places, _ = view.project(ground)
-    low = np.array(ground[int(places[:, 0].argmin())])
+    corners, _ = view.project(ground)
+    low = np.array(ground[int(corners[:, 0].argmin())])
     if not _is_long(view, box, 2, low):
         return
     high = np.array([low[0], low[1], box.high[2]])
     upright, _ = view.project([low, high])
     axes.plot(upright[:, 0], upright[:, 1], color=GRID, linewidth=0.8, zorder=0.5, clip_on=False)
     ticks = box.ticks(2)
-    places, texts = _project_ticks(view, low, 2, ticks), _numbers(ticks, box.step[2])
-    stride = _stride(axes, places, panel_extent(view, box), ["0"])
-    for place, text, tick in zip(places[::stride], texts[::stride], ticks[::stride], strict=True):
+    corners, texts = _project_ticks(view, low, 2, ticks), _numbers(ticks, box.step[2])
+    stride = _stride(axes, corners, panel_extent(view, box), ["0"])
+    for position, text, tick in zip(corners[::stride], texts[::stride], ticks[::stride], strict=True):
         # The lowest number gives way to the first one of the ground.
         upward = "bottom" if tick - low[2] < 0.1 * box.step[2] else "center"
-        _write(axes, place, text, (-6.0, 0.0), ("right", upward), size=TICK_SIZE, color=MUTED)
+        _write(axes, position, text, (-6.0, 0.0), ("right", upward), size=TICK_SIZE, color=MUTED)
     _write(axes, upright[1], "z [m]", (0.0, 9.0), ("center", "bottom"), size=NAME_SIZE, color=INK)
 
 
@@ -163,8 +163,8 @@ def _project_ticks(view: View, start: ArrayLike, axis: int, ticks: FloatArray) -
     """Return the places (n, 2) of the ticks of a ruler through `start` (3,)."""
     points = np.repeat(np.array([start], dtype=float), len(ticks), axis=0)
     points[:, axis] = ticks
-    places, _ = view.project(points)
-    return places
+    positions, _ = view.project(points)
+    return positions
 
 
 def _is_long(view: View, box: Box, axis: int, start: ArrayLike) -> bool:
@@ -191,22 +191,24 @@ def _find_side(view: View, box: Box, axis: int, start: ArrayLike) -> _Side:
     return _Side((8.0 * sign, 5.0 * upward), ("left" if sign > 0 else "right", "center"), sign)
 
 
-def _stride(axes: "Axes", places: FloatArray, extent: tuple[FloatArray, FloatArray], texts: list[str]) -> int:
+def _stride(
+    axes: "Axes", positions: FloatArray, extent: tuple[FloatArray, FloatArray], texts: list[str]
+) -> int:
     """Return which multiple of the ticks at places (n, 2) gets numbers, so that they do not run together."""
-    if len(places) < 2:
+    if len(positions) < 2:
         return 1
-    apart = float(np.linalg.norm(places[-1] - places[0])) / (len(places) - 1)
+    spacing = float(np.linalg.norm(positions[-1] - positions[0])) / (len(positions) - 1)
     letters = max(1.0, max(map(len, texts)) / LETTERS)
     sides = extent[1] - extent[0]
     box = axes.get_window_extent()
     scale = float(np.min(np.array([box.width, box.height]) / sides)) / axes.figure.dpi  # inches of a metre
-    least = letters * max(LABEL_SPACE * float(np.max(sides)), LABEL_INCHES / scale)
-    if apart >= least:
+    min_spacing = letters * max(LABEL_SPACE * float(np.max(sides)), LABEL_INCHES / scale)
+    if spacing >= min_spacing:
         return 1
-    return 2 if 2 * apart >= least and len(places) % 2 == 1 else len(places) - 1
+    return 2 if 2 * spacing >= min_spacing and len(positions) % 2 == 1 else len(positions) - 1
 
 
-def _name_ground_ruler(axes: "Axes", axis: int, places: FloatArray, texts: list[str], side: _Side) -> None:
+def _name_ground_ruler(axes: "Axes", axis: int, positions: FloatArray, texts: list[str], side: _Side) -> None:
     """Write the name of the x or y ruler with ticks at places (n, 2), clear of its numbers."""
     x, y = side.offset
     down = 1.0 if y > 0 else -1.0
@@ -215,17 +217,17 @@ def _name_ground_ruler(axes: "Axes", axis: int, places: FloatArray, texts: list[
         offset, align = (x + side.sign * (8.0 + widest), y + 5.0 * down), side.align
     else:
         offset, align = (x - 8.0, y + 9.0 * down), ("right", side.align[1])
-    middle = places[[0, -1]].mean(axis=0)
+    middle = positions[[0, -1]].mean(axis=0)
     _write(axes, middle, f"{'xyz'[axis]} [m]", offset, align, size=NAME_SIZE, color=INK)
 
 
 def _write(
-    axes: "Axes", place: FloatArray, text: str, offset: tuple[float, float], align: tuple[str, str], *,
+    axes: "Axes", position: FloatArray, text: str, offset: tuple[float, float], align: tuple[str, str], *,
     size: float, color: str,
 ) -> None:  # fmt: skip
     axes.annotate(
-        text, (float(place[0]), float(place[1])), xytext=offset, textcoords="offset points", ha=align[0],
-        va=align[1], fontsize=size, color=color, annotation_clip=False,
+        text, (float(position[0]), float(position[1])), xytext=offset, textcoords="offset points",
+        ha=align[0], va=align[1], fontsize=size, color=color, annotation_clip=False,
     )  # fmt: skip
 
 

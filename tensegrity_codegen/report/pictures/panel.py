@@ -6,7 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensegrity_codegen.report.pictures.arrows import Arrows, ForceArrows, describe_arrows, lay_out_arrows
+from tensegrity_codegen.report.pictures.canvas import (
+    BAR,
+    BODY,
+    CABLE,
+    GRID,
+    INK,
+    MUTED,
+    PAPER,
+    SLACK,
+    UNKNOWN,
+)
 from tensegrity_codegen.report.pictures.choices import PictureChoices
 from tensegrity_codegen.report.pictures.drawing import (
     BAR_WIDTH,
@@ -17,17 +27,13 @@ from tensegrity_codegen.report.pictures.drawing import (
     find_tension_limit,
 )
 from tensegrity_codegen.report.pictures.frame import draw_frame, draw_plane, panel_extent, picture_size
-from tensegrity_codegen.report.pictures.labels import NameWriter, choose_names
-from tensegrity_codegen.report.pictures.palette import (
-    BAR,
-    BODY,
-    CABLE,
-    GRID,
-    INK,
-    MUTED,
-    PAPER,
-    SLACK,
-    UNKNOWN,
+from tensegrity_codegen.report.pictures.marks import (
+    Arrows,
+    ForceArrows,
+    NameWriter,
+    choose_names,
+    describe_arrows,
+    lay_out_arrows,
 )
 from tensegrity_codegen.report.pictures.shown import COLOR_NAMES, Shown, compute_colors
 from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, View, choose_view, find_box
@@ -96,17 +102,17 @@ def set_up(shown: Shown, choices: PictureChoices) -> Setting:
     if choices.follow:
         center = position.mean(axis=1)
         step = center - center[0]
-    places = position - step[:, None]
-    ends = [end - step[:, None] for item in arrows for end in (item.tail, item.tip)]
+    relative = position - step[:, None]
+    ends = [end - step[:, None] for arrow_set in arrows for end in (arrow_set.tail, arrow_set.tip)]
     beyond = np.concatenate([end.reshape(-1, 3) for end in ends]) if ends else np.zeros((0, 3))
     beyond = beyond[np.isfinite(beyond).all(axis=1)]
     if structure.ground is not None:
-        places = np.concatenate([places.reshape(-1, 3), _find_footprint(structure.ground, places)])
+        relative = np.concatenate([relative.reshape(-1, 3), _find_footprint(structure.ground, relative)])
     is_flat = len(structure.axes) < 3 or (choices.view is not None and choices.view.is_along_axis)
     if is_flat:
-        box = find_box(np.concatenate([places.reshape(-1, 3), beyond]), structure.axes[:2])
+        box = find_box(np.concatenate([relative.reshape(-1, 3), beyond]), structure.axes[:2])
     else:
-        box = replace(find_box(places, structure.axes), beyond=_find_extremes(beyond))
+        box = replace(find_box(relative, structure.axes), beyond=_find_extremes(beyond))
     view = choose_view(structure, box, position[0], choices.view)
     limit = find_tension_limit(color)
     if limit is not None and choices.color == "tension" and limit < _find_rounding(structure):
@@ -114,19 +120,19 @@ def set_up(shown: Shown, choices: PictureChoices) -> Setting:
     return Setting(shown, choices, box, view, step, arrows, color, limit)
 
 
-def _find_footprint(ground: Ground, places: FloatArray) -> FloatArray:
+def _find_footprint(ground: Ground, positions: FloatArray) -> FloatArray:
     """Return the places (..., 3) along the normal on the plane of a ground, none where that is far below."""
-    flat = places.reshape(-1, 3)
+    flat = positions.reshape(-1, 3)
     height = flat @ ground.normal - ground.offset
-    near = bool(height.min() <= 2.0 * np.ptp(flat, axis=0).max())
-    return flat - height[:, None] * ground.normal if near else flat[:0]
+    is_near = bool(height.min() <= 2.0 * np.ptp(flat, axis=0).max())
+    return flat - height[:, None] * ground.normal if is_near else flat[:0]
 
 
 def _find_rounding(structure: Structure) -> float:
     """Return the tension that rounding of lengths explains [N]."""
-    far = float(np.abs(structure.node_position).max(initial=0.0))
+    extent = float(np.abs(structure.node_position).max(initial=0.0))
     stiff = float(np.asarray(structure.mu).max(initial=0.0))
-    return 8 * float(np.finfo(float).eps) * stiff * (far + float(structure.rest_length.max(initial=0.0)))
+    return 8 * float(np.finfo(float).eps) * stiff * (extent + float(structure.rest_length.max(initial=0.0)))
 
 
 def _find_extremes(points: FloatArray) -> FloatArray | None:
@@ -168,7 +174,7 @@ class Panel:
         inches: tuple[float, float],
         *,
         line_scale: float = 1.0,
-        first: int = 0,
+        start: int = 0,
     ) -> None:
         shown, choices = setting.shown, setting.choices
         self.axes, self.setting = axes, setting
@@ -180,21 +186,21 @@ class Panel:
             parts=shown.parts,
         )  # fmt: skip
         self.arrows = [
-            ForceArrows(axes, setting.view, item, line_scale=line_scale) for item in setting.arrows
+            ForceArrows(axes, setting.view, arrow_set, line_scale=line_scale) for arrow_set in setting.arrows
         ]
         written, _ = choose_names(shown.structure, choices.labels)
         low, high = panel_extent(setting.view, setting.box)
         point = float(np.max((high - low) / np.maximum(inches, 1.0))) / 72
         self.names = NameWriter(
             axes, shown.structure, setting.view, written, point,
-            [(item.tail[first], item.tip[first]) for item in setting.arrows],
-            [item for item in self._frame if hasattr(item, "xyann") and item.get_text()],
+            [(arrow_set.tail[start], arrow_set.tip[start]) for arrow_set in setting.arrows],
+            [artist for artist in self._frame if hasattr(artist, "xyann") and artist.get_text()],
         )  # fmt: skip
 
     @property
     def artists(self) -> tuple[Any, ...]:
         """Everything that `show` changes, besides the axes that move."""
-        arrows = (artist for item in self.arrows for artist in item.artists)
+        arrows = (artist for arrow_set in self.arrows for artist in arrow_set.artists)
         return (*self.drawing.artists, *arrows, *self.names.artists)
 
     def show(self, sample: int) -> None:
@@ -205,8 +211,8 @@ class Panel:
         tension = None if setting.shown.tension is None else setting.shown.tension[sample]
         color = None if setting.color is None else setting.color[sample]
         self.drawing.show(setting.shown.position[sample], tension, color)
-        for item in self.arrows:
-            item.show(sample)
+        for arrow_set in self.arrows:
+            arrow_set.show(sample)
         self.names.show(setting.shown.position[sample])
 
     def _move(self, step: FloatArray) -> None:
@@ -215,8 +221,8 @@ class Panel:
         if isinstance(view, PerspectiveView):
             view = replace(view, center=view.center + step)
         self.drawing.view = self.names.view = view
-        for item in self.arrows:
-            item.view = view
+        for arrow_set in self.arrows:
+            arrow_set.view = view
         self._draw_frame(view, self.setting.box.moved(step))
 
     def _draw_frame(self, view: View, box: Box) -> None:
@@ -235,15 +241,15 @@ ROOM = 0.8  # part of a figure's height that a scale may have beside it
 ARROW = {"marker": ">", "markersize": 6.0, "markevery": [1]}
 
 
-def describe_size(structure: Structure, parts: BodyParts | None = None) -> str:
+def describe_size(structure: Structure, bodies: BodyParts | None = None) -> str:
     """Return the numbers of nodes, rigid bodies, bars and cables in words."""
-    parts = BodyParts.none(structure) if parts is None else parts
-    bars = int((structure.is_bar & ~parts.edge).sum())
+    bodies = BodyParts.none(structure) if bodies is None else bodies
+    bars = int((structure.is_bar & ~bodies.edge).sum())
     cables = int((~structure.is_bar).sum())
-    words = {"node": structure.n_nodes, "rigid body": parts.count, "bar": bars, "cable": cables}
+    amounts = {"node": structure.n_nodes, "rigid body": bodies.count, "bar": bars, "cable": cables}
     plural = {"rigid body": "rigid bodies"}
-    counts = {word: count for word, count in words.items() if count}
-    return ", ".join(describe_count(count, word, plural.get(word, "")) for word, count in counts.items())
+    counts = {noun: count for noun, count in amounts.items() if count}
+    return ", ".join(describe_count(count, noun, plural.get(noun, "")) for noun, count in counts.items())
 
 
 def add_key(figure: "Figure | SubFigure", setting: Setting, *, slack: bool) -> None:
@@ -251,16 +257,16 @@ def add_key(figure: "Figure | SubFigure", setting: Setting, *, slack: bool) -> N
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import Normal, Stroke
 
-    def line(color: str, width: float, name: str, **more: Any) -> Line2D:
-        return Line2D([], [], color=color, linewidth=width, label=name, **more)
+    def line(color: str, width: float, name: str, **options: Any) -> Line2D:
+        return Line2D([], [], color=color, linewidth=width, label=name, **options)
 
-    structure, parts, colored = setting.shown.structure, setting.shown.parts, setting.limit is not None
+    structure, bodies, colored = setting.shown.structure, setting.shown.parts, setting.limit is not None
     handles = []
-    if (structure.is_bar & ~parts.edge).any():
+    if (structure.is_bar & ~bodies.edge).any():
         handles.append(line(MUTED if colored else BAR, BAR_WIDTH, "bar", solid_capstyle="round"))
     if not structure.is_bar.all():
         handles.append(line(MUTED if colored else CABLE, CABLE_WIDTH, "cable"))
-    if parts.edge.any():
+    if bodies.edge.any():
         handles.append(line(BODY, BAR_WIDTH, "rigid body", solid_capstyle="round"))
     if slack:
         handles.append(line(SLACK, CABLE_WIDTH, "slack cable", linestyle=DASHES))
@@ -279,7 +285,7 @@ def add_key(figure: "Figure | SubFigure", setting: Setting, *, slack: bool) -> N
         handles.append(line(color, 1.9, text, **(ARROW if color != "none" else {})))
     # As many columns as fit side by side: each is as wide as its longest text, and a figure has about 13
     # letters an inch.
-    longest = max((len(str(item.get_label())) for item in handles), default=1) + 7
+    longest = max((len(str(handle.get_label())) for handle in handles), default=1) + 7
     letters = int(13.0 * figure.bbox.width / figure.dpi)
     figure.legend(
         handles=handles, loc="outside lower center", ncols=int(np.clip(letters // longest, 1, 5)),

@@ -6,7 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegrity_codegen.report.pictures.canvas import (
+    GRID,
+    INK,
+    MUTED,
     PICTURE_SUFFIXES,
+    SEQUENCE,
     add_heading,
     check_suffix,
     new_figure,
@@ -14,7 +18,6 @@ from tensegrity_codegen.report.pictures.canvas import (
 )
 from tensegrity_codegen.report.pictures.choices import PictureChoices, check_trajectory
 from tensegrity_codegen.report.pictures.frame import panel_ratio
-from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, SEQUENCE
 from tensegrity_codegen.report.pictures.panel import (
     Panel,
     Setting,
@@ -47,8 +50,8 @@ def draw_energies(axes: "Axes", trajectory: Trajectory) -> None:
     The potential energy counts from its least value in the run, so that its exchange with the kinetic shows.
     """
     kinetic = trajectory.kinetic_energy
-    least = float(np.min(trajectory.total_energy - kinetic))
-    total = trajectory.total_energy - least
+    lowest = float(np.min(trajectory.total_energy - kinetic))
+    total = trajectory.total_energy - lowest
     rows = (
         ("total", total, INK, "solid", 2.0),
         ("potential", total - kinetic, SEQUENCE[0], "solid", 1.4),
@@ -60,7 +63,9 @@ def draw_energies(axes: "Axes", trajectory: Trajectory) -> None:
             marker=_marker(trajectory), zorder=2 if name == "total" else 3,
         )  # fmt: skip
     _dress(axes, "energy [J]", legend=3)
-    axes.set_title(f"potential above {least:.4g} J", loc="left", fontsize=TEXT_SIZE - 1, color=MUTED, pad=5.0)
+    axes.set_title(
+        f"potential above {lowest:.4g} J", loc="left", fontsize=TEXT_SIZE - 1, color=MUTED, pad=5.0
+    )
 
 
 def draw_tensions(axes: "Axes", structure: Structure, trajectory: Trajectory) -> None:
@@ -69,10 +74,13 @@ def draw_tensions(axes: "Axes", structure: Structure, trajectory: Trajectory) ->
     axes.axhline(0.0, color=MUTED, linewidth=0.8, zorder=1)
     for (name, members), color in zip(groups.items(), SEQUENCE, strict=False):
         tension = trajectory.member_tension[:, members]
-        known = [not np.isnan(tension[:, k]).any() for k in range(len(members))]
-        if not any(known):
+        is_complete = [not np.isnan(tension[:, k]).any() for k in range(len(members))]
+        if not any(is_complete):
             continue
-        tension, members = tension[:, known], [e for e, good in zip(members, known, strict=True) if good]
+        tension, members = (
+            tension[:, is_complete],
+            [e for e, good in zip(members, is_complete, strict=True) if good],
+        )
         label = f"{name} ({len(members)})"
         if len(members) <= MOST_LINES:
             lines = axes.plot(
@@ -164,7 +172,7 @@ def draw_shown(setting: Setting, sample: int, title: str, note: str, *, is_vecto
     figure = new_figure(width, height, dpi, compress=setting.choices.size is not None)
     room = (width - 1.6, height - 1.6)
     thin = float(np.clip(min(room) / USUAL_ROOM, 0.4, 1.0))
-    panel = Panel(figure.add_subplot(), setting, room, line_scale=thin, first=sample)
+    panel = Panel(figure.add_subplot(), setting, room, line_scale=thin, start=sample)
     panel.show(sample)
     if panel.drawing.mappable is not None:
         add_color_bar(figure, panel.axes, panel.drawing.mappable, name=setting.color_name)
@@ -195,8 +203,8 @@ def plot_trajectory(
     shown = show_motion(structure, trajectory, subject)
     setting = set_up(shown, choices)
     figure = new_figure(*_page_size(setting, is_vector=suffix in VECTOR))
-    left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1.0))  # type: ignore[misc]
-    _draw_shapes(left, setting, trajectory)
+    picture, right = figure.subfigures(1, 2, width_ratios=(1.15, 1.0))  # type: ignore[misc]
+    _draw_shapes(picture, setting, trajectory)
     panels = right.subplots(3, 1, sharex=True, height_ratios=(1.0, 1.3, 0.7))
     draw_energies(panels[0], trajectory)
     draw_tensions(panels[1], structure, trajectory)
@@ -230,11 +238,11 @@ def _draw_shapes(figure: "SubFigure", setting: Setting, trajectory: Trajectory) 
     """Draw the first and the last shape side by side, wide ones one above the other."""
     is_wide = panel_ratio(setting.view, setting.box) > WIDE
     slack = False
-    last = len(trajectory.time) - 1
+    end = len(trajectory.time) - 1
     for axes, sample in zip(
-        figure.subplots(2, 1) if is_wide else figure.subplots(1, 2), (0, last), strict=True
+        figure.subplots(2, 1) if is_wide else figure.subplots(1, 2), (0, end), strict=True
     ):
-        panel = Panel(axes, setting, (2.7, 2.7), line_scale=0.8, first=sample)
+        panel = Panel(axes, setting, (2.7, 2.7), line_scale=0.8, start=sample)
         panel.show(sample)
         slack = slack or bool(panel.drawing.slack.any())
         axes.set_title(f"t = {trajectory.time[sample]:.4g} s", fontsize=10, color=INK, pad=14.0)
@@ -250,9 +258,9 @@ def _draw_paths(panel: Panel, shown: Shown) -> None:
 
     free = np.unique(shown.structure.coordinate_node_axis[:, 0])
     picked = free[:: 1 + len(free) // MOST_PATHS]
-    place, _ = panel.drawing.view.project(shown.position[:, picked])
+    projected, _ = panel.drawing.view.project(shown.position[:, picked])
     lines = LineCollection(
-        list(place.transpose(1, 0, 2)),
+        list(projected.transpose(1, 0, 2)),
         colors=SEQUENCE[3],
         linewidths=0.9,
         alpha=0.8,

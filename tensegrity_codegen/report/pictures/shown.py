@@ -36,8 +36,8 @@ def find_rest_tension(subject: Structure | BodySystem, rigid: BoolArray | None =
     """
     structure = outline_bodies(subject)
     tension = structure.static_tension()
-    more = structure.n_members - subject.n_members
-    rigid = structure.is_rigid if rigid is None else structure.is_rigid | np.pad(rigid, (0, more))
+    omitted = structure.n_members - subject.n_members
+    rigid = structure.is_rigid if rigid is None else structure.is_rigid | np.pad(rigid, (0, omitted))
     if not rigid.any():
         return tension
     tension[rigid] = np.nan
@@ -66,14 +66,14 @@ def _solve(structure: Structure, tension: FloatArray, rigid: BoolArray) -> Float
     along = unit[np.isin(strands.member, rows)]
     matrix[ends[rows, 0], :, columns] += along
     matrix[ends[rows, 1], :, columns] -= along
-    left, size, right = np.linalg.svd(matrix[free], full_matrices=True)
+    left_vectors, size, right = np.linalg.svd(matrix[free], full_matrices=True)
     rank = int((size > DEPENDENT).sum())
-    found = right[:rank].T @ ((left[:, :rank].T @ force[free]) / size[:rank])
-    missing = float(np.abs(force[free] - matrix[free] @ found).max(initial=0.0))
-    largest = max(float(np.abs(tension).max(initial=0.0)), float(np.abs(found).max(initial=0.0)))
+    solution = right[:rank].T @ ((left_vectors[:, :rank].T @ force[free]) / size[:rank])
+    missing = float(np.abs(force[free] - matrix[free] @ solution).max(initial=0.0))
+    largest = max(float(np.abs(tension).max(initial=0.0)), float(np.abs(solution).max(initial=0.0)))
     undetermined = (np.abs(right[rank:]) > DEPENDENT).any(axis=0)
     balanced = missing <= UNBALANCED * largest
-    result: FloatArray = np.where(undetermined | (not balanced), np.nan, found)
+    result: FloatArray = np.where(undetermined | (not balanced), np.nan, solution)
     return result
 
 
@@ -116,16 +116,16 @@ def show_structure(
     tension: FloatArray | None,
     *,
     load: FloatArray | None = None,
-    parts: BodyParts | None = None,
+    bodies: BodyParts | None = None,
 ) -> Shown:
     """Return what a picture shows of one configuration: position (n_nodes, 3), tension (n_members,)."""
-    own = structure.node_load if load is None else load
+    loads = structure.node_load if load is None else load
     return Shown(
         structure,
         position[None],
         None if tension is None else tension[None],
-        np.asarray(own, dtype=float)[None],
-        BodyParts.none(structure) if parts is None else parts,
+        np.asarray(loads, dtype=float)[None],
+        BodyParts.none(structure) if bodies is None else bodies,
     )
 
 
@@ -167,5 +167,5 @@ def compute_colors(shown: Shown, name: str) -> FloatArray | None:
 def _divide(tension: FloatArray, by: Any) -> FloatArray:
     """Return tension over something positive, NaN elsewhere."""
     wide = np.broadcast_to(by, tension.shape)
-    found: FloatArray = np.divide(tension, wide, out=np.full(tension.shape, np.nan), where=wide > 0)
-    return found
+    ratio: FloatArray = np.divide(tension, wide, out=np.full(tension.shape, np.nan), where=wide > 0)
+    return ratio

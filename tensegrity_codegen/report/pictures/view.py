@@ -54,9 +54,9 @@ class Box:
 
     def ticks(self, axis: int) -> FloatArray:
         """Return the multiples of the grid step from face to face, (n,)."""
-        first = np.ceil(self.low[axis] / self.step[axis] - 1e-6)
-        last = np.floor(self.high[axis] / self.step[axis] + 1e-6)
-        multiples: FloatArray = np.arange(first, last + 1) * self.step[axis]
+        lower = np.ceil(self.low[axis] / self.step[axis] - 1e-6)
+        upper = np.floor(self.high[axis] / self.step[axis] + 1e-6)
+        multiples: FloatArray = np.arange(lower, upper + 1) * self.step[axis]
         return multiples
 
     def corners(self) -> FloatArray:
@@ -113,12 +113,12 @@ class PlanarView:
 
     def project(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return places (..., 2) on paper [m] and depths (...) [m] of points (..., 3), zero in a plane."""
-        given = np.asarray(points, dtype=float)
-        place = given[..., list(self.axes)]
+        array = np.asarray(points, dtype=float)
+        projected = array[..., list(self.axes)]
         if not self.is_in_space:
-            return place, np.zeros(place.shape[:-1])
+            return projected, np.zeros(projected.shape[:-1])
         sign = -1.0 if self.axes == (0, 2) else 1.0
-        return place, sign * given[..., 3 - sum(self.axes)]
+        return projected, sign * array[..., 3 - sum(self.axes)]
 
     def magnification(self, depth: ArrayLike) -> FloatArray:
         """Return ones for depths (...)."""
@@ -150,9 +150,9 @@ def find_box(points: ArrayLike, axes: Sequence[int]) -> Box:
     """
     flat = np.asarray(points, dtype=float).reshape(-1, 3)
     low, high = flat.min(axis=0), flat.max(axis=0)
-    far, span = float(np.max(np.abs(flat))), float(np.max(high - low))
+    extent, span = float(np.max(np.abs(flat))), float(np.max(high - low))
     # Rounding noise of points far from the origin is no extent.
-    size = span if span > 1e-9 * far else max(1.0, far)
+    size = span if span > 1e-9 * extent else max(1.0, extent)
     ground = _ground_step(low[:2], high[:2], max(high[0] - low[0], high[1] - low[1], size / SLENDERNESS))
     step = np.array([ground, ground, nice_step(max(high[2] - low[2], size / SLENDERNESS))])
     is_flat = high - low <= 1e-9 * size
@@ -230,14 +230,14 @@ def _perspective(
 
 def _clutter(view: View, structure: Structure, node_position: FloatArray) -> float:
     """Return sum 1 / (1 + (d / near)^2) over the distances d on paper from nodes to members of others."""
-    place, _ = view.project(node_position)
-    first, second = structure.strands.ends.T
-    start, end = place[first], place[second]
-    along, apart = end - start, place[:, None] - start
+    projected, _ = view.project(node_position)
+    start_node, second = structure.strands.ends.T
+    start, end = projected[start_node], projected[second]
+    along, offset = end - start, projected[:, None] - start
     squared = np.maximum(np.sum(along**2, axis=-1), np.finfo(float).tiny)
-    fraction = np.clip(np.sum(apart * along, axis=-1) / squared, 0.0, 1.0)
-    distance = np.linalg.norm(apart - fraction[..., None] * along, axis=-1)
+    fraction = np.clip(np.sum(offset * along, axis=-1) / squared, 0.0, 1.0)
+    distance = np.linalg.norm(offset - fraction[..., None] * along, axis=-1)
     nodes = np.arange(structure.n_nodes)[:, None]
-    own = (nodes == first) | (nodes == second)
-    near = CLUTTER_RATIO * float(np.max(np.ptp(place, axis=0), initial=0.0)) or 1.0
-    return float(np.sum(1.0 / (1.0 + (distance[~own] / near) ** 2)))
+    is_end = (nodes == start_node) | (nodes == second)
+    near = CLUTTER_RATIO * float(np.max(np.ptp(projected, axis=0), initial=0.0)) or 1.0
+    return float(np.sum(1.0 / (1.0 + (distance[~is_end] / near) ** 2)))

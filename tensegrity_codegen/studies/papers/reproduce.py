@@ -115,9 +115,9 @@ def reproduce(
 
 def choose_papers(papers: Sequence[str]) -> tuple[str, ...]:
     """Return the names in the order of PAPERS, each once; raises UnknownNameError."""
-    known = (*PAPERS, ALL)
+    names = (*PAPERS, ALL)
     for name in papers:
-        check_choice(name, known, "paper", "reproduce")
+        check_choice(name, names, "paper", "reproduce")
     return tuple(name for name in PAPERS if ALL in papers or not papers or name in papers)
 
 
@@ -133,8 +133,8 @@ def build_page(
     done, chapters = 0.0, []
     for name in papers:
         paper = PAPERS[name]
-        part = part_of(progress, done / total, paper.share / total)
-        chapters.append(paper.build(quick, part, journal))
+        section_progress = part_of(progress, done / total, paper.share / total)
+        chapters.append(paper.build(quick, section_progress, journal))
         done += paper.share
     size = "Small sizes and short times" if quick else "Full sizes"
     return Page(
@@ -154,7 +154,7 @@ def build_page(
 def read_errata() -> dict[str, tuple[Entry, ...]]:
     """Return paper -> errors and unclear points in print, to which remarks point; docs/errata.md has them."""
     text = files(__package__).joinpath("data", "errata.toml").read_text(encoding="utf-8")
-    return {name: tuple(Entry(**entry) for entry in found) for name, found in tomllib.loads(text).items()}
+    return {name: tuple(Entry(**entry) for entry in entries) for name, entries in tomllib.loads(text).items()}
 
 
 def _describe_finding(chapters: Sequence[Chapter]) -> str:
@@ -164,10 +164,10 @@ def _describe_finding(chapters: Sequence[Chapter]) -> str:
     agree, differ = verdicts.count("agrees"), verdicts.count("differs")
     if not agree + differ:
         return f"{len(verdicts)} results, none of them with numbers in print"
-    word = "result agrees" if agree + differ == 1 else "results agree"
+    agreeing = "result agrees" if agree + differ == 1 else "results agree"
     errors = ", ".join(_largest_errors(sections))
     return (
-        f"{agree} of {agree + differ} printed {word}{_count_causes(sections, 'agrees')}, "
+        f"{agree} of {agree + differ} printed {agreeing}{_count_causes(sections, 'agrees')}, "
         f"{differ} differ{'s' if differ == 1 else ''}{_count_causes(sections, 'differs')}"
         f"{f'; largest errors {errors}' if errors else ''}"
     )
@@ -175,9 +175,9 @@ def _describe_finding(chapters: Sequence[Chapter]) -> str:
 
 def _count_causes(sections: Sequence[Section], verdict: str) -> str:
     """Return the causes of the sections with this verdict, counted, in brackets; empty without any."""
-    found: Counter[str] = Counter(section.cause for section in sections if section.verdict == verdict)
-    words = ", ".join(f"{text} {found[cause]}" for cause, text in CAUSES.items() if cause in found)
-    return f" ({words})" if words else ""
+    causes: Counter[str] = Counter(section.cause for section in sections if section.verdict == verdict)
+    reasons = ", ".join(f"{text} {causes[cause]}" for cause, text in CAUSES.items() if cause in causes)
+    return f" ({reasons})" if reasons else ""
 
 
 def _largest_errors(sections: Sequence[Section]) -> dict[str, str]:

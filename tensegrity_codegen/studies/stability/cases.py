@@ -32,10 +32,10 @@ def stiffen_bars(structure: Structure, stiff: float) -> Structure:
     l0 = l - t / mu, which is not positive where a bar is too soft for its tension.
     """
     bar = structure.is_bar
-    rest = structure.member_length() - structure.static_tension() / stiff
+    rest_length = structure.member_length() - structure.static_tension() / stiff
     return structure.with_changes(
         spring_constant=np.where(bar, stiff, structure.spring_constant),
-        rest_length=np.where(bar, rest, structure.rest_length),
+        rest_length=np.where(bar, rest_length, structure.rest_length),
     )
 
 
@@ -64,10 +64,10 @@ def settle_bars(structure: Structure) -> Structure:
     rigid = np.flatnonzero(structure.is_rigid)
     if not rigid.size or not np.isfinite(structure.node_position).all():
         return structure
-    rest = structure.rest_length.copy()
-    rest[rigid] = structure.member_length()[rigid]
+    rest_length = structure.rest_length.copy()
+    rest_length[rigid] = structure.member_length()[rigid]
     velocity = without_stretch(structure, structure.node_velocity, rigid)
-    return structure.with_changes(rest_length=rest, node_velocity=velocity)
+    return structure.with_changes(rest_length=rest_length, node_velocity=velocity)
 
 
 def move_node(structure: Structure, node: int, place: FloatArray, *, refit: bool = False) -> Structure:
@@ -77,8 +77,8 @@ def move_node(structure: Structure, node: int, place: FloatArray, *, refit: bool
     moved = structure.with_changes(node_position=position)
     if refit:
         stretch = structure.member_length() - structure.rest_length
-        rest = np.where(structure.is_bar, moved.member_length() - stretch, moved.rest_length)
-        moved = moved.with_changes(rest_length=rest)
+        rest_length = np.where(structure.is_bar, moved.member_length() - stretch, moved.rest_length)
+        moved = moved.with_changes(rest_length=rest_length)
     return settle_bars(moved)
 
 
@@ -98,18 +98,18 @@ def find_snap(structure: Structure) -> tuple[int, FloatArray] | None:
     The plane, in a planar scene the line, is that of least squares; the node is the first off it.
     """
     axes = list(structure.axes)
-    least = LEAST_HEIGHT * float(structure.member_length().mean())
+    min_height = LEAST_HEIGHT * float(structure.member_length().mean())
     for node in np.flatnonzero(~structure.node_anchored[:, axes].any(axis=1)):
         touching = structure.connectivity[(structure.connectivity == node).any(axis=1)]
-        others = structure.node_position[np.setdiff1d(touching, node)][:, axes]
-        if not len(others):
+        neighbours = structure.node_position[np.setdiff1d(touching, node)][:, axes]
+        if not len(neighbours):
             continue
-        centre = others.mean(axis=0)
-        _, _, directions = np.linalg.svd(others - centre)
+        centre = neighbours.mean(axis=0)
+        _, _, directions = np.linalg.svd(neighbours - centre)
         normal = directions[-1]
         height = np.zeros(3)
         height[axes] = normal * (normal @ (structure.node_position[node, axes] - centre))
-        if np.linalg.norm(height) > least:
+        if np.linalg.norm(height) > min_height:
             return int(node), height
     return None
 
@@ -208,14 +208,14 @@ def _stiffness(structure: Structure, t_end: float) -> Iterator[Case]:
         changed = put_at_ratio(springs, ratio)
         if changed is not None:
             yield Case("stiffness ratio", f"{ratio:.0e}", changed, t_end)
-    one, other = (put_at_ratio(springs, ratio) for ratio in TWO_RATIOS)
-    if one is not None and other is not None and np.count_nonzero(bar) > 1:
+    stiff, soft = (put_at_ratio(springs, ratio) for ratio in TWO_RATIOS)
+    if stiff is not None and soft is not None and np.count_nonzero(bar) > 1:
         second = np.cumsum(bar) % 2 == 0
-        kept = {
-            name: np.where(second, getattr(other, name), getattr(one, name))
+        values = {
+            name: np.where(second, getattr(soft, name), getattr(stiff, name))
             for name in ("spring_constant", "rest_length")
         }
-        yield Case("two stiff groups", "1e+03 and 1e+06 in turns", one.with_changes(**kept), t_end)
+        yield Case("two stiff groups", "1e+03 and 1e+06 in turns", stiff.with_changes(**values), t_end)
     if not structure.is_rigid.any():
         yield Case("stiffness ratio", "rigid", with_rigid_bars(structure), t_end)
 
@@ -245,9 +245,9 @@ def _coincident(structure: Structure, t_end: float) -> Iterator[Case]:
     i, j = (int(node) for node in structure.connectivity[cables[0]])
     if structure.node_anchored[j].any():
         i, j = j, i
-    apart = structure.node_position[j] - structure.node_position[i]
+    separation = structure.node_position[j] - structure.node_position[i]
     for gap in GAPS:
-        moved = move_node(structure, j, structure.node_position[i] + gap * apart)
+        moved = move_node(structure, j, structure.node_position[i] + gap * separation)
         name = f"two joined nodes at {gap:.0e} of their distance" if gap else "two joined nodes in one place"
         refused = gap == 0.0 and not structure.tension_only[cables[0]]
         yield Case("coincident nodes", name, moved, t_end, expects_refusal=refused)
@@ -255,13 +255,15 @@ def _coincident(structure: Structure, t_end: float) -> Iterator[Case]:
 
 def _snap_through(structure: Structure, t_end: float) -> Iterator[Case]:
     """One node moved along the normal of its neighbours; its bars are as long as that makes them."""
-    found = find_snap(structure)
-    if found is None:
+    snap = find_snap(structure)
+    if snap is None:
         return
-    node, height = found
-    for share, name in SNAPS:
-        place = structure.node_position[node] + (share - 1.0) * height
-        yield Case("snap-through", f"one node {name}", move_node(structure, node, place, refit=True), t_end)
+    node, height = snap
+    for fraction, name in SNAPS:
+        position = structure.node_position[node] + (fraction - 1.0) * height
+        yield Case(
+            "snap-through", f"one node {name}", move_node(structure, node, position, refit=True), t_end
+        )
 
 
 def _impact(structure: Structure, t_end: float) -> Iterator[Case]:
@@ -285,20 +287,20 @@ def _ground(structure: Structure, t_end: float) -> Iterator[Case]:
         yield Case("ground", f"friction {friction:g}", changed, t_end)
     gap = float(np.min(structure.node_position[ground.node] @ ground.normal - ground.radius)) - ground.offset
     along = np.linalg.svd(ground.normal[None])[2][1] * structure.member_length().mean()
-    place = structure.node_position - gap * ground.normal
+    position = structure.node_position - gap * ground.normal
     speed = np.where(structure.node_anchored, 0.0, along)
-    grazing = settle_bars(structure.with_changes(node_position=place, node_velocity=speed))
+    grazing = settle_bars(structure.with_changes(node_position=position, node_velocity=speed))
     yield Case("ground", "a node grazes it at one length a second", grazing, t_end)
 
 
 def _bad_numbers(structure: Structure, t_end: float) -> Iterator[Case]:
     node, axis = _first_free(structure)
     for value, refused in ((np.nan, True), (np.inf, True), (5e-324, False)):
-        place = structure.node_position[node].copy()
-        place[axis] = value
-        word = "denormal" if np.isfinite(value) else str(value)
-        changed = move_node(structure, node, place)
-        yield Case("bad numbers", f"a coordinate that is {word}", changed, t_end, expects_refusal=refused)
+        position = structure.node_position[node].copy()
+        position[axis] = value
+        name = "denormal" if np.isfinite(value) else str(value)
+        changed = move_node(structure, node, position)
+        yield Case("bad numbers", f"a coordinate that is {name}", changed, t_end, expects_refusal=refused)
 
 
 def _first_free(structure: Structure) -> tuple[int, int]:

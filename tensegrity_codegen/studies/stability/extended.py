@@ -44,10 +44,10 @@ class ExtendedMotion:
         self.structure = structure
         self.places = structure.coordinate_node_axis
         self.end = np.ascontiguousarray(structure.connectivity, dtype=np.intc)
-        rest = structure.rest_length.astype(long)
+        rest_length = structure.rest_length.astype(long)
         stiffnesses = (structure.spring_constant.astype(long), structure.axial_stiffness.astype(long))
-        self.mu = compute_spring_constant(*stiffnesses, rest)
-        columns = [self.mu, structure.damping.astype(long), rest, structure.tension_only.astype(long)]
+        self.mu = compute_spring_constant(*stiffnesses, rest_length)
+        columns = [self.mu, structure.damping.astype(long), rest_length, structure.tension_only.astype(long)]
         self.law = np.ascontiguousarray(np.stack(columns, axis=1))
         weight = structure.node_mass.astype(long)
         np.add.at(
@@ -67,11 +67,11 @@ class ExtendedMotion:
             for axis in range(3):
                 rows[np.arange(len(vector)), 3 * self.end[:, end] + axis] = sign * direction[:, axis]
         rows = rows[:, self.where]
-        found = []
+        columns = []
         for values in (self.mu.astype(np.float64), self.structure.damping):
             matrix = self.inverse.astype(np.float64) @ (rows.T @ (values[:, None] * rows))
-            found.append(float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)))
-        return float(np.sqrt(found[0])), found[1]
+            columns.append(float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)))
+        return float(np.sqrt(columns[0])), columns[1]
 
     def run(self, sample_time: FloatArray, steps: int, deadline: float) -> LongArray | None:
         """Return the states (n_t, 2n) at times [s] from 0 up; None if they are not finite or time is up.
@@ -83,21 +83,21 @@ class ExtendedMotion:
         speed = np.ascontiguousarray(np.zeros_like(position))
         state = np.concatenate([position[node, axis], self.structure.node_velocity[node, axis]])
         state = np.ascontiguousarray(state.astype(np.longdouble))
-        found, rate = [state.copy()], 1e5  # steps a second, at first
+        states, rate = [state.copy()], 1e5  # steps a second, at first
         for span in np.diff(sample_time):
-            left = steps
-            h = np.longdouble(span) / left
-            while left:
-                count = min(left, max(1, int(rate * CHUNK)))
+            remaining = steps
+            h = np.longdouble(span) / remaining
+            while remaining:
+                count = min(remaining, max(1, int(rate * CHUNK)))
                 started = time.process_time()
-                if started + left / rate > deadline + CHUNK or self._advance(
+                if started + remaining / rate > deadline + CHUNK or self._advance(
                     count, h, position, speed, state
                 ):
                     return None
                 rate = count / max(time.process_time() - started, 1e-6)
-                left -= count
-            found.append(state.copy())
-        return np.array(found)
+                remaining -= count
+            states.append(state.copy())
+        return np.array(states)
 
     def tension(self, state: LongArray) -> FloatArray:
         """Return the tensions (n_t, n_members) [N] in states (n_t, 2n)."""
@@ -111,22 +111,22 @@ class ExtendedMotion:
         position[node, axis], speed[node, axis] = state[:n], state[n:]
         vector, moving = self._vectors(position), self._vectors(speed)
         length = np.sqrt(np.sum(vector * vector, axis=1))
-        mu, c, rest, is_cable = self.law.T
-        pull = mu * (length - rest) + c * np.sum(vector * moving, axis=1) / length
-        slack = (is_cable > 0) & ((length <= rest) | (pull <= 0))
+        mu, c, rest_length, is_cable = self.law.T
+        pull = mu * (length - rest_length) + c * np.sum(vector * moving, axis=1) / length
+        slack = (is_cable > 0) & ((length <= rest_length) | (pull <= 0))
         return np.where(slack, 0.0, pull).astype(np.float64)
 
-    def _vectors(self, place: LongArray) -> LongArray:
-        return np.asarray(place[self.end[:, 0]] - place[self.end[:, 1]])
+    def _vectors(self, position: LongArray) -> LongArray:
+        return np.asarray(position[self.end[:, 0]] - position[self.end[:, 1]])
 
     def _advance(
         self, count: int, h: np.longdouble, position: LongArray, speed: LongArray, state: LongArray
     ) -> bool:
         """Take some steps, in place; return whether the state is lost."""
         structure, n = self.structure, len(self.where)
-        first, column, value = _by_rows(self.inverse)
+        row_start, column, value = _by_rows(self.inverse)
         work = np.empty(3 * structure.n_nodes + 2 * n * (len(STAGES) + 2), np.longdouble)
-        arrays = [self.end, self.law, self.constant, self.where, first, column, value]
+        arrays = [self.end, self.law, self.constant, self.where, row_start, column, value]
         pointers = [array.ctypes.data_as(ctypes.c_void_p) for array in arrays]
         after = [array.ctypes.data_as(ctypes.c_void_p) for array in (position, speed, state, work)]
         sizes = (structure.n_nodes, structure.n_members, n)
@@ -137,36 +137,36 @@ class ExtendedMotion:
 
 def _mass(structure: Structure) -> LongArray:
     """Return H over the coordinates (n, n)."""
-    long, places = np.longdouble, structure.coordinate_node_axis
-    whole = np.diag(structure.node_mass.astype(long))
+    long, node_axes = np.longdouble, structure.coordinate_node_axis
+    full_mass = np.diag(structure.node_mass.astype(long))
     bars = structure.member_mass.astype(long) * structure.is_bar
     halves = np.repeat((structure.member_mass.astype(long) - bars) / 2, 2)
-    np.add.at(whole, (structure.connectivity.ravel(), structure.connectivity.ravel()), halves)
+    np.add.at(full_mass, (structure.connectivity.ravel(), structure.connectivity.ravel()), halves)
     for (i, j), mass in zip(structure.connectivity, bars, strict=True):
-        whole[i, i] += mass / 3
-        whole[j, j] += mass / 3
-        whole[i, j] += mass / 6
-        whole[j, i] += mass / 6
-    same = places[:, 1][:, None] == places[:, 1][None, :]
-    return np.where(same, whole[places[:, 0]][:, places[:, 0]], long(0))
+        full_mass[i, i] += mass / 3
+        full_mass[j, j] += mass / 3
+        full_mass[i, j] += mass / 6
+        full_mass[j, i] += mass / 6
+    same = node_axes[:, 1][:, None] == node_axes[:, 1][None, :]
+    return np.where(same, full_mass[node_axes[:, 0]][:, node_axes[:, 0]], long(0))
 
 
 def _inverse(matrix: LongArray) -> LongArray:
     """Return the inverse of a symmetric positive definite matrix to all digits."""
     root = np.sqrt(np.diag(matrix))
     scaled = matrix / root[:, None] / root[None, :]
-    found = np.linalg.inv(scaled.astype(np.float64)).astype(np.longdouble)
+    inverse = np.linalg.inv(scaled.astype(np.float64)).astype(np.longdouble)
     for _ in range(REFINEMENTS):
-        found = 2 * found - found @ scaled @ found
-    found[np.abs(found) < 1e-25] = 0
-    return np.asarray(found / root[:, None] / root[None, :])
+        inverse = 2 * inverse - inverse @ scaled @ inverse
+    inverse[np.abs(inverse) < 1e-25] = 0
+    return np.asarray(inverse / root[:, None] / root[None, :])
 
 
 def _by_rows(matrix: LongArray) -> tuple[NDArray[np.intc], NDArray[np.intc], LongArray]:
     """Return where rows start, columns and values of the entries that are not 0."""
     row, column = np.nonzero(matrix)
-    first = np.searchsorted(row, np.arange(len(matrix) + 1))
-    return first.astype(np.intc), column.astype(np.intc), np.ascontiguousarray(matrix[row, column])
+    row_start = np.searchsorted(row, np.arange(len(matrix) + 1))
+    return row_start.astype(np.intc), column.astype(np.intc), np.ascontiguousarray(matrix[row, column])
 
 
 @cache
@@ -210,12 +210,12 @@ def certify_extended(case: Case, limit: float) -> Truth | None:
             state = motion.run(times, count, deadline)
             if state is None:
                 return None
-            apart = np.abs(state - before).astype(np.float64)
-            agreed = agreed + 1 if is_agreed(case, state.astype(np.float64), apart) else 0
+            error = np.abs(state - before).astype(np.float64)
+            agreed = agreed + 1 if is_agreed(case, state.astype(np.float64), error) else 0
             if agreed == AGREEMENTS:
                 tension = motion.tension(state)
                 between = np.abs(tension - motion.tension(before))
-                return Truth(state.astype(np.float64), apart, tension, between)
+                return Truth(state.astype(np.float64), error, tension, between)
             before = state
     except (TensegrityError, np.linalg.LinAlgError):
         return None

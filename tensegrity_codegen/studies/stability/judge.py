@@ -19,49 +19,49 @@ ROUNDING = 1e-15  # of positions, in lengths of members and so in their tensions
 
 
 def tension_tolerance(
-    structure: Structure, state: FloatArray, allowed: FloatArray, own: NDArray[np.bool_]
+    structure: Structure, state: FloatArray, allowed: FloatArray, is_multiplier: NDArray[np.bool_]
 ) -> FloatArray:
     """Return what errors `allowed` (n_t, n_states) of states come to in tensions, (n_t, n_members) [N].
 
-    own: which members have tensions that do not follow from lengths, rigid ones at least.
+    is_multiplier: which members have tensions that do not follow from lengths, rigid ones at least.
 
         mu dl + c (dl' + 2 |d'| dl / l)      of a spring; of a damped cable near its kink c |l'| besides
         m (2 |d'| dl' / l + |d'|^2 dl / l^2) + what the others come to + sqrt(mu m) dl'      of these
     """
     position, velocity = np.split(state, 2, axis=1)
     place, speed = _of_nodes(structure, position, structure.node_position), _of_nodes(structure, velocity)
-    far, fast = (_of_nodes(structure, part) for part in np.split(allowed, 2, axis=1))
+    distance, fast = (_of_nodes(structure, component) for component in np.split(allowed, 2, axis=1))
     i, j = structure.connectivity.T
     vector, moving = place[:, i] - place[:, j], speed[:, i] - speed[:, j]
     length = np.maximum(np.linalg.norm(vector, axis=2), 1e-300)
     pace = np.linalg.norm(moving, axis=2)
-    dl, dv = (np.linalg.norm(x[:, i], axis=2) + np.linalg.norm(x[:, j], axis=2) for x in (far, fast))
+    dl, dv = (np.linalg.norm(x[:, i], axis=2) + np.linalg.norm(x[:, j], axis=2) for x in (distance, fast))
     dl = dl + ROUNDING * np.abs(place).max(axis=(1, 2), initial=0.0)[:, None]
     turned = dv + 2.0 * pace * dl / length
     mu, c = structure.mu, structure.damping
     springs = mu * dl + c * turned
-    near = structure.tension_only & (np.abs(length - structure.rest_length) <= dl)
-    springs += np.where(near, c * np.abs(np.sum(vector * moving, axis=2)) / length, 0.0)
+    is_near = structure.tension_only & (np.abs(length - structure.rest_length) <= dl)
+    springs += np.where(is_near, c * np.abs(np.sum(vector * moving, axis=2)) / length, 0.0)
     mass = structure.lumped_mass
     rigid = (mass[i] + mass[j]) * (2.0 * pace * dv / length + (pace / length) ** 2 * dl)
-    rigid += springs[:, ~own].sum(axis=1)[:, None]
+    rigid += springs[:, ~is_multiplier].sum(axis=1)[:, None]
     # The masses (n_members,) with which members vibrate, 1 / (1 / m_i + 1 / m_j)
     held = structure.node_anchored[:, list(structure.axes)].all(axis=1)
     inverse = np.where(held, 0.0, 1.0 / np.maximum(mass, 1e-300))[structure.connectivity].sum(axis=1)
     rigid += np.sqrt(
         mu * np.asarray(np.where(inverse > 0.0, 1.0 / np.maximum(inverse, 1e-300), 0.0))
     ) * dv.max(axis=0)
-    found: FloatArray = np.where(own, rigid, springs)
-    return found
+    tolerance: FloatArray = np.where(is_multiplier, rigid, springs)
+    return tolerance
 
 
-def _of_nodes(structure: Structure, values: FloatArray, others: FloatArray | float = 0.0) -> FloatArray:
+def _of_nodes(structure: Structure, values: FloatArray, fill: FloatArray | float = 0.0) -> FloatArray:
     """Return values (n_t, n_coordinates) as (n_t, n_nodes, 3), those of anchored axes as in `others`."""
     node, axis = structure.coordinate_node_axis.T
-    found = np.zeros((len(values), structure.n_nodes, 3))
-    found += others
-    found[:, node, axis] = values
-    return found
+    nodes = np.zeros((len(values), structure.n_nodes, 3))
+    nodes += fill
+    nodes[:, node, axis] = values
+    return nodes
 
 
 Runs = Sequence[Callable[[float], Ending]]
@@ -127,33 +127,35 @@ def certify_case(case: Case, runs: Runs, *, positions_only: bool = False) -> Tru
     if case.expects_refusal:
         return None
     for factor in SHARPER:
-        found: list[Ending] = []
+        endings: list[Ending] = []
         for run in runs:
             ending = run(factor * case.rtol)
             if ending.status != "ok":
                 continue
-            for other in found:
-                apart = np.abs(ending.state - other.state)
-                if is_agreed(case, other.state, apart, positions_only=positions_only):
-                    return _truth(case, other, ending, apart, not positions_only)
-            found.append(ending)
-        if len(found) < 2:
+            for known_ending in endings:
+                difference = np.abs(ending.state - known_ending.state)
+                if is_agreed(case, known_ending.state, difference, positions_only=positions_only):
+                    return _truth(case, known_ending, ending, difference, not positions_only)
+            endings.append(ending)
+        if len(endings) < 2:
             return None
     return None
 
 
-def is_agreed(case: Case, state: FloatArray, apart: FloatArray, *, positions_only: bool = False) -> bool:
+def is_agreed(case: Case, state: FloatArray, difference: FloatArray, *, positions_only: bool = False) -> bool:
     """Return whether two results for a state (n_t, n) that are so far apart agree well enough to judge by."""
-    good = apart <= AGREE * ALLOWED * _allowed(case, state)
+    good = difference <= AGREE * ALLOWED * _allowed(case, state)
     return bool(np.all(good[:, : good.shape[1] // 2] if positions_only else good))
 
 
-def _truth(case: Case, one: Ending, other: Ending, apart: FloatArray, knows_speed: bool) -> Truth:
+def _truth(case: Case, ending: Ending, witness: Ending, difference: FloatArray, knows_speed: bool) -> Truth:
     """Return what two endings agree on; their tensions are as uncertain as their states make them, too."""
-    if one.tension is None or other.tension is None or not knows_speed:
-        return Truth(one.state, apart, knows_speed=knows_speed)
-    uncertain = tension_tolerance(case.structure, one.state, apart, case.structure.is_rigid)
-    return Truth(one.state, apart, one.tension, np.abs(one.tension - other.tension) + uncertain)
+    if ending.tension is None or witness.tension is None or not knows_speed:
+        return Truth(ending.state, difference, knows_speed=knows_speed)
+    uncertain = tension_tolerance(case.structure, ending.state, difference, case.structure.is_rigid)
+    return Truth(
+        ending.state, difference, ending.tension, np.abs(ending.tension - witness.tension) + uncertain
+    )
 
 
 def judge(case: Case, ending: Ending, truth: Truth | None) -> Judgement:
@@ -197,12 +199,14 @@ def _judge_tension(
     ):
         return None, False
     structure, bound = case.structure, ending.tension_bound
-    own = structure.is_rigid if bound is None else structure.is_mixed
+    is_multiplier = structure.is_rigid if bound is None else structure.is_mixed
     error = np.abs(ending.tension - truth.tension)
     largest = float(np.abs(truth.tension).max(initial=0.0))
-    most = tension_tolerance(structure, truth.state, ALLOWED * allowed, own)
-    most += ALLOWED * case.rtol * largest + truth.tension_apart + np.where(own, bound or 0.0, 0.0)
-    is_off = not np.all(error <= most)
+    tolerance = tension_tolerance(structure, truth.state, ALLOWED * allowed, is_multiplier)
+    tolerance += (
+        ALLOWED * case.rtol * largest + truth.tension_apart + np.where(is_multiplier, bound or 0.0, 0.0)
+    )
+    is_off = not np.all(error <= tolerance)
     return (float(error.max(initial=0.0)) / largest if largest > 0.0 else None), is_off
 
 
@@ -220,8 +224,8 @@ def judge_peer(case: Case, ending: Ending, truth: Truth | None) -> Judgement:
     if ending.state.shape != (len(truth.state), n):
         return Judgement("wrong")
     error = np.abs(ending.state - truth.state[:, :n])
-    least = LOST_ERROR * float(case.structure.member_length().mean())
-    is_wrong = bool(np.any(error > np.maximum(least, ALLOWED * _allowed(case, truth.state)[:, :n])))
+    min_error = LOST_ERROR * float(case.structure.member_length().mean())
+    is_wrong = bool(np.any(error > np.maximum(min_error, ALLOWED * _allowed(case, truth.state)[:, :n])))
     return Judgement("wrong" if is_wrong else "survived", float(error.max()), "positions")
 
 
@@ -307,8 +311,8 @@ def read_outcomes(data: Any, contenders: Mapping[str, bool]) -> list[Outcome] | 
     """
     if not isinstance(data, list):
         return None
-    found = [outcome for item in data if (outcome := read_record(Outcome, item)) is not None]
-    if len(found) != len(data) or {row.contender: row.is_own for row in found} != dict(contenders):
+    outcomes = [outcome for entry in data if (outcome := read_record(Outcome, entry)) is not None]
+    if len(outcomes) != len(data) or {row.contender: row.is_own for row in outcomes} != dict(contenders):
         return None
-    known = all(row.verdict in VERDICTS and row.rule in ("", *RULES) for row in found)
-    return found if known and len(found) == len(contenders) else None
+    is_known = all(row.verdict in VERDICTS and row.rule in ("", *RULES) for row in outcomes)
+    return outcomes if is_known and len(outcomes) == len(contenders) else None

@@ -91,7 +91,7 @@ class CaseModels:
         anchored = structure.node_anchored.any(axis=1)
         massive = structure.node_mass > 0
         massive[structure.coordinate_node_axis[0, 0]] |= not massive.any()
-        kept = {
+        parameters = {
             "rest_length": tuple(range(structure.n_members)),
             "spring_constant": flexible,
             "damping": flexible,
@@ -99,13 +99,13 @@ class CaseModels:
             "anchor_position": tuple(int(n) for n in np.flatnonzero(anchored)),
         }
         if has_friction(structure):
-            kept["ground"] = tuple(CHANGEABLE.index(name) for name in OF_GROUND)
+            parameters["ground"] = tuple(CHANGEABLE.index(name) for name in OF_GROUND)
         rigid = find_formulation(formulation).has_rigid_bars
         extra = ("consistent_coordinate", "consistent_velocity") if rigid else ()
         request = ModelRequest(
             (*simulation_quantities(formulation), *extra),
             formulation=formulation,
-            parameters={name: items for name, items in kept.items() if items},
+            parameters={name: indices for name, indices in parameters.items() if indices},
             integrators=integrators,
         )
         return self._build(structure, request)
@@ -137,23 +137,23 @@ def list_integrators(structure: Structure) -> tuple[str, ...]:
 
 def values_of(model: CompiledModel, structure: Structure) -> Mapping[str, FloatArray]:
     """Return what the model needs to be this structure: state and run-time parameters."""
-    places, axes = structure.coordinate_node_axis, list(structure.axes)
-    found = {
-        "coordinate": structure.node_position[places[:, 0], places[:, 1]],
-        "velocity": structure.node_velocity[places[:, 0], places[:, 1]],
+    node_axes, axes = structure.coordinate_node_axis, list(structure.axes)
+    state = {
+        "coordinate": structure.node_position[node_axes[:, 0], node_axes[:, 1]],
+        "velocity": structure.node_velocity[node_axes[:, 0], node_axes[:, 1]],
     }
     node = {name: index for index, name in enumerate(structure.node_name)}
     member = {name: index for index, name in enumerate(structure.member_name)}
     for argument in model.manifest.arguments:
         if argument.name == "anchor_position":
-            found["anchor_position"] = structure.node_position[[node[n] for n in argument.over]][:, axes]
+            state["anchor_position"] = structure.node_position[[node[n] for n in argument.over]][:, axes]
         elif argument.name == "node_mass":
-            found["node_mass"] = structure.node_mass[[node[n] for n in argument.over]]
+            state["node_mass"] = structure.node_mass[[node[n] for n in argument.over]]
         elif argument.name == "ground":
-            found["ground"] = np.array([getattr(structure.ground, name) for name in argument.over])
+            state["ground"] = np.array([getattr(structure.ground, name) for name in argument.over])
         elif argument.name in OF_MEMBERS:
-            found[argument.name] = getattr(structure, argument.name)[[member[e] for e in argument.over]]
-    return found
+            state[argument.name] = getattr(structure, argument.name)[[member[e] for e in argument.over]]
+    return state
 
 
 SAMPLES = 5
@@ -188,24 +188,26 @@ def run_own(model: CompiledModel, case: Case, method: str, rtol: float, limit: f
     A method with a fixed step takes the case's. limit: seconds of CPU time after which it is stopped.
     """
     started = time.process_time()
-    nothing = np.zeros((0, 2 * len(model.manifest.coordinate_name)))
+    no_states = np.zeros((0, 2 * len(model.manifest.coordinate_name)))
     try:
-        raw, found = _simulate(model, case, method, rtol, partial(_watch, started + limit))
+        raw, trajectory = _simulate(model, case, method, rtol, partial(_watch, started + limit))
     except OverTime:
-        return Ending("over time", f"stopped after {limit:g} s", nothing, time.process_time() - started)
+        return Ending("over time", f"stopped after {limit:g} s", no_states, time.process_time() - started)
     except TensegrityError as error:
-        return Ending("error", error.problem, nothing, time.process_time() - started)
+        return Ending("error", error.problem, no_states, time.process_time() - started)
     speed = float(raw.evidence.get("vibration_speed_error", 0.0))
     pull = raw.evidence.get("vibration_tension_error")
     seconds = time.process_time() - started
-    return Ending(found.status, found.message, raw.state, seconds, speed, found.member_tension, pull)
+    return Ending(
+        trajectory.status, trajectory.message, raw.state, seconds, speed, trajectory.member_tension, pull
+    )
 
 
 def tolerance_of(structure: Structure, state: FloatArray, rtol: float) -> FloatArray:
     """Return the error that `rtol` allows of each component of states (n_t, n): by its node's vector."""
     node = structure.coordinate_node_axis[:, 0]
     same = (node[:, None] == node[None, :]).astype(np.float64)
-    lengths = [np.sqrt(part**2 @ same) for part in np.split(state, 2, axis=1)]
+    lengths = [np.sqrt(component**2 @ same) for component in np.split(state, 2, axis=1)]
     allowed: FloatArray = ATOL_OF_RTOL * rtol + rtol * np.hstack(lengths)
     return allowed
 
@@ -220,8 +222,8 @@ def _simulate(
     check_options(options, case.t_end, SAMPLES)
     if not all(np.isfinite(value).all() for value in values.values()):
         raise NonFiniteError("the initial state is not finite", where="simulate")
-    place, speed = make_consistent(model, values.pop("coordinate"), values.pop("velocity"), values)
-    state, times = np.concatenate([place, speed]), np.linspace(0.0, case.t_end, SAMPLES)
+    position, speed = make_consistent(model, values.pop("coordinate"), values.pop("velocity"), values)
+    state, times = np.concatenate([position, speed]), np.linspace(0.0, case.t_end, SAMPLES)
     raw = integrate(Motion(model, state, times, values, watch), options)
     return raw, evaluate_trajectory(model, raw, values)
 
@@ -294,8 +296,8 @@ def _answer(case: Case, name: str, limit: float, models: CaseModels | None, send
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
     try:
         run = _run(case, name, models)
-        places = case.structure.coordinate_node_axis
-        state = run.node_position[:, places[:, 0], places[:, 1]]
+        node_axes = case.structure.coordinate_node_axis
+        state = run.node_position[:, node_axes[:, 0], node_axes[:, 1]]
         sender.send((run.status, run.message, state))
     except Unavailable as error:
         sender.send(("not able", str(error), np.zeros((0, 0))))
@@ -317,8 +319,8 @@ def _compiled(models: CaseModels, case: Case) -> CompiledMotion:
     """Return the compiled motion of a case, its initial state on the constraints of the model."""
     model = models.of(case)
     values = dict(values_of(model, case.structure))
-    place, speed = make_consistent(model, values.pop("coordinate"), values.pop("velocity"), values)
-    return CompiledMotion(model, values, np.concatenate([place, speed]))
+    position, speed = make_consistent(model, values.pop("coordinate"), values.pop("velocity"), values)
+    return CompiledMotion(model, values, np.concatenate([position, speed]))
 
 
 def _problem(case: Case) -> MotionProblem:

@@ -39,27 +39,28 @@ CHECKED = ("survived", "wrong")
 
 def describe_finding(outcomes: Outcomes) -> str:
     """Return how many checked results of our methods are wrong, of which methods, and what was not run."""
-    own = [row for rows in outcomes.values() for row in rows if row.is_own]
-    checked = sum(row.verdict in CHECKED for row in own)
-    wrong = Counter(row.contender for row in own if row.verdict == "wrong")
+    own_rows = [row for rows in outcomes.values() for row in rows if row.is_own]
+    checked = sum(row.verdict in CHECKED for row in own_rows)
+    wrong = Counter(row.contender for row in own_rows if row.verdict == "wrong")
     if not checked:
         return f"0 results of {count_cases(outcomes):,} cases could be checked"
     text = f"{wrong.total():,} of {checked:,} checked results wrong"
     if wrong:
         text += ": " + ", ".join(f"{name} {count:,}" for name, count in wrong.most_common())
-    missing = sum(row.verdict == NOT_RUN for row in own)
-    return f"{text}; {missing:,} of {len(own):,} runs not made" if missing else text
+    missing = sum(row.verdict == NOT_RUN for row in own_rows)
+    return f"{text}; {missing:,} of {len(own_rows):,} runs not made" if missing else text
 
 
 def describe_counts(outcomes: Outcomes) -> str:
     """Return cases, methods, and every other verdict on our methods, as sentences."""
-    own = [row for rows in outcomes.values() for row in rows if row.is_own]
-    counts = Counter(row.verdict for row in own)
-    methods = len({row.contender for row in own})
+    own_rows = [row for rows in outcomes.values() for row in rows if row.is_own]
+    counts = Counter(row.verdict for row in own_rows)
+    methods = len({row.contender for row in own_rows})
     cases = count_cases(outcomes)
     plural = "" if cases == 1 else "s"
-    first = f"{cases:,} case{plural} of {', '.join(outcomes)}, run with {methods} methods: {len(own):,} runs."
-    parts = [f"{counts['survived']:,} results are right"]
+    opening = f"{cases:,} case{plural} of {', '.join(outcomes)}, "
+    opening += f"run with {methods} methods: {len(own_rows):,} runs."
+    clauses = [f"{counts['survived']:,} results are right"]
     texts = {
         "wrong": "{} wrong",
         "stopped": "{} runs stopped with a status",
@@ -67,8 +68,8 @@ def describe_counts(outcomes: Outcomes) -> str:
         "unchecked": "{} have no certified reference",
         NOT_RUN: "{} were not run",
     }
-    parts += [text.format(f"{counts[key]:,}") for key, text in texts.items() if counts[key]]
-    return f"{first} {', '.join(parts)}."
+    clauses += [text.format(f"{counts[key]:,}") for key, text in texts.items() if counts[key]]
+    return f"{opening} {', '.join(clauses)}."
 
 
 def count_cases(outcomes: Outcomes) -> int:
@@ -96,49 +97,51 @@ def build_verdicts(rows: Sequence[Outcome]) -> Table:
     """Return how often each method and each peer has which verdict, verdicts that never occur left out."""
     counts = Counter((row.contender, row.verdict) for row in rows)
     used = [
-        word for word in VERDICTS if word in ("survived", "wrong") or any(r.verdict == word for r in rows)
+        verdict
+        for verdict in VERDICTS
+        if verdict in ("survived", "wrong") or any(r.verdict == verdict for r in rows)
     ]
-    own = {row.contender: row.is_own for row in sorted(rows, key=lambda row: not row.is_own)}
-    columns = {"method": "", "code": ""} | {WORDS[word]: "d" for word in used}
+    is_own_method = {row.contender: row.is_own for row in sorted(rows, key=lambda row: not row.is_own)}
+    columns = {"method": "", "code": ""} | {WORDS[verdict]: "d" for verdict in used}
     cells = (
-        (name, "ours" if is_own else "other", *(str(counts[name, word]) for word in used))
-        for name, is_own in own.items()
+        (name, "ours" if is_own else "other", *(str(counts[name, verdict]) for verdict in used))
+        for name, is_own in is_own_method.items()
     )
     return make_table("Number of cases by verdict", columns, cells)
 
 
-def build_worst(own: Sequence[Outcome]) -> Table:
+def build_worst(own_rows: Sequence[Outcome]) -> Table:
     """Return the largest certified errors of our methods, wrong results first."""
-    worst = sort_worst(own)[:MOST_WORST]
+    worst = sort_worst(own_rows)[:MOST_WORST]
     columns = {"case": "", "value": "", "method": "", "error over tolerance": ".3g"}
     columns |= {"error of tensions [%]": ".1e", "verdict": ""}
     cells = []
     for row in worst:
         tension_error = None if row.tension_error is None else 100 * row.tension_error
         cells.append((row.group, row.case, row.contender, row.error, tension_error, _verdict(row)))
-    count = sum(row.error is not None for row in own)
+    count = sum(row.error is not None for row in own_rows)
     caption = f"The {len(worst)} largest of {count:,} certified errors"
     return make_table(caption, columns, cells, note=_explain(worst))
 
 
-def build_grid(rows: Sequence[Outcome], what: str) -> Table:
-    """Return a row a case, a column a method; `what` the number beside a verdict is."""
+def build_grid(rows: Sequence[Outcome], title: str) -> Table:
+    """Return a row a case, a column a method."""
     contenders = list(dict.fromkeys(row.contender for row in rows))
     by_case: dict[tuple[str, str], dict[str, Outcome]] = {}
     for row in rows:
         by_case.setdefault((row.group, row.case), {})[row.contender] = row
     columns = dict.fromkeys(("case", "value", *contenders), "")
     cells = [
-        (group, case, *(_cell(found.get(name)) for name in contenders))
-        for (group, case), found in by_case.items()
+        (group, case, *(_cell(case_rows.get(name)) for name in contenders))
+        for (group, case), case_rows in by_case.items()
     ]
     order = list(dict.fromkeys((row.group, row.case) for row in sort_worst(rows)))
-    places = {case: k for k, case in enumerate(by_case)}
-    head = tuple(places[case] for case in order[:MOST_HEAD])
+    column_of = {case: k for k, case in enumerate(by_case)}
+    head = tuple(column_of[case] for case in order[:MOST_HEAD])
     wrong = len({(row.group, row.case) for row in rows if row.verdict == "wrong"})
     note = f"{len(head)} with the largest errors" + (f", {wrong} with wrong results first" if wrong else "")
     return make_table(
-        f"Verdict and {what}", columns, cells, note=_explain(rows), head=head, head_note=note if head else ""
+        f"Verdict and {title}", columns, cells, note=_explain(rows), head=head, head_note=note if head else ""
     )
 
 
@@ -186,9 +189,9 @@ def draw_errors(rows: Sequence[Outcome], scene: str, name: str) -> Iterator[Figu
     styles = choose_styles(dict.fromkeys(row.contender for row in rows))
     series = []
     for method, style in styles.items():
-        own = [row for row in rows if row.contender == method]
-        x = [cases[row.group, row.case] for row in own]
-        y = [max(row.error or 0.0, MIN_DRAWN_ERROR) for row in own]
+        method_rows = [row for row in rows if row.contender == method]
+        x = [cases[row.group, row.case] for row in method_rows]
+        y = [max(row.error or 0.0, MIN_DRAWN_ERROR) for row in method_rows]
         series.append(replace(method_series(method, x, y, style), style="points"))
     diagram = Diagram(
         "number of the case",
@@ -232,7 +235,7 @@ def build_page(outcomes: dict[str, tuple[Outcome, ...]], t_end: float, limits: L
             f"At most {limits.run:g} s of CPU time a run, {limits.reference:g} s a run for a reference, "
             f"{limits.total:g} s by the clock for everything.",
             FIXED,
-            *(f"{WORDS[word]}: {meaning}." for word, meaning in VERDICTS.items()),
+            *(f"{WORDS[verdict]}: {meaning}." for verdict, meaning in VERDICTS.items()),
             *(f"Checked by {RULE_WORDS[rule]}: {meaning}." for rule, meaning in RULES.items()),
         ),
         summary_heads=("part", "what", "result"),
@@ -240,30 +243,32 @@ def build_page(outcomes: dict[str, tuple[Outcome, ...]], t_end: float, limits: L
 
 
 def _chapter(name: str, rows: tuple[Outcome, ...], anchor: str, t_end: float, *, is_alone: bool) -> Chapter:
-    own = tuple(row for row in rows if row.is_own)
+    own_rows = tuple(row for row in rows if row.is_own)
     peers = tuple(row for row in rows if not row.is_own)
     sections = [
-        *_wrong(own, f"{anchor}-wrong"),
-        *_errors(own, name, f"{anchor}-errors"),
+        *_wrong(own_rows, f"{anchor}-wrong"),
+        *_errors(own_rows, name, f"{anchor}-errors"),
         _verdicts(rows, f"{anchor}-who"),
         *_list_not_run(rows, f"{anchor}-not-run"),
-        _grid(own, f"{anchor}-own", "Every case with our methods", "error over tolerance"),
+        _grid(own_rows, f"{anchor}-own", "Every case with our methods", "error over tolerance"),
     ]
     if peers:
         sections.append(_grid(peers, f"{anchor}-peers", "Every case with other programs", "error [m]"))
-    sections.append(_messages(own, f"{anchor}-reasons"))
+    sections.append(_messages(own_rows, f"{anchor}-reasons"))
     cases = f"{len({(r.group, r.case) for r in rows})} cases of {t_end:g} s"
     title = cases if is_alone else describe_finding({name: rows})
     return Chapter(anchor, name, title, "" if is_alone else f"{cases}.", tuple(sections))
 
 
-def _wrong(own: Sequence[Outcome], anchor: str) -> Iterator[Section]:
+def _wrong(own_rows: Sequence[Outcome], anchor: str) -> Iterator[Section]:
     """Yield a section of wrong results of our methods, none if there are none."""
-    wrong = [row for row in own if row.verdict == "wrong"]
+    wrong = [row for row in own_rows if row.verdict == "wrong"]
     if wrong:
         remark = Remark("wrong", "These results have status ok, and must not be used.")
         table = build_messages(wrong, "Wrong results of our methods")
-        yield Section(anchor, "ours", "Wrong results", "wrong", describe_finding({"": own}), (remark, table))
+        yield Section(
+            anchor, "ours", "Wrong results", "wrong", describe_finding({"": own_rows}), (remark, table)
+        )
 
 
 def _list_not_run(rows: Sequence[Outcome], anchor: str) -> Iterator[Section]:
@@ -282,28 +287,30 @@ def _verdicts(rows: Sequence[Outcome], anchor: str) -> Section:
     return Section(anchor, "all", "Verdicts by method", "plain", result, (build_verdicts(rows),))
 
 
-def _errors(own: Sequence[Outcome], name: str, anchor: str) -> Iterator[Section]:
+def _errors(own_rows: Sequence[Outcome], name: str, anchor: str) -> Iterator[Section]:
     """Yield the diagram and the table of the largest errors, nothing where none is certified."""
-    known = [row for row in own if row.error is not None]
-    if known:
-        worst = max(known, key=lambda row: row.error or 0.0)
+    measured = [row for row in own_rows if row.error is not None]
+    if measured:
+        worst = max(measured, key=lambda row: row.error or 0.0)
         result = (
             f"largest: {worst.error:.3g} times the tolerance, {worst.contender}, {worst.group}: {worst.case}"
         )
-        blocks: tuple[Block, ...] = (*draw_errors(known, name, f"{anchor}-figure"), build_worst(own))
+        blocks: tuple[Block, ...] = (*draw_errors(measured, name, f"{anchor}-figure"), build_worst(own_rows))
         yield Section(anchor, "ours", "Errors over tolerance", "plain", result, blocks)
 
 
-def _grid(rows: Sequence[Outcome], anchor: str, title: str, what: str) -> Section:
-    counts = {word: sum(row.verdict == word for row in rows) for word in VERDICTS}
-    result = ", ".join(f"{count} {WORDS[word]}" for word, count in counts.items() if count)
+def _grid(rows: Sequence[Outcome], anchor: str, title: str, grid_title: str) -> Section:
+    counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in VERDICTS}
+    result = ", ".join(f"{count} {WORDS[verdict]}" for verdict, count in counts.items() if count)
     is_own = all(row.is_own for row in rows)
     verdict: Verdict = "wrong" if is_own and counts["wrong"] else "plain"
-    return Section(anchor, "ours" if is_own else "others", title, verdict, result, (build_grid(rows, what),))
+    return Section(
+        anchor, "ours" if is_own else "others", title, verdict, result, (build_grid(rows, grid_title),)
+    )
 
 
-def _messages(own: Sequence[Outcome], anchor: str) -> Section:
-    stopped = [row for row in own if row.verdict in ("stopped", "over time", "unchecked")]
+def _messages(own_rows: Sequence[Outcome], anchor: str) -> Section:
+    stopped = [row for row in own_rows if row.verdict in ("stopped", "over time", "unchecked")]
     table = build_messages(stopped, "Runs of our methods without a checked result")
     blocks: tuple[Block, ...] = (table,) if stopped else ()
     return Section(

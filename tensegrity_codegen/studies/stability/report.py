@@ -56,9 +56,9 @@ REFERENCES = (*EXPLICIT, FOR_STIFF_BARS)  # the quickest first; auto is one of t
 
 def list_contenders(case: Case, limits: Limits) -> tuple[tuple[str, bool], ...]:
     """Return name of every contender of a case, and whether it is one of our methods."""
-    own = list_methods(case.structure) if case.step is None else (FIXED,)
+    methods = list_methods(case.structure) if case.step is None else (FIXED,)
     peers = list_peers(case) if limits.peers else ()
-    return (*((name, True) for name in own), *((name, False) for name in peers))
+    return (*((name, True) for name in methods), *((name, False) for name in peers))
 
 
 def run_case(
@@ -67,39 +67,43 @@ def run_case(
     """Return the outcomes of one case; methods: of ours, all that apply if not given."""
     everyone = list_contenders(case, limits)
     methods = methods or [name for name, is_own in everyone if is_own]
-    own = {
+    endings = {
         method: _end(partial(models.of, case, method), case, method, limits.run, case.rtol)
         for method in methods
     }
     peers = [name for name, is_own in everyone if not is_own]
-    others = {name: run_peer(case, name, limits.run, models) for name in peers}
+    peer_endings = {name: run_peer(case, name, limits.run, models) for name in peers}
     truth = None
-    if any(ending.status == "ok" for ending in (*own.values(), *others.values())):
-        truth = _certify(models, case, own, limits)
-    found = [_outcome(case, name, True, ending, judge(case, ending, truth)) for name, ending in own.items()]
-    return found + [
+    if any(ending.status == "ok" for ending in (*endings.values(), *peer_endings.values())):
+        truth = _certify(models, case, endings, limits)
+    outcomes = [
+        _outcome(case, name, True, ending, judge(case, ending, truth)) for name, ending in endings.items()
+    ]
+    return outcomes + [
         _outcome(case, name, False, ending, judge_peer(case, ending, truth))
-        for name, ending in others.items()
+        for name, ending in peer_endings.items()
     ]
 
 
-def _certify(models: CaseModels, case: Case, own: dict[str, Ending], limits: Limits) -> Truth | None:
+def _certify(models: CaseModels, case: Case, endings: dict[str, Ending], limits: Limits) -> Truth | None:
     """Return the reference of a case: by two methods, in extended precision, or of positions alone."""
-    failed = [name for name, ending in own.items() if ending.status != "ok"]
+    failed = [name for name, ending in endings.items() if ending.status != "ok"]
     names = [name for name in REFERENCES if name in list_methods(case.structure) and name not in failed]
     free = dataclasses.replace(case, step=None)
     runs = [
         cache(partial(_end, partial(models.of, free, name), free, name, limits.reference)) for name in names
     ]
-    first = [run for name, run in zip(names, runs, strict=True) if name in EXPLICIT]
-    truth = certify_case(case, first) or certify_extended(case, limits.reference) or certify_case(case, runs)
+    explicit = [run for name, run in zip(names, runs, strict=True) if name in EXPLICIT]
+    truth = (
+        certify_case(case, explicit) or certify_extended(case, limits.reference) or certify_case(case, runs)
+    )
     if truth is not None:
         return truth
     stiff = case.structure.is_bar.any() and not case.is_rigid and limits.compiles
     # Bars that follow their tension to first order: exact in the limit of stiff ones.
     corrected = partial(_end, partial(models.corrected, free), free, "rk853", limits.reference)
-    more = [corrected] if stiff and len(names) < 2 else []
-    return certify_case(case, (*runs, *more), positions_only=True)
+    witnesses = [corrected] if stiff and len(names) < 2 else []
+    return certify_case(case, (*runs, *witnesses), positions_only=True)
 
 
 def _end(
@@ -112,20 +116,20 @@ def _end(
         return Ending("error", error.problem, np.zeros((0, 0)), 0.0)
 
 
-def _outcome(case: Case, contender: str, is_own: bool, ending: Ending, found: Judgement) -> Outcome:
-    kept = None if found.error is None or not np.isfinite(found.error) else found.error
+def _outcome(case: Case, contender: str, is_own: bool, ending: Ending, judgement: Judgement) -> Outcome:
+    error = None if judgement.error is None or not np.isfinite(judgement.error) else judgement.error
     return Outcome(
         case.group,
         case.name,
         contender,
         is_own,
-        found.verdict,
-        kept,
+        judgement.verdict,
+        error,
         ending.status,
         ending.message,
         ending.seconds,
-        found.rule,
-        found.tension_error,
+        judgement.rule,
+        judgement.tension_error,
     )
 
 
@@ -160,11 +164,11 @@ def run_cases(
     start = set_problem(structure, t_end, 2).structure
     models = CaseModels(start, compiler=compiler, flags=flags)
     cases = list(generate_cases(start, t_end))
-    known = {
+    sections = {
         n: read_outcomes(journal.find(_name(case)), dict(list_contenders(case, limits)))
         for n, case in enumerate(cases)
     }
-    done = {n: kept for n, kept in known.items() if kept is not None}
+    done = {n: section for n, section in sections.items() if section is not None}
     journal.announce(structure.name, "cases", len(done), len(cases))
     if limits.peers:
         import_peers()
@@ -279,7 +283,7 @@ def write_stability(
     end, outcomes = time.monotonic() + limits.total, dict[str, tuple[Outcome, ...]]()
     options = (t_end.hex(), repr(dataclasses.replace(limits, total=0.0)))  # the total changes no result
     for number, structure in enumerate(structures):
-        now, left = time.monotonic(), len(structures) - number
+        now, remaining = time.monotonic(), len(structures) - number
         key = hash_study(structure, compiler, flags, *options)
         outcomes[structure.name] = run_cases(
             structure,
@@ -290,12 +294,12 @@ def write_stability(
             journal=Journal(
                 folder / JOURNAL_NAME / f"{structure.name}.jsonl", key, fresh=fresh, notice=notice
             ),
-            deadline=now + max(0.0, end - now) / left,
+            deadline=now + max(0.0, end - now) / remaining,
             progress=part_of(progress, number / len(structures), 1.0 / len(structures)),
         )
-    found = StabilityReport(outcomes, folder / PAGE_NAME, folder / DATA_NAME, t_end, limits)
-    data = json.dumps(found.as_dict(), indent=1, allow_nan=False) + "\n"
+    report = StabilityReport(outcomes, folder / PAGE_NAME, folder / DATA_NAME, t_end, limits)
+    data = json.dumps(report.as_dict(), indent=1, allow_nan=False) + "\n"
     page = render_page(build_page(outcomes, t_end, limits))
     files = {PAGE_NAME: page.encode("utf-8"), DATA_NAME: data.encode("utf-8")}
     write_folder(folder, files, overwrite=overwrite)
-    return found
+    return report

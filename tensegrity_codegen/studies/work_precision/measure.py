@@ -187,13 +187,13 @@ class Reference:
     def from_dict(cls, data: Any, shape: tuple[int, ...]) -> "Reference | None":
         """Return the reference that `as_dict` wrote, with positions of this shape; None if it is none."""
         try:
-            place = np.array(data["node_position"], dtype=np.float64)
+            position = np.array(data["node_position"], dtype=np.float64)
             record = read_record(_Agreement, {key: data[key] for key in ("first", "second", "uncertainty")})
         except (KeyError, TypeError, ValueError, OverflowError):
             return None
-        if record is None or place.shape != shape or not np.isfinite(place).all():
+        if record is None or position.shape != shape or not np.isfinite(position).all():
             return None
-        return cls(place, record.first, record.second, record.uncertainty)
+        return cls(position, record.first, record.second, record.uncertainty)
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,7 @@ def certify(contenders: list[Contender], progress: Callable[[float], None] | Non
     Only contenders of the exact physics are asked: bars taken as rigid though they are not are left out.
     Raises ConvergenceError where no two methods come to an end.
     """
-    found: list[tuple[str, FloatArray]] = []
+    runs: list[tuple[str, FloatArray]] = []
     for number, contender in enumerate(contenders):
         if progress is not None:
             progress(number / len(contenders))
@@ -219,23 +219,23 @@ def certify(contenders: list[Contender], progress: Callable[[float], None] | Non
             contender.prepare(setting)
             run = contender.run(setting)()
             if run.status == "ok" and np.isfinite(run.node_position).all():
-                found.append((f"{contender.name} at {setting:.0e}", run.node_position))
+                runs.append((f"{contender.name} at {setting:.0e}", run.node_position))
                 break
-    if len(found) < 2:
+    if len(runs) < 2:
         raise ConvergenceError(
             "no two methods come to the end of this motion, so that nothing certifies a reference; "
-            f"{', '.join(name for name, _ in found) or 'none'} did",
+            f"{', '.join(name for name, _ in runs) or 'none'} did",
             where="report",
             hint="a shorter `t_end`",
         )
-    return find_agreement(found)
+    return find_agreement(runs)
 
 
-def find_agreement(found: Sequence[tuple[str, FloatArray]]) -> Reference:
+def find_agreement(runs: Sequence[tuple[str, FloatArray]]) -> Reference:
     """Return the pair that agrees best of two or more (name, positions), the first one taken as true."""
-    pairs = [(float(np.abs(a[1] - b[1]).max()), a, b) for n, a in enumerate(found) for b in found[n + 1 :]]
-    apart, first, second = min(pairs, key=lambda pair: pair[0])
-    return Reference(first[1], first[0], second[0], apart)
+    pairs = [(float(np.abs(a[1] - b[1]).max()), a, b) for n, a in enumerate(runs) for b in runs[n + 1 :]]
+    distance, lower, second = min(pairs, key=lambda pair: pair[0])
+    return Reference(lower[1], lower[0], second[0], distance)
 
 
 CLEARLY = 2.0  # times the time of another setting
@@ -304,16 +304,16 @@ def find_front(rows: list[Row]) -> list[Row]:
     return front
 
 
-def is_clearly_slower(row: Row, others: Sequence[Row]) -> bool:
+def is_clearly_slower(row: Row, rows: Sequence[Row]) -> bool:
     """Return whether another setting of the same program takes half the time for no larger error."""
-    rivals = [other for other in others if other.program == row.program and other.contender != row.contender]
+    rivals = [rival for rival in rows if rival.program == row.program and rival.contender != row.contender]
     return any(r.is_good and CLEARLY * r.seconds < row.seconds and r.error <= row.error for r in rivals)
 
 
 def find_fastest(
-    rows: Sequence[Row], wanted: float, group: str, replaces_bars: bool | None = None
+    rows: Sequence[Row], max_error: float, group: str, replaces_bars: bool | None = None
 ) -> Row | None:
     """Return the fastest row of a group with an error of at most `wanted` [m]; of all equations if None."""
-    good = [row for row in rows if row.group == group and row.is_good and row.error <= wanted]
+    good = [row for row in rows if row.group == group and row.is_good and row.error <= max_error]
     good = [row for row in good if replaces_bars in (None, row.replaces_bars)]
     return min(good, key=lambda row: row.seconds, default=None)

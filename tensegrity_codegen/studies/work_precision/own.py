@@ -67,14 +67,14 @@ VARIANTS: Mapping[str, Variant] = {
 
 
 def own_contenders(
-    problem: MotionProblem, *, flags: str, compiler: str | None, more: tuple[str, ...] = ()
+    problem: MotionProblem, *, flags: str, compiler: str | None, extra_methods: tuple[str, ...] = ()
 ) -> Iterator[tuple[str, Callable[[], Contender]]]:
     """Yield name and maker of each of our contenders; makers raise Unavailable for what does not apply.
 
-    more: methods for node coordinates besides the usual ones.
+    extra_methods: methods for node coordinates besides the usual ones.
     """
     for title, variant in VARIANTS.items():
-        for method in (*variant.methods, *(more if title == "node_position" else ())):
+        for method in (*variant.methods, *(extra_methods if title == "node_position" else ())):
             yield f"{title}, {method}", partial(_make, problem, title, method, flags, compiler)
     yield "simulate, auto", partial(_make_simulate, problem, flags, compiler)
 
@@ -88,10 +88,12 @@ def _make_simulate(problem: MotionProblem, flags: str, compiler: str | None) -> 
 
     def run(setting: float) -> Callable[[], Run]:
         stepping = Stepping(atol=ATOL_OF_RTOL * setting)
-        found = simulate(model, problem.t_end, samples=problem.sample_time, rtol=setting, stepping=stepping)
-        drift = None if found.energy_drift is None else float(np.ptp(found.total_energy))
-        counts = (found.n_steps, found.n_evaluations)
-        return partial(Run, found.node_position, found.status, found.message, *counts, drift)
+        trajectory = simulate(
+            model, problem.t_end, samples=problem.sample_time, rtol=setting, stepping=stepping
+        )
+        drift = None if trajectory.energy_drift is None else float(np.ptp(trajectory.total_energy))
+        counts = (trajectory.n_steps, trajectory.n_evaluations)
+        return partial(Run, trajectory.node_position, trajectory.status, trajectory.message, *counts, drift)
 
     return Contender("simulate, auto", "own", title, AUTO, "tolerance", TOLERANCES, run)
 
@@ -145,14 +147,14 @@ def _make(problem: MotionProblem, title: str, method: str, flags: str, compiler:
 
 def _look(model: CompiledModel, raw: RawTrajectory) -> Run:
     """Return a run with the status that a simulation gives it, which looks at the energy too."""
-    found = evaluate_trajectory(model, raw, {})
+    trajectory = evaluate_trajectory(model, raw, {})
     return Run(
-        node_position=found.node_position,
-        status=found.status,
-        message=found.message,
+        node_position=trajectory.node_position,
+        status=trajectory.status,
+        message=trajectory.message,
         n_steps=raw.n_steps,
         n_evaluations=raw.n_evaluations,
-        energy_drift=None if found.energy_drift is None else float(np.ptp(found.total_energy)),
+        energy_drift=None if trajectory.energy_drift is None else float(np.ptp(trajectory.total_energy)),
     )
 
 
@@ -184,6 +186,6 @@ def place_samples(
     model: CompiledModel, raw: RawTrajectory, arguments: Mapping[str, FloatArray] | None = None
 ) -> FloatArray:
     """Return node positions (n_t, n_nodes, 3) [m] of the samples that a run reached."""
-    n, given = raw.state.shape[1] // 2, arguments or {}
-    anchors = given.get("anchor_position")
-    return np.stack([place_nodes(model, state[:n], anchors, arguments=given) for state in raw.state])
+    n, values = raw.state.shape[1] // 2, arguments or {}
+    anchors = values.get("anchor_position")
+    return np.stack([place_nodes(model, state[:n], anchors, arguments=values) for state in raw.state])

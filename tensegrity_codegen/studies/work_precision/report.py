@@ -25,11 +25,6 @@ from tensegrity_codegen.report.pages.page import (
 from tensegrity_codegen.report.pages.page_table import make_table
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.study import prepare_study
-from tensegrity_codegen.studies.work_precision.finding import (
-    compare_scene,
-    describe_finding,
-    describe_rows,
-)
 from tensegrity_codegen.studies.work_precision.measure import (
     EQUATIONS,
     Row,
@@ -40,6 +35,9 @@ from tensegrity_codegen.studies.work_precision.measure import (
 from tensegrity_codegen.studies.work_precision.scene_report import (
     Options,
     SceneReport,
+    compare_scene,
+    describe_finding,
+    describe_rows,
     open_journal,
     report_scene,
 )
@@ -80,14 +78,14 @@ def build_page(reports: Sequence[SceneReport]) -> Page:
     )
 
 
-def say_recommendation(wanted: float, row: Row | None, t_end: float) -> str:
+def say_recommendation(max_error: float, row: Row | None, t_end: float) -> str:
     """Return one plain sentence: what to use for an error of `wanted` [m]."""
     if row is None:
-        return f"for {wanted:.0e} m: no method reaches it"
+        return f"for {max_error:.0e} m: no method reaches it"
     name = "step" if row.kind == "step" else "rtol"
     setting = row.setting * t_end if row.kind == "step" else row.setting
     return (
-        f"for {wanted:.0e} m: {row.formulation}, {row.method}, {name} {setting:.2g}: "
+        f"for {max_error:.0e} m: {row.formulation}, {row.method}, {name} {setting:.2g}: "
         f"{1e3 * row.seconds / t_end:.3g} ms a simulated second"
     )
 
@@ -123,7 +121,7 @@ def _advice(report: SceneReport, anchor: str) -> Section:
         | {"CPU time [ms/s]": ".3g", "fastest other program": "", "its CPU time [ms/s]": ".3g"}
         | {"its time over ours": ".3g", "its bars": "", "ours with these": ""}
         | {"its time over that": ".3g"},
-        (_advice_row(wanted, row, report) for wanted, row in report.recommendations.items()),
+        (_advice_row(max_error, row, report) for max_error, row in report.recommendations.items()),
         note="The setting is the relative tolerance, or the step over the whole time. ms/s: milliseconds a "
         "simulated second. Bars: those of the scene, or rigid ones in their "
         "place, which some formulations correct by their stretch to first order.",
@@ -134,32 +132,32 @@ def _advice(report: SceneReport, anchor: str) -> Section:
     return Section(f"{anchor}-advice", "advice", "What to use", "plain", result, (table, *same))
 
 
-def _advice_row(wanted: float, row: Row | None, report: SceneReport) -> tuple[float | str | None, ...]:
+def _advice_row(max_error: float, row: Row | None, report: SceneReport) -> tuple[float | str | None, ...]:
     t_end = report.problem.t_end
-    peer = find_fastest(report.rows, wanted, "peer")
-    own = (row.formulation, row.method, row.setting, row.error) if row else ("none", "", None, None)
+    peer = find_fastest(report.rows, max_error, "peer")
+    own_cells = (row.formulation, row.method, row.setting, row.error) if row else ("none", "", None, None)
     own_time = None if row is None else 1e3 * row.seconds / t_end
     if peer is None:
-        return (wanted, *own, own_time, "none", *[None] * 2, "", "none", None)
-    alike = find_fastest(report.rows, wanted, "own", peer.replaces_bars)
-    ratios = [None if item is None else peer.seconds / item.seconds for item in (row, alike)]
+        return (max_error, *own_cells, own_time, "none", *[None] * 2, "", "none", None)
+    alike = find_fastest(report.rows, max_error, "own", peer.replaces_bars)
+    ratios = [None if candidate is None else peer.seconds / candidate.seconds for candidate in (row, alike)]
     like = (EQUATIONS[peer.replaces_bars], alike.contender if alike else "none", ratios[1])
-    return (wanted, *own, own_time, peer.contender, 1e3 * peer.seconds / t_end, ratios[0], *like)
+    return (max_error, *own_cells, own_time, peer.contender, 1e3 * peer.seconds / t_end, ratios[0], *like)
 
 
 def _pictures(report: SceneReport, anchor: str) -> Section:
-    own = [row for row in report.rows if row.group == "own"]
+    own_rows = [row for row in report.rows if row.group == "own"]
     peers = [row for row in report.rows if row.group == "peer"]
-    formulations = list(dict.fromkeys(row.formulation for row in own if row.is_good))
-    best = {name: find_front([row for row in own if row.formulation == name]) for name in formulations}
+    formulations = list(dict.fromkeys(row.formulation for row in own_rows if row.is_good))
+    best = {name: find_front([row for row in own_rows if row.formulation == name]) for name in formulations}
     figures = [_figure(best, report, f"{anchor}-own", "our formulations, each by the best of its methods")]
     if peers:
         best_peers = {name: find_front(rows) for name, rows in _by(peers, "program").items()}
-        groups = {"ours, the fastest of all": find_front(own), **best_peers}
-        what = "our fastest runs and other programs, each by the fastest of its methods and settings"
-        figures.append(_figure(groups, report, f"{anchor}-peers", what))
+        groups = {"ours, the fastest of all": find_front(own_rows), **best_peers}
+        caption = "our fastest runs and other programs, each by the fastest of its methods and settings"
+        figures.append(_figure(groups, report, f"{anchor}-peers", caption))
     for number, name in enumerate(formulations):
-        rows = _by([row for row in own if row.formulation == name], "method")
+        rows = _by([row for row in own_rows if row.formulation == name], "method")
         figures.append(_figure(rows, report, f"{anchor}-methods{number}", f"{name} by every method"))
     return Section(
         f"{anchor}-pictures", "pictures", "Error against CPU time", "plain",
@@ -168,11 +166,11 @@ def _pictures(report: SceneReport, anchor: str) -> Section:
     )  # fmt: skip
 
 
-def _by(rows: Sequence[Row], what: str) -> dict[str, list[Row]]:
+def _by(rows: Sequence[Row], attribute: str) -> dict[str, list[Row]]:
     """Return rows by an attribute of theirs."""
     groups: dict[str, list[Row]] = {}
     for row in rows:
-        groups.setdefault(getattr(row, what), []).append(row)
+        groups.setdefault(getattr(row, attribute), []).append(row)
     return groups
 
 
@@ -262,8 +260,8 @@ class WorkReport:
         for report in self.scenes:
             chosen = report.recommendations
             lines += [
-                f"{report.problem.structure.name}: {say_recommendation(wanted, row, report.problem.t_end)}"
-                for wanted, row in chosen.items()
+                f"{report.problem.structure.name}: {say_recommendation(max_error, row, report.problem.t_end)}"
+                for max_error, row in chosen.items()
             ]
             runs = dict.fromkeys(report.describe_simulation(row) for row in chosen.values())
             lines += [f"{report.problem.structure.name}: {run}" for run in runs if run]
@@ -307,15 +305,15 @@ def write_report(
         journal = open_journal(problem, options, folder / "journal", fresh=fresh, notice=notice)
         reports.append(report_scene(problem, options, journal, move))
     page = render_page(build_page(reports))
-    found = WorkReport(tuple(reports), folder / PAGE_NAME, folder / TABLE_NAME, folder / DATA_NAME)
-    data = json.dumps(found.as_dict(), indent=1, allow_nan=False) + "\n"
+    report = WorkReport(tuple(reports), folder / PAGE_NAME, folder / TABLE_NAME, folder / DATA_NAME)
+    data = json.dumps(report.as_dict(), indent=1, allow_nan=False) + "\n"
     files = {PAGE_NAME: page, TABLE_NAME: _csv(reports), DATA_NAME: data}
     write_folder(folder, {name: text.encode("utf-8") for name, text in files.items()}, overwrite=overwrite)
-    return found
+    return report
 
 
 def _csv(reports: Sequence[SceneReport]) -> str:
-    names = [item.name for item in fields(Row)]
+    names = [field.name for field in fields(Row)]
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(["scene", "t_end", *names])

@@ -9,8 +9,7 @@ import numpy as np
 from tensegrity_codegen.report.pages.diagram import HEIGHT, TEXT_SIZE, WIDTH, dress_axes
 from tensegrity_codegen.report.pages.page import Figure
 from tensegrity_codegen.report.pages.picture import draw_picture
-from tensegrity_codegen.report.pictures.canvas import new_figure
-from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, SEQUENCE
+from tensegrity_codegen.report.pictures.canvas import GRID, INK, MUTED, SEQUENCE, new_figure
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.results import SweepResults

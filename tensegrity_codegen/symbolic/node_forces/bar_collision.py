@@ -10,9 +10,9 @@ import casadi as ca
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.geometry import dot
+from tensegrity_codegen.symbolic.geometry import Scalar, Vector, dot
 from tensegrity_codegen.symbolic.interference import pair_members
-from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce, NormalForce, Scalar, Vector
+from tensegrity_codegen.symbolic.node_forces.node_force import NodeForce, NormalForce
 
 
 def build_bar_collision(structure: Structure, arguments: SymbolicArguments) -> "BarCollision | None":

@@ -20,7 +20,7 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.bodies import BodyInput, BodySystem
-from tensegrity_codegen.studies.papers.scs.paths import blend
+from tensegrity_codegen.studies.papers.scs.reconfiguration import blend
 from tensegrity_codegen.system.errors import InvalidValueError
 from tests.cases import thorough
 from tests.control.feedback.structures import compile_motion

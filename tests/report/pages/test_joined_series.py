@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
-from tensegrity_codegen.report.pages.joined_series import (
+from tensegrity_codegen.report.pages.page import (
     choose_looks,
     join_names,
     join_series,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.report.pictures.arrows import describe_arrows, lay_out_arrows
+from tensegrity_codegen.report.pictures.marks import describe_arrows, lay_out_arrows
 from tests.runtime.build import bar, cable, make_structure
 
 

@@ -6,9 +6,8 @@ from matplotlib.colors import to_rgb
 
 from tensegrity_codegen import simulate
 from tensegrity_codegen.report.pictures.animate import write_animation
-from tensegrity_codegen.report.pictures.canvas import new_figure
+from tensegrity_codegen.report.pictures.canvas import SOIL, new_figure
 from tensegrity_codegen.report.pictures.choices import PictureChoices, read_view
-from tensegrity_codegen.report.pictures.palette import SOIL
 from tensegrity_codegen.report.pictures.panel import Panel, set_up
 from tensegrity_codegen.report.pictures.plots import plot_trajectory
 from tensegrity_codegen.report.pictures.shown import compute_colors, show_motion, show_structure

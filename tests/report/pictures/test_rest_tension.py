@@ -53,9 +53,8 @@ def test_pictures_show_what_is_unknown(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     from matplotlib.colors import to_rgba
 
-    from tensegrity_codegen.report.pictures.canvas import new_figure
+    from tensegrity_codegen.report.pictures.canvas import UNKNOWN, new_figure
     from tensegrity_codegen.report.pictures.drawing import StructureDrawing
-    from tensegrity_codegen.report.pictures.palette import UNKNOWN
     from tensegrity_codegen.report.pictures.view import find_box, fit_view
     from tests.report.samples import plot_structure
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
-from tensegrity_codegen.report.analysis_data import describe_analysis
+from tensegrity_codegen.report.analysis_tables import describe_analysis
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
 from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities, find_equilibrium

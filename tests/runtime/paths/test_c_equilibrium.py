@@ -121,7 +121,7 @@ def test_a_path_on_which_cables_go_slack_is_that_of_the_continuation() -> None:
     model = compile_prism(tension_only=True)
     loads = np.array([place_load(1, (k, 0.0, 0.0)) for k in np.linspace(0, 48, 13)])
     path = EquilibriumSolver(model).follow(loads).check()
-    _, slow = follow_load(model, 1, "+x", most=48.0)
+    _, slow = follow_load(model, 1, "+x", max_load=48.0)
     assert slow.status == "completed"
     assert slow.find_events("slack")
     np.testing.assert_allclose(path.coordinate[-1], slow.coordinate[-1], atol=1e-8, rtol=0)

@@ -8,8 +8,7 @@ import numpy as np
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Chapter, Figure, Paragraph, Remark, Section, diagram_figure
 from tensegrity_codegen.report.pages.page_table import Table, compare_cell, compare_cells, make_table
-from tensegrity_codegen.studies.papers.lin.events import maximum_section
-from tensegrity_codegen.studies.papers.lin.stiffness import FACTORS, stiffness_section
+from tensegrity_codegen.studies.papers.lin.events import FACTORS, maximum_section, stiffness_section
 from tensegrity_codegen.studies.papers.lin.tables import compare_sensitivity, compare_tables, compare_unloaded
 from tensegrity_codegen.studies.study import build_sections, run_study
 from tensegrity_codegen.system.arrays import FloatArray
@@ -60,13 +59,13 @@ def measured_section(data: dict[str, Any]) -> Section:
 def extension_section(data: dict[str, Any]) -> Section:
     """Return Table 2: extensions computed in print beside ours."""
     worst = data["largest_difference_to_paper"]
-    found = list(compare_sensitivity())
+    comparisons = list(compare_sensitivity())
     keys = ("name", "side", "bar_length", "largest_difference", "nearest")
     sensitivity = make_table(
         "What other parameters would give.",
         {"parameters": "", "a [m]": ".4f", "L [m]": ".4f", "largest difference to Table 2 [mm]": ".2f"}
         | {"first row: nearest symmetrical [mm away]": ".2f", "mean error to Table 1 [%]": ".2f"},
-        ((*(row[key] for key in keys), 100 * row["mean_error"]) for row in found),
+        ((*(row[key] for key in keys), 100 * row["mean_error"]) for row in comparisons),
     )
     return Section(
         "lin-table-2",
@@ -87,7 +86,8 @@ def extension_section(data: dict[str, Any]) -> Section:
                 f"{_describe_growth(data)} With the printed a and L no symmetrical configuration at all "
                 "has the lengths of the first row; the nearest is 1.39 mm away. A change of a by 2.9 mm "
                 "or of L by 1.2 mm makes the first row possible, but does not stop the growth: up to "
-                f"{found[1]['largest_difference']:.2f} and {found[2]['largest_difference']:.2f} mm are left. "
+                f"{comparisons[1]['largest_difference']:.2f} and "
+                f"{comparisons[2]['largest_difference']:.2f} mm are left. "
                 "So the lengths do not explain it alone.",
                 ("lin-parameters", "lin-columns"),
             ),
@@ -100,16 +100,16 @@ def extension_section(data: dict[str, Any]) -> Section:
 
 def _describe_growth(data: dict[str, Any]) -> str:
     """Return how the differences to Table 2 change from the first load to the last."""
-    first, last = np.abs(data["ours_minus_paper"])[[0, -1]]
-    growth = 100 * (last / first - 1)
+    start, end = np.abs(data["ours_minus_paper"])[[0, -1]]
+    growth = 100 * (end / start - 1)
     names = [name.translate(SUBSCRIPT) for name in data["columns"]]
-    most = [k for k in np.argsort(-growth) if growth[k] > MOST_STEADY]
-    rest = np.delete(growth, most)
-    grown = ", ".join(f"{names[k]} by {growth[k]:.0f} %" for k in most)
+    growing = [k for k in np.argsort(-growth) if growth[k] > MOST_STEADY]
+    steady = np.delete(growth, growing)
+    grown = ", ".join(f"{names[k]} by {growth[k]:.0f} %" for k in growing)
     return (
-        f"The difference is there without load already, {first.min():.2f} to {first.max():.2f} mm, and grows "
-        f"to {last.min():.2f} to {last.max():.2f} mm at {-data['load'][-1]:.0f} N: at {grown}; the other "
-        f"springs' change by {rest.min():.0f} to {rest.max():.0f} %.".replace("-", "−")
+        f"The difference is there without load already, {start.min():.2f} to {start.max():.2f} mm, and grows "
+        f"to {end.min():.2f} to {end.max():.2f} mm at {-data['load'][-1]:.0f} N: at {grown}; the other "
+        f"springs' change by {steady.min():.0f} to {steady.max():.0f} %.".replace("-", "−")
     )
 
 
@@ -145,7 +145,7 @@ def error_section(data: dict[str, Any]) -> Section:
     """Return Table 3: relative errors printed, recomputed from the printed tables, and ours."""
     worst = 100 * data["largest_difference_of_table_3"]
     mean, printed = 100 * data["mean_error_ours"], 100 * data["mean_error_paper"]
-    most, most_printed = (100 * float(data[f"error_{who}"].max()) for who in ("ours", "paper"))
+    largest, most_printed = (100 * float(data[f"error_{who}"].max()) for who in ("ours", "paper"))
     return Section(
         "lin-table-3",
         "Table 3",
@@ -153,7 +153,7 @@ def error_section(data: dict[str, Any]) -> Section:
         "agrees",
         f"the printed errors follow from Tables 1 and 2 within {worst:.3f} points; against the measurements "
         f"paper {printed:.2f} % in the mean and {most_printed:.2f} % at most, ours {mean:.2f} % and "
-        f"{most:.2f} %",
+        f"{largest:.2f} %",
         (
             _compare_table(
                 "|computed − measured| / computed [%].",
@@ -169,7 +169,7 @@ def error_section(data: dict[str, Any]) -> Section:
                 "A₂B₃, whose extension goes down to 10 mm, so that a millimetre there is 10 %.",
             ),
         ),
-        errors=((most, "%"),),
+        errors=((largest, "%"),),
     )
 
 

@@ -39,14 +39,14 @@ def compile_prism(
     text = files("tensegrity_codegen.scene").joinpath("examples", f"{SCENE}.toml").read_text(encoding="utf-8")
     document: dict[str, Any] = tomllib.loads(text)
     points = document["bodies"]["base"]["points"]
-    for name, place in points.items():
-        points[name] = [x * (side / PRINTED_SIDE) for x in place]
+    for name, position in points.items():
+        points[name] = [x * (side / PRINTED_SIDE) for x in position]
     for name, body in document["bodies"].items():
         if name != "base":
             body["length"] = bar_length
     document["classes"]["spring"]["tension_only"] = tension_only
     system, request = assemble_scene(parse_scene(document, SCENE), SCENE)
-    wanted = request.wanting(
+    full_request = request.wanting(
         *equilibrium_quantities(system, request),
         "member_extension",
         "bar_distance",
@@ -56,7 +56,7 @@ def compile_prism(
             "spring_constant": tuple(range(system.n_members)),
         },
     )
-    return build_library(system, wanted, calls=MANY_CALLS).load()
+    return build_library(system, full_request, calls=MANY_CALLS).load()
 
 
 def place_load(top: int, force: Any) -> FloatArray:
@@ -103,9 +103,9 @@ def compute_extensions(
     """Return the springs' extensions in the tables' order, (n, 6) [mm], under loads (n,) [N] on one top."""
     model = model or compile_prism()
     forces = np.eye(3)[axis] * np.asarray(load)[:, None]
-    found = settle(model, np.array([place_load(top, force) for force in forces]))
+    equilibria = settle(model, np.array([place_load(top, force) for force in forces]))
     column = [model.manifest.member_name.index(name) for name in SPRINGS]
-    rows = [model.compute("member_extension", coordinate=q)[column] for q in found.coordinate]
+    rows = [model.compute("member_extension", coordinate=q)[column] for q in equilibria.coordinate]
     return MM * np.array(rows)
 
 
@@ -157,14 +157,14 @@ def compare_unloaded() -> list[dict[str, Any]]:
     """
     model = compile_prism()
     q = settle(model, np.zeros((1, 3, 3))).coordinate[0]
-    first = read_tables()["computed"][0]
+    lowest = read_tables()["computed"][0]
     extension = MM * model.compute("member_extension", coordinate=q)
     member, coordinate = model.manifest.member_name, model.manifest.coordinate_name
     stiffness = model.compute("tangent_stiffness", coordinate=q).toarray()
     gap = MM * model.compute("bar_distance", coordinate=q).min()
     rows = [
-        ("extension of side springs", "mm", first[3:].mean(), extension[member.index("side1")]),
-        ("extension of top springs", "mm", first[:3].mean(), extension[member.index("top1")]),
+        ("extension of side springs", "mm", lowest[3:].mean(), extension[member.index("side1")]),
+        ("extension of top springs", "mm", lowest[:3].mean(), extension[member.index("top1")]),
         ("azimuth alpha", "deg", None, np.degrees(q[coordinate.index("bar1_azimuth")])),
         ("elevation beta", "deg", None, np.degrees(q[coordinate.index("bar1_elevation")])),
         ("smallest eigenvalue of the Hessian", "N m", None, np.linalg.eigvalsh(stiffness)[0]),
@@ -229,26 +229,26 @@ def find_nearest_symmetrical(model: CompiledModel | None = None) -> dict[str, fl
     of both differences [mm].
     """
     model = model or compile_prism()
-    first = read_tables()["computed"][0]
-    wanted = np.array([first[3:].mean(), first[:3].mean()])
+    lowest = read_tables()["computed"][0]
+    target = np.array([lowest[3:].mean(), lowest[:3].mean()])
     kinds = [model.manifest.member_name.index(name) for name in (SPRINGS[3], SPRINGS[0])]
 
     def difference(angles: FloatArray) -> FloatArray:
         extension = model.compute("member_extension", coordinate=_spread(model, angles))
-        return np.asarray(MM * extension[kinds] - wanted)
+        return np.asarray(MM * extension[kinds] - target)
 
     starts = [np.array([a, e]) for a in np.linspace(-3, 3, 9) for e in (0.3, 0.8, 1.3)]
-    found = min(
+    fit = min(
         (optimize.least_squares(difference, start, xtol=1e-15) for start in starts),
-        key=lambda item: float(item.cost),
+        key=lambda candidate: float(candidate.cost),
     )
-    side, top = difference(found.x) + wanted
+    side, top = difference(fit.x) + target
     return {
-        "azimuth": float(np.degrees(found.x[0])),
-        "elevation": float(np.degrees(found.x[1])),
+        "azimuth": float(np.degrees(fit.x[0])),
+        "elevation": float(np.degrees(fit.x[1])),
         "side": float(side),
         "top": float(top),
-        "distance": float(np.linalg.norm(difference(found.x))),
+        "distance": float(np.linalg.norm(difference(fit.x))),
     }
 
 

@@ -44,16 +44,16 @@ def equilibrium_section(tower: SymmetricTower) -> Section:
     forces = [row for row in rows if row["unit"] == "N"]
     worst = max(abs(row["difference"]) for row in forces)
     relative = max(abs(row["with_printed_data"] / row["paper"] - 1) for row in forces if row["paper"] > 1)
-    first, last = PAPER_POSES["45"], PAPER_POSES["52"]
-    rounded = SymmetricPose.from_degrees(first.alpha_deg, first.delta_deg, round(first.height, 5))
-    diagonal = tower.equilibrium(rounded, first.force)[2]
+    start, end = PAPER_POSES["45"], PAPER_POSES["52"]
+    rounded = SymmetricPose.from_degrees(start.alpha_deg, start.delta_deg, round(start.height, 5))
+    diagonal = tower.equilibrium(rounded, start.force)[2]
     return Section(
         "scs-equilibria",
         "(44), (45), (52), (53)",
         "Symmetrical equilibria",
         "agrees",
-        f"every printed tension within {worst:.4f} N, with b = 2/3 m and Z = {first.height:.8g} m and "
-        f"{last.height:.6g} m for the printed 0.67, 1.11 and 1.6 m",
+        f"every printed tension within {worst:.4f} N, with b = 2/3 m and Z = {start.height:.8g} m and "
+        f"{end.height:.6g} m for the printed 0.67, 1.11 and 1.6 m",
         (
             Paragraph(
                 "Tensions follow from the equations of all 18 coordinates, restricted to symmetrical "
@@ -65,8 +65,8 @@ def equilibrium_section(tower: SymmetricTower) -> Section:
             Remark(
                 "agrees",
                 "With the printed, rounded b = 0.67 m and Z the tensions are off by up to "
-                f"{100 * relative:.0f} % (last column). Ours are with b = 2/3 m, Z = {first.height:.8g} m in "
-                f"(44), (45) and Z = {last.height:.6g} m in (52), (53), chosen so that the printed tensions "
+                f"{100 * relative:.0f} % (last column). Ours are with b = 2/3 m, Z = {start.height:.8g} m in "
+                f"(44), (45) and Z = {end.height:.6g} m in (52), (53), chosen so that the printed tensions "
                 f"come out. With Z = {rounded.height:.6g} m, two digits less, T_D "
                 f"of (45) is {diagonal:.4f} N, printed as 43 N without decimals.",
                 ("scs-data",),
@@ -186,11 +186,11 @@ def _result(data: dict[str, Any], unit: str) -> str:
     """Return the range of each curve in one line."""
     spec = ".4f" if unit in ("m", "N m") else ".2f"
     gap = "" if unit == "°" else " "
-    parts = []
+    sections = []
     for name, values in data["curves"].items():
         low, high = (format(value, spec).replace("-", "−") for value in (values.min(), values.max()))
-        parts.append(f"{NAMES[name].partition(',')[0]} {low} to {high}{gap}{unit}")
-    return "; ".join(parts)
+        sections.append(f"{NAMES[name].partition(',')[0]} {low} to {high}{gap}{unit}")
+    return "; ".join(sections)
 
 
 def _diagram(data: dict[str, Any], unit: str) -> Diagram:

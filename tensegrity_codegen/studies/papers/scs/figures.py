@@ -113,14 +113,14 @@ def find_prestressable(tower: SymmetricTower, delta: float, height: float) -> tu
         return float(tower.determinant(np.array([[alpha, delta, height]]))[0])
 
     values = tower.determinant(np.array([(alpha, delta, height) for alpha in azimuth]))
-    found = []
+    records = []
     for row in np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1])):
         alpha = float(brentq(determinant, azimuth[row], azimuth[row + 1], xtol=1e-15))
         null = np.linalg.svd(tower.matrix(np.array([[alpha, delta, height]]))[0])[2][-1]
         tension = null * np.sign(null.sum())
         if (tension > 0).all():
-            found.append(PrestressablePose(SymmetricPose(alpha % (2 * math.pi), delta, height), tension))
-    return tuple(found)
+            records.append(PrestressablePose(SymmetricPose(alpha % (2 * math.pi), delta, height), tension))
+    return tuple(records)
 
 
 def _check_map(height: float, force: float, alpha: FloatArray, delta: FloatArray) -> None:
@@ -181,12 +181,12 @@ def compare_equilibria(tower: SymmetricTower) -> list[dict[str, Any]]:
     with_printed_data: the same quantity from the printed b and Z, which are rounded.
     """
     motions = plan_paper_motions(tower)
-    poses = {key: item.pose for key, item in PAPER_POSES.items()} | {"53": motions["zero_torque"].end}
+    poses = {key: printed.pose for key, printed in PAPER_POSES.items()} | {"53": motions["zero_torque"].end}
     rows: list[dict[str, Any]] = []
-    for key, item in PAPER_POSES.items():
-        ours, rounded = tower.equilibrium(poses[key], item.force), _with_printed_data(tower, item)
+    for key, printed in PAPER_POSES.items():
+        ours, rounded = tower.equilibrium(poses[key], printed.force), _with_printed_data(tower, printed)
         for k, symbol in enumerate(SYMBOLS):
-            row = _compare(item.equation, symbol, "N", item.tension[k], float(ours[k]))
+            row = _compare(printed.equation, symbol, "N", printed.tension[k], float(ours[k]))
             rows.append(row | {"with_printed_data": float(rounded[k])})
     end = motions["zero_torque"].end.in_degrees[1]
     return [*rows, _compare("(48), (53)", "delta_f", "deg", PAPER_POSES["53"].delta_deg, end)]
@@ -204,14 +204,14 @@ def compute_figures(tower: SymmetricTower, n_t: int = 201) -> dict[str, dict[str
         time = record.time
         angles = {"alpha": record.alpha_deg, "delta": record.delta_deg}
         figures[f"Fig. {number}"] = _figure("angles", "deg", time, angles)
-        rest = dict(zip(("S_0", "V_0", "D_0"), record.rest_length.T, strict=True))
-        figures[f"Fig. {number + 1}"] = _figure("rest lengths", "m", time, rest)
+        lengths = dict(zip(("S_0", "V_0", "D_0"), record.rest_length.T, strict=True))
+        figures[f"Fig. {number + 1}"] = _figure("rest lengths", "m", time, lengths)
         tension = dict(zip(SYMBOLS, record.tension.T, strict=True))
         figures[f"Fig. {number + 2}"] = _figure("tensions", "N", time, tension)
     for number, name in ((7, "with_torque"), (11, "prescribed")):
         record = records[name]
         figures[f"Fig. {number}"] = _figure("torque", "N m", record.time, {"M_3": record.torque})
-    return dict(sorted(figures.items(), key=lambda item: int(item[0].split()[1])))
+    return dict(sorted(figures.items(), key=lambda figure: int(figure[0].split()[1])))
 
 
 def compute_paper_maps(
@@ -220,8 +220,8 @@ def compute_paper_maps(
     """Return the maps of feasible configurations at the paper's two heights and forces, from azimuth 0."""
     alpha, delta = np.arange(0.0, span_deg, step_deg), np.arange(step_deg, 90.0, step_deg)
     return {
-        item.equation: map_regions(tower, item.height, item.force, alpha_deg=alpha, delta_deg=delta)
-        for item in (PAPER_POSES["44"], PAPER_POSES["52"])
+        printed.equation: map_regions(tower, printed.height, printed.force, alpha_deg=alpha, delta_deg=delta)
+        for printed in (PAPER_POSES["44"], PAPER_POSES["52"])
     }
 
 
@@ -257,11 +257,11 @@ def _compare(equation: str, quantity: str, unit: str, paper: float, ours: float)
     }
 
 
-def _with_printed_data(tower: SymmetricTower, item: PaperPose) -> FloatArray:
+def _with_printed_data(tower: SymmetricTower, printed: PaperPose) -> FloatArray:
     """Return the tensions at the printed, rounded b and Z, by the closed forms."""
     rounded = replace(PrintedTower.of(tower), side=PRINTED_SIDE)
-    rest = np.zeros(len(GROUPS))
-    return rounded.tension(item.printed_pose.parameter, rest, rest, item.force)
+    rest_length = np.zeros(len(GROUPS))
+    return rounded.tension(printed.printed_pose.parameter, rest_length, rest_length, printed.force)
 
 
 # Each formula of SCS that is wrong in print, measured against the full model of 18 coordinates.
@@ -303,9 +303,9 @@ def _centrifugal(tower: SymmetricTower, s: FloatArray, rate: FloatArray, change:
 
 def _matrix(tower: SymmetricTower, s: FloatArray, rate: FloatArray, change: FloatArray) -> FloatArray:
     """Return the largest difference of A_r from that of the full model, printed and corrected."""
-    matrix, printed, place = tower.matrix(s[None])[0], PrintedTower.of(tower), [float(x) for x in s]
-    both = [printed.matrix(*place, as_printed=flag) - matrix for flag in (True, False)]
-    return np.array([np.abs(difference).max() for difference in both])
+    matrix, printed, numbers = tower.matrix(s[None])[0], PrintedTower.of(tower), [float(x) for x in s]
+    differences = [printed.matrix(*numbers, as_printed=flag) - matrix for flag in (True, False)]
+    return np.array([np.abs(difference).max() for difference in differences])
 
 
 def _height(tower: SymmetricTower, s: FloatArray, rate: FloatArray, change: FloatArray) -> FloatArray:
@@ -313,9 +313,9 @@ def _height(tower: SymmetricTower, s: FloatArray, rate: FloatArray, change: Floa
 
     What is left over is the difference of the equations of delta between the upper and the lower stage.
     """
-    own = tower.restricted.balance(s, rate, change).own_force
+    own_force = tower.restricted.balance(s, rate, change).own_force
     names = tower.system.coordinate_name
-    lower, upper = (own[names.index(f"bar{stage}_declination")] for stage in ("11", "12"))
+    lower, upper = (own_force[names.index(f"bar{stage}_declination")] for stage in ("11", "12"))
     arm, sine = 0.5 * tower.bar.mass * tower.bar.length, math.sin(s[1])
     corrected = arm * sine * change[2]
     printed = corrected + arm * math.cos(s[1]) * rate[1] * rate[2]

@@ -10,8 +10,7 @@ from tensegrity_codegen.report.pages.diagram import TEXT_SIZE, dress_axes
 from tensegrity_codegen.report.pages.page import Figure, Paragraph, Remark, Section
 from tensegrity_codegen.report.pages.page_table import Table, make_table
 from tensegrity_codegen.report.pages.picture import draw_picture
-from tensegrity_codegen.report.pictures.canvas import new_figure
-from tensegrity_codegen.report.pictures.palette import INK, MUTED, SEQUENCE
+from tensegrity_codegen.report.pictures.canvas import INK, MUTED, SEQUENCE, new_figure
 from tensegrity_codegen.studies.papers.scs.figures import (
     RegionMap,
     compare_tracking,
@@ -46,11 +45,11 @@ def map_section(tower: SymmetricTower, step: float) -> Section:
     """Return the maps in steps of `step` [deg], and configurations that stand without load."""
     maps = compute_paper_maps(tower, step)
     turn = compute_paper_maps(tower, STEP_OF_TURN, 360.0)
-    beyond = {name: found.feasible[:, found.alpha_deg >= MAP_SPAN].sum() for name, found in turn.items()}
-    share = {name: 100 * float(found.feasible.mean()) for name, found in maps.items()}
+    beyond = {name: region.feasible[:, region.alpha_deg >= MAP_SPAN].sum() for name, region in turn.items()}
+    feasible = {name: 100 * float(region.feasible.mean()) for name, region in maps.items()}
     of_all = {
-        name: share[name] * MAP_SPAN / 360.0 + 100 * float(beyond[name] / found.code.size)
-        for name, found in turn.items()
+        name: feasible[name] * MAP_SPAN / 360.0 + 100 * float(beyond[name] / region.code.size)
+        for name, region in turn.items()
     }
     return Section(
         "scs-map",
@@ -59,7 +58,7 @@ def map_section(tower: SymmetricTower, step: float) -> Section:
         "new",
         f"taut at {of_all['(44)']:.2f} % of all angles for Z = 1.111 m and −50 N, at "
         f"{of_all['(52)']:.2f} % for 1.605 m and 50 N; of those with azimuths from 0 to 120° at "
-        f"{share['(44)']:.1f} and {share['(52)']:.1f} %",
+        f"{feasible['(44)']:.1f} and {feasible['(52)']:.1f} %",
         (
             Paragraph(
                 "The paper finds feasible configurations by choosing angles and height until all "
@@ -67,7 +66,7 @@ def map_section(tower: SymmetricTower, step: float) -> Section:
                 "the sign of the force there; tensions are proportional to the force. The maps show "
                 "azimuths from 0 to 120°; at others some tendon would have to push."
             ),
-            *(_map_figure(name, found) for name, found in maps.items()),
+            *(_map_figure(name, region) for name, region in maps.items()),
             Remark(
                 "new",
                 "The printed equilibria lie inside the green regions, (52) close to its edge: its saddle "
@@ -80,11 +79,11 @@ def map_section(tower: SymmetricTower, step: float) -> Section:
     )
 
 
-def _map_figure(name: str, found: RegionMap) -> Figure:
+def _map_figure(name: str, region: RegionMap) -> Figure:
     """Return one map: regions, the contour of the determinant, and the printed equilibria."""
     figure = new_figure(4.9, 4.5)
     axes = figure.add_subplot()
-    patches = _fill_regions(axes, found)
+    patches = _fill_regions(axes, region)
     for key in POSES[name]:
         pose = PAPER_POSES[key]
         axes.plot(pose.alpha_deg, pose.delta_deg, "o", color=INK, markersize=4.5, zorder=5)
@@ -93,7 +92,7 @@ def _map_figure(name: str, found: RegionMap) -> Figure:
             fontsize=TEXT_SIZE, color=INK, zorder=6,
         )  # fmt: skip
     dress_axes(axes, "azimuth α [°]", "declination δ [°]")
-    axes.set(xlim=(found.alpha_deg[0], found.alpha_deg[-1]), ylim=(0, 90))
+    axes.set(xlim=(region.alpha_deg[0], region.alpha_deg[-1]), ylim=(0, 90))
     axes.set_xticks(range(0, 121, 20))
     axes.set_yticks(range(0, 91, 15))
     figure.legend(
@@ -103,37 +102,37 @@ def _map_figure(name: str, found: RegionMap) -> Figure:
     )  # fmt: skip
     return Figure(
         draw_picture(figure, f"scs-map-{POSES[name][0]}"),
-        f"Z = {found.height:.5g} m, F₃ = {found.force:g} N".replace("-", "−")
+        f"Z = {region.height:.5g} m, F₃ = {region.force:g} N".replace("-", "−")
         + ". Green: all tendons taut; other colours: which tendons would have to push. Dashed: det(A_r) = 0. "
         "Dots: printed equilibria. Empty, at 30°: bars intersect.",
         "Map of feasible configurations over azimuth and declination; the printed equilibria lie in its "
         "taut region.",
         {
-            "height": found.height,
-            "force": found.force,
-            "alpha_deg": found.alpha_deg.tolist(),
-            "delta_deg": found.delta_deg.tolist(),
-            "code": found.code.tolist(),
+            "height": region.height,
+            "force": region.force,
+            "alpha_deg": region.alpha_deg.tolist(),
+            "delta_deg": region.delta_deg.tolist(),
+            "code": region.code.tolist(),
         },
     )
 
 
-def _fill_regions(axes: "Axes", found: RegionMap) -> "list[Patch]":
+def _fill_regions(axes: "Axes", region: RegionMap) -> "list[Patch]":
     """Fill each region with its colour and return the legend's patches."""
     from matplotlib.patches import Patch
 
     patches = []
-    present = [code for code in REGIONS if (found.code == code).any()]
+    present = [code for code in REGIONS if (region.code == code).any()]
     for code in present:
         name, color = REGIONS[code]
-        inside = np.where(found.code == code, 1.0, 0.0)
+        inside = np.where(region.code == code, 1.0, 0.0)
         strength = 0.6 if code == 0 else 0.38
         axes.contourf(
-            found.alpha_deg, found.delta_deg, inside, levels=[0.5, 1.5], colors=[color], alpha=strength
+            region.alpha_deg, region.delta_deg, inside, levels=[0.5, 1.5], colors=[color], alpha=strength
         )
         patches.append(Patch(facecolor=color, alpha=strength, label=name))
     axes.contour(
-        found.alpha_deg, found.delta_deg, np.ma.masked_invalid(found.determinant), levels=[0.0],
+        region.alpha_deg, region.delta_deg, np.ma.masked_invalid(region.determinant), levels=[0.0],
         colors=[INK], linestyles="dashed", linewidths=1.0,
     )  # fmt: skip
     return patches
@@ -146,9 +145,9 @@ def _prestress_table(tower: SymmetricTower) -> Table:
     for delta in PRESTRESS_DELTA:
         if height <= tower.bar.length * math.cos(math.radians(delta)):
             continue
-        for found in find_prestressable(tower, math.radians(delta), height):
-            ratio = found.tension / found.tension[0]
-            rows.append((delta, found.pose.in_degrees[0], *(float(value) for value in ratio[1:])))
+        for intervals in find_prestressable(tower, math.radians(delta), height):
+            ratio = intervals.tension / intervals.tension[0]
+            rows.append((delta, intervals.pose.in_degrees[0], *(float(value) for value in ratio[1:])))
     return make_table(
         f"Configurations at Z = {height:.5g} m that stand without load (F₃ = 0), and ratios of their "
         "tensions.",

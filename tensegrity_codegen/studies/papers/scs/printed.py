@@ -140,8 +140,8 @@ class PrintedTower:
         self, s: FloatArray, rate: FloatArray, change: FloatArray, force: float, *, as_printed: bool = False
     ) -> FloatArray:
         """Return -A_r^-1 e, (3,) [N] (32), with the corrected A_r and e corrected or as printed."""
-        own = self.own_force(s, rate, change, force, as_printed=as_printed)
-        solved = np.linalg.solve(self.matrix(*(float(x) for x in s)), own)
+        own_force = self.own_force(s, rate, change, force, as_printed=as_printed)
+        solved = np.linalg.solve(self.matrix(*(float(x) for x in s)), own_force)
         return np.asarray(-solved, dtype=np.float64)
 
     def torque(self, s: FloatArray, rate: FloatArray, change: FloatArray) -> float:
@@ -206,8 +206,8 @@ def drive(plan: Reconfiguration) -> Schedule:
     def schedule(time: float) -> Mapping[str, Any]:
         control = plan.control(time)
         inputs = np.array([0.0, 0.0, control.input[2], 0.0, 0.0, plan.force])
-        rest = plan.rest_lengths(time, control.tension)
-        return {"rest_length": plan.tower.spread(rest), "input": inputs}
+        rest_length = plan.rest_lengths(time, control.tension)
+        return {"rest_length": plan.tower.spread(rest_length), "input": inputs}
 
     return schedule
 
@@ -220,9 +220,9 @@ def drive_as_printed(plan: Reconfiguration) -> Schedule:
         motion = plan.path.at(time)
         tension = printed.tension(motion.s, motion.rate, motion.change, plan.force, as_printed=True)
         torque = printed.torque(motion.s, motion.rate, motion.change)
-        rest = plan.rest_lengths(time, tension)
+        rest_length = plan.rest_lengths(time, tension)
         return {
-            "rest_length": plan.tower.spread(rest),
+            "rest_length": plan.tower.spread(rest_length),
             "input": np.array([0.0, 0.0, torque, 0.0, 0.0, plan.force]),
         }
 
@@ -271,11 +271,11 @@ def _compare(trajectory: Trajectory, error: FloatArray, tower: SymmetricTower) -
     names = tower.system.coordinate_name
     tilt = [k for k, name in enumerate(names) if name.endswith("_declination")]
     turn = [k for k, name in enumerate(names) if name.endswith("_azimuth")]
-    others = [k for k in range(len(names)) if k not in (*tilt, *turn)]
+    remaining = [k for k in range(len(names)) if k not in (*tilt, *turn)]
     return Tracking(
         trajectory=trajectory,
         error=error,
         angle_error_deg=float(np.degrees(np.abs(error[:, [*tilt, *turn]]).max())),
-        other_error=float(np.abs(error[:, others]).max()),
+        other_error=float(np.abs(error[:, remaining]).max()),
         asymmetry=max(float(np.ptp(error[:, columns], axis=1).max()) for columns in (tilt, turn)),
     )

@@ -153,8 +153,8 @@ class SymmetricTower:
     def side(self) -> float:
         """b [m], the side of the base."""
         anchors = [self._bar(name).anchor for name in BARS[:2]]
-        first, second = compute_node_position(self.system)[anchors]
-        return float(np.linalg.norm(first - second))
+        lower, second = compute_node_position(self.system)[anchors]
+        return float(np.linalg.norm(lower - second))
 
     @property
     def friction(self) -> float:
@@ -179,18 +179,22 @@ class SymmetricTower:
         alpha = 30 deg: bars intersect; 0 < delta < 90 deg; Z > l cos(delta): else bars reach base and top.
         """
         alpha, delta, height = pose.in_degrees
-        least = self.bar.length * math.cos(pose.delta)
+        lowest = self.bar.length * math.cos(pose.delta)
         if _is_crossing(alpha):
-            problem, given, allowed = "bars intersect at this azimuth", f"alpha = {alpha:g} deg", "not 30 deg"
+            problem, stated, allowed = (
+                "bars intersect at this azimuth",
+                f"alpha = {alpha:g} deg",
+                "not 30 deg",
+            )
         elif not BOUND_TOLERANCE < delta < 90.0 - BOUND_TOLERANCE:
-            problem, given = "the declination is outside its bounds", f"delta = {delta:g} deg"
+            problem, stated = "the declination is outside its bounds", f"delta = {delta:g} deg"
             allowed = "0 < delta < 90 deg"
-        elif not height > least + BOUND_TOLERANCE:
-            problem, given = "the bars of one stage reach the other end of the tower", f"Z = {height:g} m"
-            allowed = f"Z > l cos(delta) = {least:.6g} m"
+        elif not height > lowest + BOUND_TOLERANCE:
+            problem, stated = "the bars of one stage reach the other end of the tower", f"Z = {height:g} m"
+            allowed = f"Z > l cos(delta) = {lowest:.6g} m"
         else:
             return
-        raise InvalidValueError(problem, where=where, given=given, allowed=allowed)
+        raise InvalidValueError(problem, where=where, given=stated, allowed=allowed)
 
     def is_inside(self, parameters: FloatArray) -> NDArray[np.bool_]:
         """Return which s of (n, 3) are within the bounds of SCS 4, (n,)."""
@@ -223,8 +227,8 @@ class SymmetricTower:
         force: F_3 [N]. All inputs but F_3 are found, so that a motion that is not symmetrical by itself
         shows in M_1, M_2, F_1, F_2 (SCS 20) or in the residual. Raises InfeasibleError where A_r is singular.
         """
-        known = np.array([0.0, 0.0, 0.0, 0.0, 0.0, force])
-        control = self.restricted.find_control(s, rate, change, known, range(5))
+        inputs = np.array([0.0, 0.0, 0.0, 0.0, 0.0, force])
+        control = self.restricted.find_control(s, rate, change, inputs, range(5))
         if control.rank < 8:
             raise InfeasibleError(
                 "the tensions are not determined: A_r is singular here",
@@ -237,8 +241,8 @@ class SymmetricTower:
     def equilibrium(self, pose: SymmetricPose, force: float, where: str = "configuration") -> FloatArray:
         """Return the tensions A_r^-1 (0, 0, F_3), (3,) [N], whatever their signs (SCS 31)."""
         self.check_pose(pose, where)
-        rest = np.zeros(3)
-        return self.compute_control(pose.parameter, rest, rest, force, where).tension
+        zero = np.zeros(3)
+        return self.compute_control(pose.parameter, zero, zero, force, where).tension
 
     def check_taut(self, tension: FloatArray, where: str) -> None:
         """Raise InfeasibleError naming the tendons that would have to push (SCS 27)."""
@@ -253,8 +257,10 @@ class SymmetricTower:
 
     def rest_lengths(self, length: FloatArray, tension: FloatArray) -> FloatArray:
         """Return the rest lengths (3,) [m] that give the tensions at these lengths (SCS 35)."""
-        first = [members[0] for members in self.restricted.group.values()]
-        spring, axial = (getattr(self.system, name)[first] for name in ("spring_constant", "axial_stiffness"))
+        leaders = [members[0] for members in self.restricted.group.values()]
+        spring, axial = (
+            getattr(self.system, name)[leaders] for name in ("spring_constant", "axial_stiffness")
+        )
         return compute_rest_length(length, tension, spring, axial)
 
     def spread(self, by_group: FloatArray) -> FloatArray:
@@ -269,12 +275,12 @@ class SymmetricTower:
     def _family(self, s: Sequence[Any]) -> list[Any]:
         """Return q_s(s) of (16), in the order of the scene's coordinates."""
         alpha, delta, height = s
-        place = {f"{name}_declination": delta for name in BARS}
+        values = {f"{name}_declination": delta for name in BARS}
         for name, offset in zip(BARS, AZIMUTH_OFFSET, strict=True):
-            place[f"{name}_azimuth"] = alpha + math.radians(offset)
+            values[f"{name}_azimuth"] = alpha + math.radians(offset)
         top = {"psi": math.radians(PSI), "phi": 0.0, "theta": 0.0, "x": 0.0, "y": 0.0, "z": height}
-        place |= {f"{self._top.name}_{label}": value for label, value in top.items()}
-        return [place[name] for name in self.system.coordinate_name]
+        values |= {f"{self._top.name}_{label}": value for label, value in top.items()}
+        return [values[name] for name in self.system.coordinate_name]
 
     def _bar(self, name: str) -> Bar:
         return next(body for body in self.system.bodies if isinstance(body, Bar) and body.name == name)
@@ -290,8 +296,8 @@ class SymmetricTower:
             "difference of stiffnesses in a class [N, N/m]": max(float(x.max()) for x in unequal.values()),
         }
         control = self.restricted.find_control(s, rate, change, np.zeros(6), range(5))
-        others = np.abs(control.input[[0, 1, 3, 4]])
-        evidence["left-out residual [N, N m]"] = float(max(np.abs(control.residual).max(), others.max()))
+        torques = np.abs(control.input[[0, 1, 3, 4]])
+        evidence["left-out residual [N, N m]"] = float(max(np.abs(control.residual).max(), torques.max()))
         wrong = {name: value for name, value in evidence.items() if not value <= SYMMETRY}
         if wrong:
             raise StructureError(

@@ -12,8 +12,7 @@ from tensegrity_codegen.report.pages.diagram import Diagram, Series, dress_axes
 from tensegrity_codegen.report.pages.page import Chapter, Figure, Paragraph, Remark, Section, diagram_figure
 from tensegrity_codegen.report.pages.page_table import Table, make_table
 from tensegrity_codegen.report.pages.picture import draw_picture
-from tensegrity_codegen.report.pictures.canvas import new_figure
-from tensegrity_codegen.report.pictures.palette import INK, SEQUENCE
+from tensegrity_codegen.report.pictures.canvas import INK, SEQUENCE, new_figure
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.papers.sk.inverse_time import inverse_section
 from tensegrity_codegen.studies.papers.sk.motion import drift_section, sample_structure, trajectory_section
@@ -42,7 +41,7 @@ def count_stored_numbers(structure: Structure) -> dict[str, int]:
     sorted_scalars, as_printed; an actuated member is one with a rest-length input.
     """
     s, k = len(structure.axes), structure.n_members
-    actuated = {e for item in structure.inputs if item.kind == "rest_length" for e in item.targets}
+    actuated = {e for source in structure.inputs if source.kind == "rest_length" for e in source.targets}
     coordinates, inputs = len(structure.coordinate_node_axis), len(structure.inputs)
     model = build_model(structure, ModelRequest(()))
     stiffness = model.expression("tangent_stiffness").nnz()
@@ -120,7 +119,7 @@ def storage_section(nodes: Sequence[int]) -> Section:
     """Return the section that counts stored numbers for structures of these numbers of nodes."""
     data = compare_stored_numbers(nodes)
     ways = ("sorted_scalars", "sorted_blocks", "node_position_sparse", "node_position_dense")
-    least, blocks, sparse, dense = (int(data[way][-1]) for way in ways)
+    reference, blocks, sparse, dense = (int(data[way][-1]) for way in ways)
     series = [
         Series(name, data["n_nodes"], data[way], color=color, marker="osD^v"[color])
         for color, (way, (name, _)) in enumerate(WAYS.items())
@@ -131,7 +130,7 @@ def storage_section(nodes: Sequence[int]) -> Section:
         "Numbers to store for a linear model, at each time point",
         "differs",
         f"non-zeros at n = {nodes[-1]}: {blocks} in sorted node distances, {sparse} in node positions; "
-        f"{least} as scalars and vectors of blocks, {dense} in dense node positions",
+        f"{reference} as scalars and vectors of blocks, {dense} in dense node positions",
         (
             Paragraph(
                 "Structures with 2n members, 3n/2 of them actuated cables, as the three-bar prism has "
@@ -154,7 +153,7 @@ def storage_section(nodes: Sequence[int]) -> Section:
                 "sorted node distances is damaged in the text that we have. The gain over dense node "
                 "positions is larger than printed, the gain over sparse ones is a factor of "
                 f"{sparse / blocks:.1f} as non-zeros, of "
-                f"{sparse / least:.1f} as scalars and vectors of blocks.",
+                f"{sparse / reference:.1f} as scalars and vectors of blocks.",
                 ("sk-count",),
             ),
         ),
@@ -176,10 +175,10 @@ def _pattern_figure(order: str, pattern: NDArray[np.int8]) -> Figure:
     axes.set_xticks([1, 6, 12, 18])
     axes.set_yticks([1, 15, 30, 45])
     figure.legend(loc="outside upper center", ncols=2, frameon=False, fontsize=9.0, labelcolor=INK)
-    what = "pair by pair" if order == "uvec321" else "all x, all y, all z"
+    arrangement = "pair by pair" if order == "uvec321" else "all x, all y, all z"
     return Figure(
         draw_picture(figure, f"sk-fig-3-{order}"),
-        f"D of six nodes, {order}: {what}.",
+        f"D of six nodes, {order}: {arrangement}.",
         f"Pattern of D in the order {order}: in each row one entry +1 and one entry −1.",
         {"order": order, "rows": pattern.tolist()},
     )

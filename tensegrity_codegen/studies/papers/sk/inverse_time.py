@@ -57,8 +57,10 @@ def compare_inverse_times(nodes: Iterable[int] = range(6, 25, 2)) -> dict[str, A
             form[method].append(_seconds(make))
             apply[method].append(_seconds(partial(use, made)))
             results[method] = use(made)
-        found = [results[method] for method in tuple(METHODS)[1:]]
-        differences.append(max(np.abs(a - found[0]).max() for a in found) / np.abs(found[0]).max())
+        solutions = [results[method] for method in tuple(METHODS)[1:]]
+        differences.append(
+            max(np.abs(a - solutions[0]).max() for a in solutions) / np.abs(solutions[0]).max()
+        )
     size = np.array(counts)
     return {
         "n_nodes": size,
@@ -83,8 +85,8 @@ class _Problem:
         self.incidence = sparse.csr_array((entries, places), shape=(len(rows), n))
         self.difference = sparse.csr_array(sparse.kron(self.incidence, sparse.eye_array(3)))
         self.dense_difference = self.difference.toarray()
-        share = self.mass[self.first] * self.mass[self.second] / self.mass.sum()
-        self.inertia = np.diag(np.repeat(share, 3))
+        coupling = self.mass[self.first] * self.mass[self.second] / self.mass.sum()
+        self.inertia = np.diag(np.repeat(coupling, 3))
 
     def methods(self) -> dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]]:
         """Return method -> (what forms it, what applies it to the forces)."""
@@ -106,13 +108,13 @@ class _Problem:
 
 def _seconds(call: Callable[[], Any]) -> float:
     """Return the least time of one call, repeated for LEAST_SECONDS and LEAST_TIMES at least."""
-    least, total, count = float("inf"), 0.0, 0
+    fastest, total, count = float("inf"), 0.0, 0
     while count < LEAST_TIMES or total < LEAST_SECONDS:
         started = time.perf_counter()
         call()
         seconds = time.perf_counter() - started
-        least, total, count = min(least, seconds), total + seconds, count + 1
-    return least
+        fastest, total, count = min(fastest, seconds), total + seconds, count + 1
+    return fastest
 
 
 def _exponent(size: np.ndarray, seconds: list[float]) -> float:
@@ -163,10 +165,10 @@ def measure_inverse_times(nodes: Iterable[int]) -> dict[str, Any]:
 def inverse_section(nodes: Sequence[int]) -> Section:
     """Return the section with the times of all methods for these numbers of nodes."""
     data = measure_inverse_times(nodes)
-    last = {method: data["form"][method][-1] for method in METHODS}
-    ordered = last["pseudo_inverse"] > last["dense"] > last["sparse"]
+    largest = {method: data["form"][method][-1] for method in METHODS}
+    ordered = largest["pseudo_inverse"] > largest["dense"] > largest["sparse"]
     same = "the order of the three curves is that of the paper" if ordered else "the curves cross"
-    ratio = last["sparse"] / last["factored"]
+    ratio = largest["sparse"] / largest["factored"]
     applied = {method: 1e6 * data["apply"][method][-1] for method in METHODS}
     return Section(
         "sk-fig-2",

@@ -69,9 +69,9 @@ def sample_structure(n_nodes: int, kind: str = "sparse", seed: int = 0) -> Struc
     bars = [(k, k + 1) for k in range(0, n_nodes, 2)]
     links = [(int(rng.integers(k)), k) for k in range(2, n_nodes, 2)]
     pairs = [(i, j) for i in range(n_nodes) for j in range(i + 1, n_nodes)]
-    others = [pair for pair in pairs if pair not in {*bars, *links}]
-    count = 2 * n_nodes - len(bars) - len(links) if kind == "sparse" else len(others)
-    chosen = [others[k] for k in np.sort(rng.permutation(len(others))[:count])]
+    remaining = [pair for pair in pairs if pair not in {*bars, *links}]
+    count = 2 * n_nodes - len(bars) - len(links) if kind == "sparse" else len(remaining)
+    chosen = [remaining[k] for k in np.sort(rng.permutation(len(remaining))[:count])]
     connectivity = np.array([*bars, *links, *chosen], dtype=np.int64)
     n_members = len(connectivity)
     is_bar = np.arange(n_members) < len(bars)
@@ -190,8 +190,8 @@ def compare_trajectories(
             }
             result[kind][tolerance] = {
                 "difference": _difference(runs["node_position"], runs["node_distance"]),
-                "error": {name: _difference(found, truth) for name, found in runs.items()},
-                "n_evaluations": {name: found.n_evaluations for name, found in runs.items()},
+                "error": {name: _difference(run, truth) for name, run in runs.items()},
+                "n_evaluations": {name: run.n_evaluations for name, run in runs.items()},
             }
     return result
 
@@ -199,8 +199,8 @@ def compare_trajectories(
 def _difference(a: Trajectory, b: Trajectory) -> np.ndarray:
     """Return the largest difference of node positions at each sample that both reached [m]."""
     count = min(len(a.time), len(b.time))
-    apart = np.abs(a.node_position[:count] - b.node_position[:count])
-    return np.asarray(apart.max(axis=(1, 2)))
+    distance = np.abs(a.node_position[:count] - b.node_position[:count])
+    return np.asarray(distance.max(axis=(1, 2)))
 
 
 PAPER_BOUND = 1e-5  # [m], "the error per coordinate is less than 10^-5"
@@ -276,8 +276,8 @@ def drift_section(t_end: float) -> Section:
 def _trajectory_figures(data: dict[str, Any]) -> tuple[Figure, ...]:
     """Return the discrepancies over time: one figure."""
     series = [
-        Series(f"adaptive, {_power(tolerance)}", data["time"], _shown(found["difference"]), color=1 + color)
-        for color, (tolerance, found) in enumerate(data["adaptive"].items())
+        Series(f"adaptive, {_power(tolerance)}", data["time"], _shown(run["difference"]), color=1 + color)
+        for color, (tolerance, run) in enumerate(data["adaptive"].items())
     ]
     series.append(Series("equal steps", data["time"], _shown(data["equal_steps"]), color=0))
     diagram = Diagram(
@@ -305,12 +305,10 @@ def _trajectory_table(data: dict[str, Any]) -> Table:
         (f"equal steps of {step} s, Runge-Kutta 4 in C", *_values(None, float(data["equal_steps"].max())))
     ]
     for kind, name in (("adaptive", "adaptive Runge-Kutta 4(5)"), ("auto", "halved steps in C")):
-        for tolerance, found in data[kind].items():
-            error = max(float(values.max()) for values in found["error"].values())
+        for tolerance, run in data[kind].items():
+            error = max(float(values.max()) for values in run["error"].values())
             label = f"{name}, tolerance {_power(tolerance)}"
-            rows.append(
-                (label, *_values(error, float(found["difference"].max()), printed=kind == "adaptive"))
-            )
+            rows.append((label, *_values(error, float(run["difference"].max()), printed=kind == "adaptive")))
     return make_table(
         "Largest discrepancy between the two models, and error of the worse of them against a run at 10⁻¹².",
         {"integration": "", "paper [m]": "g", "ours: discrepancy [m]": ".1e", "ours: error [m]": ".1e"},

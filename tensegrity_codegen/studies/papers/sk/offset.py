@@ -81,7 +81,7 @@ def evaluate_in(
                         given=operation,
                         allowed="sums, products, quotients, roots and comparisons",
                     )
-                memory[written[0]] = ANALYSES[operation](*[memory[place] for place in read])
+                memory[written[0]] = ANALYSES[operation](*[memory[slot] for slot in read])
     return result
 
 
@@ -131,12 +131,12 @@ class _Side:
 
     def error(self, quantity: str, offset: float, number: type[np.floating[Any]]) -> float | None:
         """Return the largest error relative to the largest exact value, None if it is not finite."""
-        found, exact = self._values(quantity, offset, number), self.exact[quantity]
-        error = float(np.abs(found - exact).max() / np.abs(exact).max())
+        computed, exact = self._values(quantity, offset, number), self.exact[quantity]
+        error = float(np.abs(computed - exact).max() / np.abs(exact).max())
         return error if np.isfinite(error) else None
 
     def _values(self, quantity: str, offset: float, number: type[np.floating[Any]]) -> np.ndarray:
-        arguments = {name: item.nominal for name, item in self.model.arguments.items()}
+        arguments = {name: argument.nominal for name, argument in self.model.arguments.items()}
         arguments["coordinate"] = _move(self.model, offset)
         return evaluate_in(number, self.functions[quantity], arguments)
 
@@ -173,8 +173,8 @@ def compare_offset_trajectories(
                 model, t_end, samples=samples, method="rk4", stepping=Stepping(step=STEP), coordinate=start
             )
             count = len(run.time)
-            apart = np.abs(run.member_tension - truth.member_tension[:count])
-            result[name][float(offset)] = apart.max(axis=1)
+            difference = np.abs(run.member_tension - truth.member_tension[:count])
+            result[name][float(offset)] = difference.max(axis=1)
     return {"time": truth.time, "largest_tension": float(np.abs(truth.member_tension).max()), **result}
 
 
@@ -190,14 +190,14 @@ def offset_section() -> Section:
     change = np.random.default_rng(1).normal(scale=DISPLACEMENT, size=prism.node_position.shape)
     rows = compare_offsets(prism.with_changes(node_position=prism.node_position + change))
     motion = compare_offset_trajectories()
-    far = [row for row in rows if row["precision"] == "double"][-1]
-    worst, best = (far[f"{name}_acceleration"] for name in FORMULATIONS)
+    double_row = [row for row in rows if row["precision"] == "double"][-1]
+    worst, best = (double_row[f"{name}_acceleration"] for name in FORMULATIONS)
     return Section(
         "sk-offset",
         "beyond",
         "Far from the origin and in single precision",
         "new",
-        f"at {_metres(far['offset'])}: error {format_number(worst, '.0e')} in positions, "
+        f"at {_metres(double_row['offset'])}: error {format_number(worst, '.0e')} in positions, "
         f"{format_number(best, '.0e')} in distances",
         (
             Paragraph(
@@ -261,8 +261,8 @@ def _motion_diagram(motion: dict[str, Any]) -> Diagram:
 
 def _error_table(rows: list[dict[str, Any]]) -> Table:
     columns = {"offset [m]": ",.0f", "precision": ""}
-    for what in QUANTITIES.values():
-        columns |= {f"{what}, {name} [relative error]": ".1e" for name in FORMULATIONS.values()}
+    for quantity in QUANTITIES.values():
+        columns |= {f"{quantity}, {name} [relative error]": ".1e" for name in FORMULATIONS.values()}
     keys = [f"{key}_{quantity}" for quantity in QUANTITIES for key in FORMULATIONS]
     return make_table(
         "Errors far from the origin.",

@@ -66,9 +66,9 @@ def contenders(
 @cache
 def _load_cvode() -> ctypes.CDLL:
     """Return the library CVODE, whose symbols include those that it depends on; raises Unavailable."""
-    found = importlib.util.find_spec("sksundae")
-    folder = Path(found.origin).parents[1] / "scikit_sundae.libs" if found and found.origin else Path()
-    paths = [path for word in ("core", "cvode") for path in folder.glob(f"libsundials_{word}[-.]*")]
+    package = importlib.util.find_spec("sksundae")
+    folder = Path(package.origin).parents[1] / "scikit_sundae.libs" if package and package.origin else Path()
+    paths = [path for library in ("core", "cvode") for path in folder.glob(f"libsundials_{library}[-.]*")]
     if len(paths) < 2:
         raise Unavailable("not installed: scikit-sundae, with shared libraries of SUNDIALS")
     library = [ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL) for path in paths][-1]
@@ -119,8 +119,8 @@ def _make(
         for moment in moments[1:]:
             status = cvode.CVode(memory, moment, vector, ctypes.byref(reached), NORMAL)
             if status < 0:
-                nothing = np.zeros((0, structure.n_nodes, 3))
-                return partial(Run, nothing, "failed", f"CVODE returned {status}", 0, 0)
+                no_positions = np.zeros((0, structure.n_nodes, 3))
+                return partial(Run, no_positions, "failed", f"CVODE returned {status}", 0, 0)
             states.append(state.copy())
         return partial(look, states)
 
@@ -128,9 +128,9 @@ def _make(
         counts = [ctypes.c_long(), ctypes.c_long()]
         cvode.CVodeGetNumSteps(memory, ctypes.byref(counts[0]))
         cvode.CVodeGetNumRhsEvals(memory, ctypes.byref(counts[1]))
-        place = np.tile(structure.node_position, (len(times), 1, 1))
-        place[:, node, axis] = np.array(states)[:, : len(node)]
-        return Run(place, "ok", "", *(count.value for count in counts))
+        position = np.tile(structure.node_position, (len(times), 1, 1))
+        position[:, node, axis] = np.array(states)[:, : len(node)]
+        return Run(position, "ok", "", *(count.value for count in counts))
 
     return Contender(name, "peer", "node_position", "cvode", "tolerance", TOLERANCES, run)
 
@@ -151,14 +151,14 @@ def _set_motion(model: CompiledModel, path: Path, n: int) -> _Motion:
     getattr(library, f"{name}_work")(*map(ctypes.byref, sizes))
     n_arg, n_res, n_iw, n_w = (size.value for size in sizes)
     names = list(model.function("acceleration").arguments)
-    others = [model.nominal(word) for word in names]
+    nominal = [model.nominal(name) for name in names]
     arg, res = (ctypes.c_void_p * (n_arg + 1))(), (ctypes.c_void_p * max(1, n_res))()
-    arg[: len(names)] = [array.ctypes.data for array in others]
+    arg[: len(names)] = [array.ctypes.data for array in nominal]
     iw, w = (ctypes.c_longlong * max(1, n_iw))(), (ctypes.c_double * max(1, n_w))()
     # Accelerations without damping have no velocity, which then goes to the place behind all arguments.
-    places = [names.index(word) if word in names else n_arg for word in ("coordinate", "velocity")]
+    argument_index = [names.index(name) if name in names else n_arg for name in ("coordinate", "velocity")]
     functions = (ctypes.CDLL(None).N_VGetArrayPointer, getattr(library, name))
-    parts = (ctypes.cast(part, ctypes.c_void_p) for part in (*functions, arg, res, iw, w))
-    motion = _Motion(*parts, n, *places)
-    motion.kept = (library, others, arg, res, iw, w)  # what it points to
+    pointers = (ctypes.cast(pointer, ctypes.c_void_p) for pointer in (*functions, arg, res, iw, w))
+    motion = _Motion(*pointers, n, *argument_index)
+    motion.kept = (library, nominal, arg, res, iw, w)  # what it points to
     return motion

@@ -48,28 +48,28 @@ def _make(problem: MotionProblem, integrator: str, rigid: NDArray[np.bool_]) -> 
     bodies = model.site_bodyid[sites]
     data = mujoco.MjData(model)
     start = _start_velocity(mujoco, model, data, structure)
-    apart = times[1] - times[0]
+    interval = times[1] - times[0]
     on_rods = np.isin(np.arange(structure.n_nodes), structure.connectivity[rigid])[:, None]
     load = np.where(on_rods, 0.0, structure.node_load)  # of the others motors take care
 
     def run(setting: float) -> Callable[[], Run]:
-        count = max(1, int(np.ceil(apart / (setting * problem.t_end) * (1 - 1e-12))))
-        model.opt.timestep = apart / count
+        count = max(1, int(np.ceil(interval / (setting * problem.t_end) * (1 - 1e-12))))
+        model.opt.timestep = interval / count
         mujoco.mj_resetData(model, data)
         data.qvel[:] = start
         data.xfrc_applied[bodies, :3] = load
         data.ctrl[:] = 1.0
-        places = []
+        positions = []
         for index in range(len(times)):
             if index:
                 mujoco.mj_step(model, data, nstep=count)
             mujoco.mj_kinematics(model, data)
-            places.append(data.site_xpos[sites].copy())
+            positions.append(data.site_xpos[sites].copy())
         # MuJoCo sets a state that has become wild back to the start, and warns.
         wild = sum(int(data.warning[k].number) for k in _wild(mujoco))
         status = "unstable" if wild else "ok"
         steps = count * (len(times) - 1)
-        return partial(Run, np.array(places), status, "reset itself" if wild else "", steps, 0)
+        return partial(Run, np.array(positions), status, "reset itself" if wild else "", steps, 0)
 
     added = ", rigid bars" if (rigid & ~structure.is_rigid).any() else ""
     name = f"MuJoCo{' (rigid bars)' if added else ''} {integrator}"
@@ -118,34 +118,34 @@ def _check(structure: Structure, rigid: NDArray[np.bool_]) -> None:
 
 def _write_bodies(structure: Structure, rigid: NDArray[np.bool_]) -> str:
     """Return a body for each rigid bar and each node on none; trees of bars begin at anchors."""
-    place, anchored = structure.node_position, structure.node_anchored[:, list(structure.axes)]
-    left = {int(e) for e in np.flatnonzero(rigid)}
+    position, anchored = structure.node_position, structure.node_anchored[:, list(structure.axes)]
+    remaining = {int(e) for e in np.flatnonzero(rigid)}
     done: set[int] = set()  # nodes that have a site
 
     def grow(node: int, origin: FloatArray, joints: str) -> str:
         """Return the bodies of all bars that are left at a node, in a body at `origin`."""
         text = ""
-        for bar in sorted(left):
+        for bar in sorted(remaining):
             ends = structure.connectivity[bar].tolist()
-            if bar not in left or node not in ends:
+            if bar not in remaining or node not in ends:
                 continue
-            left.discard(bar)
-            other = sum(ends) - node
-            if other in done or anchored[other].any():
+            remaining.discard(bar)
+            far_node = sum(ends) - node
+            if far_node in done or anchored[far_node].any():
                 raise Unavailable("rigid bars in a loop would be joined by its soft constraints")
-            carried = [k for k in (node, other) if k not in done]
+            carried = [k for k in (node, far_node) if k not in done]
             done.update(carried)
-            inner = grow(other, place[node], BALL) + grow(node, place[node], BALL)
-            text += _rod(structure, bar, (node, other), carried, place[node] - origin, joints + inner)
+            inner = grow(far_node, position[node], BALL) + grow(node, position[node], BALL)
+            text += _rod(structure, bar, (node, far_node), carried, position[node] - origin, joints + inner)
         return text
 
     text = ""
-    for node in sorted(range(len(place)), key=lambda k: (-int(anchored[k].sum()), k)):
+    for node in sorted(range(len(position)), key=lambda k: (-int(anchored[k].sum()), k)):
         if node in done:
             continue
         if anchored[node].all() or node not in structure.connectivity[rigid]:
             done.add(node)
-            text += _point(structure, node, grow(node, place[node], BALL))
+            text += _point(structure, node, grow(node, position[node], BALL))
         elif anchored[node].any():
             text += grow(node, np.zeros(3), _slides(structure, node) + BALL)
         else:
@@ -161,8 +161,8 @@ def _slides(structure: Structure, node: int) -> str:
 def _point(structure: Structure, node: int, inner: str) -> str:
     joints, mass = _slides(structure, node), float(structure.node_mass[node])
     inertia = f'<inertial pos="0 0 0" mass="{mass!r}" diaginertia="1 1 1"/>' if joints else ""
-    place = _numbers(structure.node_position[node])
-    return f'<body pos="{place}">{joints}{inertia}<site name="s{node}"/>{inner}</body>'
+    position = _numbers(structure.node_position[node])
+    return f'<body pos="{position}">{joints}{inertia}<site name="s{node}"/>{inner}</body>'
 
 
 def _rod(
@@ -174,12 +174,12 @@ def _rod(
     """
     points = structure.node_position[carried] - structure.node_position[ends[0]]
     along = structure.node_position[ends[1]] - structure.node_position[ends[0]]
-    own, masses = float(structure.member_mass[member]), structure.node_mass[carried]
-    total, length = own + float(masses.sum()), float(np.linalg.norm(along))
+    own_mass, masses = float(structure.member_mass[member]), structure.node_mass[carried]
+    total, length = own_mass + float(masses.sum()), float(np.linalg.norm(along))
     if not total > 0.0:
         raise Unavailable("a rigid bar without mass")
-    centre = (own * along / 2 + masses @ points) / total
-    across = own * length**2 / 12 + own * np.sum((along / 2 - centre) ** 2)
+    centre = (own_mass * along / 2 + masses @ points) / total
+    across = own_mass * length**2 / 12 + own_mass * np.sum((along / 2 - centre) ** 2)
     across = max(across + masses @ np.sum((points - centre) ** 2, axis=1), THIN * total * length**2)
     sites = "".join(f'<site name="s{k}" pos="{_numbers(p)}"/>' for k, p in zip(carried, points, strict=True))
     inertia = _numbers(across * np.array([1.0, 1.0, THIN]))
@@ -190,9 +190,9 @@ def _rod(
 
 
 def _tendon(structure: Structure, member: int) -> str:
-    rest = float(structure.rest_length[member])
+    rest_length = float(structure.rest_length[member])
     mu = float(structure.mu[member])
-    spring = f"0 {rest!r}" if structure.tension_only[member] else f"{rest!r}"
+    spring = f"0 {rest_length!r}" if structure.tension_only[member] else f"{rest_length!r}"
     ends = "".join(f'<site site="s{int(k)}"/>' for k in structure.path(member))
     damping = float(structure.damping[member])
     return f'<spatial stiffness="{mu!r}" damping="{damping!r}" springlength="{spring}">{ends}</spatial>'
@@ -202,15 +202,15 @@ def _start_velocity(mujoco: Any, model: Any, data: Any, structure: Structure) ->
     """Return the joint velocities that give the nodes their speeds, by least squares."""
     mujoco.mj_resetData(model, data)
     mujoco.mj_forward(model, data)
-    rows, wanted = [], []
+    rows, targets = [], []
     for node in range(structure.n_nodes):
         block = np.zeros((3, model.nv))
         site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"s{node}")
         mujoco.mj_jacSite(model, data, block, None, site)
         rows.append(block)
-        wanted.append(structure.node_velocity[node])
-    found: FloatArray = np.linalg.lstsq(np.concatenate(rows), np.concatenate(wanted), rcond=None)[0]
-    return found
+        targets.append(structure.node_velocity[node])
+    solution: FloatArray = np.linalg.lstsq(np.concatenate(rows), np.concatenate(targets), rcond=None)[0]
+    return solution
 
 
 def _numbers(values: FloatArray) -> str:

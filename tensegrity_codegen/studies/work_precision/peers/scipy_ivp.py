@@ -57,21 +57,21 @@ def _make(
     motion = compiled()
     model, start, times = motion.model, motion.state, problem.sample_time
     derivative = _build_derivative(motion)
-    nothing = np.zeros((0, problem.structure.n_nodes, 3))
+    no_positions = np.zeros((0, problem.structure.n_nodes, 3))
 
     def run(setting: float) -> Callable[[], Run]:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # what they say is in the status
-                found = solve(derivative, start, times, setting)
+                solution = solve(derivative, start, times, setting)
         except NonFiniteError as error:
-            return partial(Run, nothing, "unstable", error.problem, 0, 0)
-        return lambda: look(*found)
+            return partial(Run, no_positions, "unstable", error.problem, 0, 0)
+        return lambda: look(*solution)
 
     def look(reached: FloatArray, states: FloatArray, problem_text: str, count: int) -> Run:
         raw = RawTrajectory(reached, states, "ok", "", name, 0, 0)
-        place = place_samples(model, raw, motion.arguments) if len(states) else nothing
-        return Run(place, "failed" if problem_text else "ok", problem_text, len(reached), count)
+        position = place_samples(model, raw, motion.arguments) if len(states) else no_positions
+        return Run(position, "failed" if problem_text else "ok", problem_text, len(reached), count)
 
     return Contender(name, "peer", _title(problem), name.split()[1], "tolerance", TOLERANCES, run)
 
@@ -82,11 +82,11 @@ def _build_derivative(motion: CompiledMotion) -> Derivative:
     n = len(motion.model.manifest.coordinate_name)
     arrays = [motion.arguments.get(name, motion.model.nominal(name)) for name in function.arguments]
     changing = [(k, name) for k, name in enumerate(function.arguments) if name in ("coordinate", "velocity")]
-    parts = [(k, slice(0, n) if name == "coordinate" else slice(n, 2 * n)) for k, name in changing]
+    slices = [(k, slice(0, n) if name == "coordinate" else slice(n, 2 * n)) for k, name in changing]
 
     def derivative(_: float, x: FloatArray) -> FloatArray:
-        for k, part in parts:
-            arrays[k] = x[part]
+        for k, state_slice in slices:
+            arrays[k] = x[state_slice]
         return np.concatenate([x[n:], function.values(arrays, None)])
 
     return derivative
@@ -95,11 +95,11 @@ def _build_derivative(motion: CompiledMotion) -> Derivative:
 def _solve_ivp(
     method: Any, derivative: Derivative, start: FloatArray, times: FloatArray, rtol: float
 ) -> tuple[FloatArray, FloatArray, str, int]:
-    found = solve_ivp(
+    solution = solve_ivp(
         derivative, (0.0, times[-1]), start, method, t_eval=times, rtol=rtol, atol=ATOL_OF_RTOL * rtol
     )
-    states = found.y.T if np.size(found.y) else np.zeros((0, len(start)))
-    return found.t, states, "" if found.status == 0 else str(found.message), int(found.nfev)
+    states = solution.y.T if np.size(solution.y) else np.zeros((0, len(start)))
+    return solution.t, states, "" if solution.status == 0 else str(solution.message), int(solution.nfev)
 
 
 def _ode(
@@ -129,10 +129,10 @@ def _odeint(
     derivative: Derivative, start: FloatArray, times: FloatArray, rtol: float
 ) -> tuple[FloatArray, FloatArray, str, int]:
     atol = ATOL_OF_RTOL * rtol
-    found: Any = odeint(
+    result: Any = odeint(
         derivative, start, times, full_output=True, tfirst=True, rtol=rtol, atol=atol, mxstep=MOST_STEPS
     )
-    states, told = found
+    states, told = result
     is_whole = told["message"] == "Integration successful."
     return times, states, "" if is_whole else told["message"], int(told["nfe"][-1])
 

@@ -90,8 +90,8 @@ def _make(problem: MotionProblem, setting: Setting, write: Callable[[], dict[str
     if setting.options.get("linear_solver") == "lapacklu" and structure.n_members > MOST_DENSE:
         raise Unavailable(f"not attempted above {MOST_DENSE} members")
     ode = write()
-    places = structure.coordinate_node_axis
-    node, axis = places.T
+    node_axes = structure.coordinate_node_axis
+    node, axis = node_axes.T
     start = np.concatenate([structure.node_position[node, axis], structure.node_velocity[node, axis]])
     solvers: dict[float, ca.Function] = {}
 
@@ -116,7 +116,7 @@ def _make(problem: MotionProblem, setting: Setting, write: Callable[[], dict[str
 
     def look(states: Any, stats: dict[str, Any]) -> Run:
         result = np.tile(structure.node_position, (len(problem.sample_time), 1, 1))
-        result[1:, node, axis] = states[:, : len(places)]
+        result[1:, node, axis] = states[:, : len(node_axes)]
         return Run(result, "ok", "", int(stats.get("nsteps", 0)), int(stats.get("nfevals", 0)))
 
     name, solver = setting.name, setting.solver
@@ -156,6 +156,7 @@ def _write_compiled(problem: MotionProblem, compiler: str | None) -> tuple[dict[
     names = model.function("acceleration").arguments
     values = [given[name] if name in given else model.nominal(name) for name in names]
     has_jacobian = any(
-        part.name == "casadi_derivatives" and part.is_included for part in model.manifest.parts
+        source_part.name == "casadi_derivatives" and source_part.is_included
+        for source_part in model.manifest.parts
     )
     return {"x": state, "ode": ca.vertcat(velocity, acceleration(*values))}, has_jacobian

@@ -15,11 +15,12 @@ from scipy import optimize
 from tensegrity_codegen.runtime.paths.continuation import StepControl
 from tensegrity_codegen.studies.papers.lin.events import (
     DIRECTIONS,
+    compare_stiffness,
+    find_force,
     find_load_events,
     follow_load,
     survey_directions,
 )
-from tensegrity_codegen.studies.papers.lin.stiffness import compare_stiffness, find_force
 from tensegrity_codegen.studies.papers.lin.tables import (
     compare_sensitivity,
     compare_tables,
@@ -239,7 +240,7 @@ def test_up_to_the_first_slack_spring_the_law_does_not_matter() -> None:
 def test_work_is_the_change_of_potential(tension_only: bool, top: int) -> None:
     model = compile_prism(tension_only=tension_only)
     for direction in DIRECTIONS:
-        found = compare_work(*follow_load(model, top, direction, most=20.0))
+        found = compare_work(*follow_load(model, top, direction, max_load=20.0))
         assert abs(found["difference"]) < 1e-10
         assert found["work"] > 0.05
 
@@ -255,7 +256,7 @@ def test_work_is_the_change_of_potential_through_a_limit_point() -> None:
 
 def test_a_path_that_skips_a_kink_has_another_work() -> None:
     """The check can fail: without the point at the kink the quadrature is only good to its order."""
-    problem, path = follow_load(compile_prism(), most=10.0)
+    problem, path = follow_load(compile_prism(), max_load=10.0)
     assert abs(compare_work(problem, path, nodes=1)["difference"]) > 1e-10
 
 

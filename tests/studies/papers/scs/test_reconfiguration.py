@@ -8,9 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tensegrity_codegen.studies.papers.scs.paths import QuinticPath, TorqueFreePath, blend
 from tensegrity_codegen.studies.papers.scs.printed import PrintedTower
-from tensegrity_codegen.studies.papers.scs.reconfiguration import plan_reconfiguration
+from tensegrity_codegen.studies.papers.scs.reconfiguration import (
+    QuinticPath,
+    TorqueFreePath,
+    blend,
+    plan_reconfiguration,
+)
 from tensegrity_codegen.studies.papers.scs.symmetry import GROUPS
 from tensegrity_codegen.system.errors import InfeasibleError, InvalidValueError, NonFiniteError
 from tests.studies.papers.scs.subjects import paper_motion, pose, torque_free, tower
