@@ -15,9 +15,9 @@ import pytest
 from hypothesis import Phase, settings
 from platformdirs import user_cache_path
 
-from tensegrity_codegen.sweeps.engines.threads import limit_threads
 from tensegrity_codegen.system.cache_root import CACHE_VARIABLE, check_parents, make_private
 from tensegrity_codegen.system.errors import UnsafeCacheError
+from tensegrity_codegen.system.threads import limit_threads
 from tests.codegen.quickly import without_optimisation
 
 ROOT = Path(__file__).resolve().parent.parent

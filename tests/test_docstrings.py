@@ -72,7 +72,8 @@ INTERNAL = {
     *("simulation_quantities", "Pattern", "Method", "outline_motion"),
     *("live_folder", "find_request", "settle_drawable", "check_follow", "settle_method"),
     *("EXPORTER", "NUMBERS", "WORDS", "EquilibriaTable", "check_search_options"),
-    *("find_equilibrium", "choose_request", "move_back"),
+    *("find_equilibrium", "choose_request", "move_back", "LoopSource", "write_closed_loop"),
+    *("Sensing", "find_sensing", "find_cables", "CableTensions", "TensionLine", "TensionProgram"),
 }
 HEADINGS = ("Parameters", "Attributes", "Returns", "Raises", "Notes", "Examples")
 

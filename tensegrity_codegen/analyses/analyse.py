@@ -128,7 +128,7 @@ class Analyse(AtPoint):
         results["natural_frequency"] = () if analysis.modes is None else analysis.modes.frequency
         return results
 
-    def check_files(self, paths: "Mapping[str, Path | None]") -> None:
+    def check_files(self, paths: "Mapping[str, Any]") -> None:
         """Raise InvalidValueError where one of --prestress and --scene-out lacks the other."""
         if (self.prestress is None) != (paths.get("scene_out") is None):
             raise InvalidValueError(
@@ -209,15 +209,14 @@ class AnalyseResult(Result):
             return True
         if name == "page":
             from tensegrity_codegen.report.analysis_page import build_analysis_page
-            from tensegrity_codegen.report.pages.page import render_page
+            from tensegrity_codegen.report.pages.page import write_page
             from tensegrity_codegen.structure.outline import outline_bodies
-            from tensegrity_codegen.system.files import write_text
             from tensegrity_codegen.system.progress import work_pass
 
             with work_pass("drawing"):
                 drawn, command = outline_bodies(subject), self.case.command
                 page = build_analysis_page(self.analysis, drawn, subject.member_name, command)
-                write_text(render_page(page), path, overwrite=overwrite)
+                write_page(page, path, overwrite=overwrite)
             return True
         return self._write_prestressed(path, overwrite)
 

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.analyses.cases.quantities import CaseArguments, Outcomes
 from tensegrity_codegen.analyses.cases.record import CaseAnalysis, Option, Output
+from tensegrity_codegen.analyses.cases.scene_case import SceneCase
 from tensegrity_codegen.analyses.cases.unchanged_loop import SweptPlant, UnchangedLoop
+from tensegrity_codegen.analyses.plans.held_motion import FeedbackDesign, FeedbackOptions, HeldMotion
 from tensegrity_codegen.control.embedded.parts import (
     SIMULATED_LOOP_NAME,
     ControllerCode,
@@ -19,49 +21,31 @@ from tensegrity_codegen.control.embedded.parts import (
     find_model_and_request,
 )
 from tensegrity_codegen.control.embedded.write import write_files
-from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.control.feedback.loop.sampled_plant import count_samples
-from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.control.feedback.mpc import HORIZON
 from tensegrity_codegen.control.feedback.study.control_study import (
     RunMeasures,
     find_time_constants,
     measure_run,
 )
-from tensegrity_codegen.control.feedback.study.linear_loop import design_slow_estimator
-from tensegrity_codegen.control.feedback.study.read_files import read_path
 from tensegrity_codegen.control.feedback.study.stated_errors import (
-    HELD_TIME,
     Draws,
     StatedErrors,
     check_errors,
-    check_times,
     draw_errors,
     find_default_times,
     read_draws,
     read_times,
 )
-from tensegrity_codegen.control.feedback.study.tuning import (
-    choose_weights,
-    design_limited,
-    read_least_tension,
-)
-from tensegrity_codegen.control.feedback.time_motion import time_motion
-from tensegrity_codegen.control.planning.plan import plan
-from tensegrity_codegen.control.planning.target_text import read_targets
-from tensegrity_codegen.control.planning.targets import find_target_quantities
-from tensegrity_codegen.pipeline.analyses import Needs, find_needs, want_analyses
-from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
+from tensegrity_codegen.pipeline.analyses import Needs, find_needs
+from tensegrity_codegen.pipeline.build_library import MANY_CALLS
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
-from tensegrity_codegen.runtime.records.timed_motion import Motion
-from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
-    InfeasibleError,
     InvalidValueError,
     NonFiniteError,
     check_choice,
@@ -70,7 +54,6 @@ from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.request import ModelRequest
 
-SLOWER = 2.0  # than the shortest motion: the other half of the rates is for feedback, as in the verb
 # Results of the worst draw of each case: type, unit, sentence.
 RESULTS = {
     "end_error": ("float64", "m", "Largest distance of a node from the motion at the end."),
@@ -133,44 +116,32 @@ class SweptControl(CaseAnalysis):
         FormulationError, StructureError: as of `design_lqr`, `design_kalman`, `design_distribution` and
         `design_mpc`: a scene without actuators, for example.
         """
-        targets = [text.strip() for text in (self.to or "").split(";") if text.strip()]
-        self._check(targets)
-        read_least_tension(self.least_tension)
+        held, options = self._held_motion, self._feedback
+        held.check(self.sample_time, self.t_end, self.last)
+        options.check()
         # The motion of the unchanged scene, and feedback about it.
-        structure, request = load_scene(scene)
-        wanted = want_analyses(
-            structure,
-            request,
-            ("plan", "time_motion", "control") if self._moves else ("equilibrium", "control"),
-            besides=Needs(find_target_quantities(read_targets(targets)) if targets else ()),
-        )
-        model = build_library(structure, wanted, calls=MANY_CALLS).load()
-        motion = self._find_motion(model, targets)
-        tuning = choose_weights(model, motion, sample=self.sample_time, effort=self.effort)
-        gains = design_lqr(
-            model, motion, tuning.Q, tuning.R, sample=self.sample_time, integral_action=tuning.integral_action
-        )
-        feedback, spread = design_limited(
-            model, motion, tuning, gains, least_tension=self.least_tension, mpc=self.mpc, horizon=self.horizon
-        )
-        estimator = None
-        if structure.sensors:
-            estimator, _ = design_slow_estimator(model, motion, gains, tuning.scales)
+        case = SceneCase(*load_scene(scene))
+        request = held.request_model(case)
+        model = case.build_library(case.subject, request, MANY_CALLS).load()
+        motion = held.find(case, model, self.t_end)
+        built = FeedbackDesign(model, motion, options, {}).build()
+        estimator, tuning = built["estimator"], built["tuning"]
         described, alone = find_model_and_request(model, motion)
         parts = collect_parts(
-            described, motion, gains=feedback, estimator=estimator, distribution=spread,
+            described, motion, gains=built["gains"], estimator=estimator,
+            distribution=built["distribution"],
             sample=self.sample_time, limits=None, code=ControllerCode(name=SIMULATED_LOOP_NAME),
         )  # fmt: skip
         # What disturbs all cases alike, and how long.
         draws = read_draws(Draws(self.draws, self.draw_seed))
         stated = StatedErrors(start_error=self.start_error, stiffness_error=0.0)
         check_errors(model, stated)
-        default = find_default_times(motion, *find_time_constants(gains, estimator))[0]
+        default = find_default_times(motion, *find_time_constants(built["stored_gains"], estimator))[0]
         end, last = read_times(self.sample_time, default, self.t_end, self.last)
         count_samples(end, self.sample_time)
         design = UnchangedLoop(
             model,
-            wanted,
+            request,
             parts,
             write_files(parts, alone, find_precision("double")),
             tuple(draw_errors(model, stated, tuning.scales, self.draw_seed, k) for k in range(draws.number)),
@@ -180,38 +151,26 @@ class SweptControl(CaseAnalysis):
         return replace(self, design=design)
 
     @property
-    def _moves(self) -> bool:
-        return self.to is not None or self.plan is not None
-
-    def _check(self, targets: Sequence[str]) -> None:
-        """Raise InvalidValueError for options that do not fit each other or are out of range."""
-        if self.to is not None and (self.plan is not None or not targets):
+    def _held_motion(self) -> HeldMotion:
+        targets = tuple(text.strip() for text in (self.to or "").split(";") if text.strip())
+        if self.to is not None and not targets:
             raise InvalidValueError(
-                "no motion, or two", where="to", given=f"to {self.to!r}, plan {self.plan!r}",
-                allowed="targets such as tilt=10, or a plan, or neither: then the equilibrium is held",
-            )  # fmt: skip
-        if not self._moves and self.duration is not None:
-            raise InvalidValueError(
-                "an equilibrium that is held has no duration", where="duration", given=self.duration,
-                allowed="with `to` or `plan`", hint="`t_end` sets the simulated time",
-            )  # fmt: skip
-        check_times(self.sample_time, duration=self.duration, t_end=self.t_end, last=self.last)
+                "no target",
+                where="to",
+                given=self.to,
+                allowed="targets such as tilt=10, joined by semicolons",
+            )
+        return HeldMotion(targets, self.plan, duration=self.duration)
 
-    def _find_motion(self, model: CompiledModel, targets: Sequence[str]) -> Motion:
-        """Return the motion of the unchanged scene."""
-        if not self._moves:
-            return build_rest(model, find_equilibrium(model), self.t_end or HELD_TIME)
-        if self.plan is not None:
-            path: Any = read_path(self.plan, model)
-        else:
-            path = plan(model, targets)
-            if not path.is_found or path.n_steps == 0:
-                raise InfeasibleError(
-                    f"there is no plan to hold: {path.message}", evidence={"status": path.status},
-                    where=", ".join(targets), hint="the verb plan shows what binds",
-                )  # fmt: skip
-        motion = time_motion(model, path, self.duration)
-        return motion if self.duration else time_motion(model, path, SLOWER * motion.duration)
+    @property
+    def _feedback(self) -> FeedbackOptions:
+        return FeedbackOptions(
+            sample=self.sample_time,
+            effort=self.effort,
+            least_tension=self.least_tension,
+            mpc=self.mpc,
+            horizon=self.horizon,
+        )
 
     def needs(self, structure: Subject, request: ModelRequest) -> Needs:
         """Return what a simulated loop needs; parameters are those that the keys need."""

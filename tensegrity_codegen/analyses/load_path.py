@@ -79,7 +79,7 @@ class FollowLoadPath(AnalysisRecord):
     )
     step: Annotated[float, Option("largest step; a straight path is about 1.4 long.")] = 0.1
 
-    def check_files(self, paths: "Mapping[str, Path | None]") -> None:
+    def check_files(self, paths: "Mapping[str, Any]") -> None:
         """Raise the error of an event, a step or a load factor that cannot be, before the work begins."""
         _parse_events(self.events)
         _check_options(self.most, self.floor, self.step)

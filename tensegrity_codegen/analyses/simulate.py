@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from tensegrity_codegen.analyses.cases.record import Output, ResultFile
@@ -68,7 +67,7 @@ class Simulate(MotionAnalysis):
         ),
     )
 
-    def check_files(self, paths: Mapping[str, Path | None]) -> None:
+    def check_files(self, paths: Mapping[str, Any]) -> None:
         """Raise InvalidValueError for options that one motion, or many, do not have, or out of range."""
         from tensegrity_codegen.runtime.integrate.options import check_options
         from tensegrity_codegen.runtime.simulate.condition import find_quantities
@@ -77,12 +76,12 @@ class Simulate(MotionAnalysis):
         check_options(self.run_options, self.t_end, self.samples)
         if self.event[1] is not None:
             find_quantities(self.event[1])
-        if paths["out"] is not None:
+        if "out" in paths:
             check_motion_file(paths["out"])
         if self.batch is None:
             return
         alone = {name: getattr(self, name) for name in ("until", "settle", "ground_check")}
-        for name, value in {**alone, "scene_out": paths["scene_out"]}.items():
+        for name, value in {**alone, "scene_out": paths.get("scene_out")}.items():
             if value:
                 raise InvalidValueError(
                     "not together with --batch",

@@ -78,7 +78,8 @@ def _list_parameters(record: type[AnalysisRecord]) -> Mapping[str, tuple[Any, An
         parameters[item.parameter] = _declare(item)
     for file in record.files:
         names = [f"--{file.name.replace('_', '-')}", *(["-o"] if file.name == "out" else [])]
-        parameters[file.name] = (Annotated[Path | None, typer.Option(*names, help=file.help)], None)
+        kind: Any = list[Path] if file.is_list else Path
+        parameters[file.name] = (Annotated[kind | None, typer.Option(*names, help=file.help)], None)
     if record.files:
         both = Annotated[bool, typer.Option("--overwrite/--no-overwrite", help="Replace files that exist.")]
         is_scene = any(file.may_be_scene for file in record.files)
@@ -96,10 +97,11 @@ def _declare(item: Option) -> tuple[Any, Any]:
     option = typer.Option(f"--{item.argument.replace('_', '-')}", help=help, min=item.least)
     if item.flag:
         return Annotated[bool, option], False
-    if get_origin(item.type) is tuple:
-        return Annotated[list[str] | None, option], None
     default = item.default if item.verb_default is SAME else item.verb_default
-    return Annotated[item.type, option], inspect.Parameter.empty if default is ... else default
+    kind: Any = item.type
+    if get_origin(item.type) is tuple:
+        kind, default = (list[str], ...) if default is ... else (list[str] | None, None)
+    return Annotated[kind, option], inspect.Parameter.empty if default is ... else default
 
 
 def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
@@ -108,15 +110,17 @@ def _run(record: type[AnalysisRecord], given: dict[str, Any]) -> None:
     output = Output(printing.json, printing.all)
     with output.guard(scene):
         paths = {file: given[file.name] for file in record.files}
+        files = {file.name: path for file, path in paths.items() if path}
         overwrite = given.get("overwrite", False)
         options = (given.get(item.parameter) for item in record.list_options())
         read = [value for value in options if isinstance(value, Path)]
         for file, path in paths.items():
             inputs = [*([] if file.may_be_scene and overwrite else [scene]), *read]
-            check_result(path, *file.endings, inputs=inputs, overwrite=overwrite, draws=file.draws)
+            for one in path or [None] if file.is_list else [path]:
+                check_result(one, *file.endings, inputs=inputs, overwrite=overwrite, draws=file.draws)
         analysis = _build_record(record, given)
-        analysis.check_files({file.name: path for file, path in paths.items()})
-        result = analysis.solve(_read_case(analysis, scene, given, output))
+        analysis.check_files(files)
+        result = analysis.solve(_read_case(analysis, scene, given, output, files))
         output.warn(*result.warnings)
         written = _write_files(result, paths, overwrite)
         output.result(result.as_dict() | written, *([] if output.as_json else result.describe()))
@@ -140,11 +144,18 @@ def _build_record(record: type[AnalysisRecord], given: Mapping[str, Any]) -> Ana
     return record(**values)
 
 
-def _read_case(analysis: AnalysisRecord, scene: Path, given: Mapping[str, Any], output: Output) -> Any:
+def _read_case(
+    analysis: AnalysisRecord,
+    scene: Path,
+    given: Mapping[str, Any],
+    output: Output,
+    files: Mapping[str, Any],
+) -> Any:
     """Return the scene with the values of --load and --input."""
     from tensegrity_codegen.analyses.cases.scene_case import SceneCase
 
     subject, request = output.load(scene, settles=analysis.settles)
+    subject = analysis.prepare_structure(subject)
     texts = given.get("load") or ()
     return SceneCase(
         subject,
@@ -157,18 +168,18 @@ def _read_case(analysis: AnalysisRecord, scene: Path, given: Mapping[str, Any], 
         command=quote_command(),
         whole=output.whole,
         flags=given.get("flags"),
+        files=files,
         name_options=name_options,
     )
 
 
-def _write_files(
-    result: Result, paths: Mapping[ResultFile, Path | None], overwrite: bool
-) -> dict[str, str | None]:
+def _write_files(result: Result, paths: Mapping[ResultFile, Any], overwrite: bool) -> dict[str, Any]:
     """Write what is asked for; return the path of each file by its key, None where there is none."""
-    written: dict[str, str | None] = {}
+    written: dict[str, Any] = {}
     for file, path in paths.items():
-        is_written = path is not None and result.write(file.name, path, overwrite=overwrite)
+        each = list(path or []) if file.is_list else [path] if path else []
+        done = [str(one) for one in each if result.write(file.name, one, overwrite=overwrite)]
         key = file.name if file.key is None else file.key
         if key:
-            written[key] = str(path) if is_written else None
+            written[key] = done if file.is_list else done[0] if done else None
     return written

@@ -15,6 +15,7 @@ from tensegrity_codegen.cli.options import parse_vector, read_folder
 from tensegrity_codegen.system.errors import InvalidValueError
 
 if TYPE_CHECKING:
+    from tensegrity_codegen.analyses.plans.held_motion import FeedbackOptions, HeldMotion
     from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust, StatedErrors
 
 
@@ -181,10 +182,11 @@ class MotionOptions:
     input: InputOption = None
     duration: DurationOption = None
 
-    @property
-    def is_at_rest(self) -> bool:
-        """Whether an equilibrium is held."""
-        return not self.to and self.plan is None
+    def to_motion(self) -> "HeldMotion":
+        """Return the motion that is held."""
+        from tensegrity_codegen.analyses.plans.held_motion import HeldMotion
+
+        return HeldMotion(tuple(self.to or ()), self.plan, tuple(self.actuate or ()), self.duration)
 
 
 @dataclass(frozen=True)
@@ -209,6 +211,13 @@ class DesignOptions(MpcOptions):
     estimator: EstimatorOption = True
     disturbance: DisturbanceOption = None
     only_observable: OnlyObservableOption = False
+
+    def to_feedback(self) -> "FeedbackOptions":
+        """Return the options of the controller."""
+        from tensegrity_codegen.analyses.plans.held_motion import FeedbackOptions
+
+        integral_action = None if self.integral_action is None else tuple(self.integral_action)
+        return FeedbackOptions(**{**vars(self), "integral_action": integral_action})
 
 
 @dataclass(frozen=True)

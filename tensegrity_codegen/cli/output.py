@@ -22,14 +22,13 @@ from tensegrity_codegen.system.errors import (
     escape_controls,
 )
 from tensegrity_codegen.system.extras import require_plot
-from tensegrity_codegen.system.files import check_ending, check_output, plain, write_text
+from tensegrity_codegen.system.files import check_ending, check_output, plain
 from tensegrity_codegen.system.progress import watched_passes, work_pass
 from tensegrity_codegen.system.temporary_files import announce_advice
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
-    from tensegrity_codegen.report.pages.page import Page
     from tensegrity_codegen.structure.bodies import BodySystem
     from tensegrity_codegen.structure.structure import Structure
     from tensegrity_codegen.system.journal import Resumption
@@ -306,13 +305,6 @@ def explain_system_error(error: OSError) -> OutputError:
         where=str(error.filename or ""),
         hint="check paths, permissions and free space",
     )
-
-
-def write_page(page: "Page", path: Path, *, overwrite: bool) -> None:
-    """Write a page whole or not at all; OutputError where one exists and may not be replaced."""
-    from tensegrity_codegen.report.pages.page import render_page
-
-    write_text(render_page(page), path, overwrite=overwrite)
 
 
 def check_result(

@@ -339,8 +339,8 @@ def test_a_structure_with_other_coordinates_is_no_case() -> None:
 @pytest.mark.parametrize(
     ("options", "kind", "words"),
     [
-        ({"to": "z=1", "plan": "a.npz"}, InvalidValueError, "no motion, or two"),
-        ({"to": " ; "}, InvalidValueError, "no motion, or two"),
+        ({"to": "z=1", "plan": "a.npz"}, InvalidValueError, "given twice"),
+        ({"to": " ; "}, InvalidValueError, "no target"),
         ({"duration": 2.0}, InvalidValueError, "has no duration"),
         ({"draws": 0}, InvalidValueError, "draws"),
         ({"draw_seed": -1}, InvalidValueError, "seed"),

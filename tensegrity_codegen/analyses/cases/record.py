@@ -153,6 +153,7 @@ class ResultFile:
     name: of the option; endings: allowed, such as ``".toml"``.
     draws: whether pictures are drawn in it; may_be_scene: whether it may replace the scene.
     key: of its path in the JSON; None: its name; empty: the result names it elsewhere.
+    is_list: whether the option may be repeated; its value is a list then.
     """
 
     name: str
@@ -161,6 +162,7 @@ class ResultFile:
     draws: bool = False
     may_be_scene: bool = False
     key: str | None = None
+    is_list: bool = False
 
 
 class Result(ABC):
@@ -221,9 +223,16 @@ class AnalysisRecord(ABC):
         """Whether the equilibrium is looked for first."""
         return True
 
-    def check_files(self, paths: "Mapping[str, Path | None]") -> None:
-        """Raise InvalidValueError where options and files do not belong together."""
+    def check_files(self, paths: "Mapping[str, Any]") -> None:
+        """Raise InvalidValueError where options and files do not belong together.
+
+        paths: of the files that are asked for, by their options; a list where an option may be repeated.
+        """
         return
+
+    def prepare_structure(self, structure: "Subject") -> "Subject":
+        """Return the structure whose inputs the command states, such as one with further actuators."""
+        return structure
 
     def solve(self, case: "SceneCase") -> Result:
         """Return the answer for one scene; raises what its steps raise."""

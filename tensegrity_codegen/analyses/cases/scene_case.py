@@ -27,6 +27,7 @@ class SceneCase:
     warn: called with sentences about what may be unexpected.
     command: the command that asks, for pages that name it.
     whole: whether tables are printed with all their rows.
+    files: paths of the files that are asked for, by their options.
     name_options: returns texts with arguments of Python named as the door that asks names them.
     """
 
@@ -40,6 +41,7 @@ class SceneCase:
     load_texts: tuple[str, ...] = ()
     whole: bool = False
     flags: str | None = None
+    files: Mapping[str, Any] = field(default_factory=dict)
     name_options: Callable[[Any], Any] = lambda value: value
 
     def build(self, subject: "Subject", request: "ModelRequest") -> "CompiledModel":

@@ -16,17 +16,13 @@ from tensegrity_codegen.cli.control_options import (
     read_errors,
 )
 from tensegrity_codegen.cli.controlled_motion import (
-    ControlDesign,
     check_build,
     check_motion_gusts,
-    check_motion_times,
-    compile_control,
-    find_motion,
+    read_controlled,
     write_controller,
 )
-from tensegrity_codegen.cli.inputs import read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, OverwriteOption, PrintOptions, SceneArgument
-from tensegrity_codegen.cli.output import Output, check_result, write_page
+from tensegrity_codegen.cli.output import Output, check_result
 from tensegrity_codegen.cli.verb import Verb, quote_command
 
 if TYPE_CHECKING:
@@ -65,31 +61,36 @@ def control(
     """
     output = Output(printing.json, printing.all)
     with output.guard(scene):
-        from tensegrity_codegen.control.feedback.study.tuning import read_least_tension
+        from tensegrity_codegen.analyses.plans.held_motion import FeedbackDesign
+        from tensegrity_codegen.pipeline.build_library import MANY_CALLS
         from tensegrity_codegen.runtime.model.array_file import write_arrays
 
         inputs = [scene, *(file for file in (held.plan, design.weights) if file is not None)]
         check_result(out, ".npz", inputs=inputs, overwrite=overwrite)
         check_result(page, ".html", inputs=inputs, overwrite=overwrite, draws=True)
         check_build(code, scene, overwrite)
-        read_least_tension(design.least_tension)
-        check_motion_times(held, design, study)
+        stated, options = held.to_motion(), design.to_feedback()
+        stated.check(options.sample, study.t_end, study.last)
+        options.check()
         # The motion, feedback about it, and its study.
-        subject, model, chosen = compile_control(output, scene, held, compiler)
-        arguments = read_inputs(held.input, subject, output)
+        case = read_controlled(output, scene, stated, held.input, compiler)
+        subject, arguments = case.subject, case.inputs
         errors = read_errors(study, subject.axes)
         check_motion_gusts(errors.gusts, study.t_end)
-        motion = find_motion(output, model, held, chosen, arguments=arguments, t_end=study.t_end)
-        controller = ControlDesign(
-            model, motion, design, arguments, study.in_c or design.mpc or code.build is not None, output.warn
+        model = case.build_library(subject, stated.request_model(case), MANY_CALLS).load()
+        motion = stated.find(case, model, study.t_end)
+        in_c = study.in_c or design.mpc
+        controller = FeedbackDesign(
+            model, motion, options, arguments, in_c or code.build is not None, output.warn
         )
         if controller.lacks_sensors:
             output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")
         with output.progress("designing feedback"):
             parts = controller.build()
+        del parts["stored_gains"]
         found = _study(
             output,
-            replace(study, in_c=study.in_c or design.mpc),
+            replace(study, in_c=in_c),
             model,
             motion,
             errors=errors,
@@ -133,6 +134,7 @@ def _write_page(
     output: Output, study: "ControlStudy", model: Any, subject: "Subject", page: Path, overwrite: bool
 ) -> None:
     from tensegrity_codegen.control.pages.control_page import build_control_page
+    from tensegrity_codegen.report.pages.page import write_page
     from tensegrity_codegen.structure.outline import outline_bodies
 
     with output.progress("drawing"):

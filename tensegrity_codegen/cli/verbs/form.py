@@ -94,7 +94,7 @@ def form(
         from tensegrity_codegen.pipeline.forming.form import form as find
         from tensegrity_codegen.report.tables import members_table
         from tensegrity_codegen.scene.write import write_scene
-        from tensegrity_codegen.sweeps.engines.threads import limit_threads
+        from tensegrity_codegen.system.threads import limit_threads
 
         if least_load_path or any(goals.values()):
             limit_threads()  # the matrices are too small for several: waiting for each other takes longer

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, PrintOptions, SceneArgument
-from tensegrity_codegen.cli.output import Output, check_result, write_page
+from tensegrity_codegen.cli.output import Output, check_result
 from tensegrity_codegen.cli.sweep_options import (
     CaseOptions,
     ResultOptions,
@@ -160,6 +160,7 @@ def summary(
 
         found = summarize(read_results(file), result or (), over or (), build_commands)
         if out is not None:
+            from tensegrity_codegen.report.pages.page import write_page
             from tensegrity_codegen.sweeps.summary.summary_page import build_summary_page
 
             write_page(build_summary_page(found, quote_command()), out, overwrite=overwrite)

@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from markupsafe import Markup, escape
@@ -19,7 +20,7 @@ from tensegrity_codegen.report.number_text import lower_indices
 from tensegrity_codegen.report.pages.diagram import Diagram, draw_diagram
 from tensegrity_codegen.report.pages.page_table import HINT_WIDTHS, Table
 from tensegrity_codegen.report.pages.picture import THEME, Picture, draw_picture
-from tensegrity_codegen.system.files import plain
+from tensegrity_codegen.system.files import plain, write_text
 
 if TYPE_CHECKING:
     import jinja2
@@ -317,6 +318,11 @@ def render_page(page: Page) -> str:
     """Return the page as HTML; all its words are escaped, only SVG pictures are taken as they are."""
     settings = {"theme": THEME, "hint_widths": HINT_WIDTHS}
     return html_template("pages", "page.html.j2", rich=_enrich).render(page=page, **settings)
+
+
+def write_page(page: Page, path: Path, *, overwrite: bool) -> None:
+    """Write a page whole or not at all; OutputError where one exists and may not be replaced."""
+    write_text(render_page(page), path, overwrite=overwrite)
 
 
 def _enrich(text: str) -> Markup:

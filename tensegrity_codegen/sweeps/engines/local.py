@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from tensegrity_codegen.sweeps.engines.engine import Engine
-from tensegrity_codegen.sweeps.engines.threads import limit_threads
 from tensegrity_codegen.sweeps.engines.work import Libraries, SweepWork, compute_task
 from tensegrity_codegen.sweeps.plan import Task
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.system.forked import DEFERRED, can_fork, deferred_signals, end_process
+from tensegrity_codegen.system.threads import limit_threads
 
 AHEAD = 2  # tasks that a worker has at a time: the next is there when it has sent a result
 END_TIME = 1.0  # [s] for which the end of processes is awaited, once one of them has ended

@@ -1,4 +1,4 @@
-"""One thread a worker: workers use all cores already."""
+"""Number of threads of linear algebra: one where small matrices or many workers use the cores better."""
 
 import ctypes
 import itertools
