@@ -33,9 +33,10 @@ class Simulate(MotionAnalysis):
     comparison becomes true, or another expression changes its sign.
 
     With --batch every row of coordinate, velocity, node_position, node_velocity, or of a run-time argument in
-    that file is a separate motion. Explicit methods in C integrate eight at a time in one core, where they
-    control the error of each step; with --control samples, --keep or --profile, motions run one after the
-    other.
+    that file is a separate motion. Explicit methods in C integrate eight at a time in one core, with
+    ever tighter steps until the error at the samples is within the tolerance; --control steps does it once
+    and does not estimate that error. With --keep or --profile, on the ground, and where steps would have to
+    end at events, motions run one after the other.
 
     With --input an input or actuator has a constant value from the start on; with --settle also in the
     equilibrium, and so do the first values of a profile.

@@ -29,7 +29,21 @@ def test_every_row_is_a_motion_of_its_own(run: Run, folder: Path, two_nodes: Pat
     assert data["node_position"].shape == (10, 5, *place.shape[1:])
     np.testing.assert_array_equal(data["node_position"][:, 0], place)
     assert data["status"].tolist() == ["ok"] * 10
-    assert all("is not estimated" in message for message in data["message"])
+    assert 0.0 < ended.data["largest_error_estimate"] <= 1.0
+    assert all("estimated error" in message for message in data["message"])
+    once = run.good(
+        "simulate",
+        two_nodes,
+        "--batch",
+        "starts.npz",
+        "--t-end",
+        0.2,
+        "--method",
+        "rk853",
+        "--control",
+        "steps",
+    )
+    assert "10 of 10 motions ok; the error of 10 is not estimated" in once.out
     assert run("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.2).code == 0  # auto, in words
 
 
@@ -44,7 +58,7 @@ def test_a_bad_start_is_told_and_ends_with_3(run: Run, folder: Path, two_nodes: 
     ended = run("simulate", two_nodes, *words)
     assert ended.code == 3
     assert ended.data["statuses"] == {"ok": 2, "non_finite_input": 1}
-    assert ended.data["control"] == "steps"
+    assert ended.data["control"] == "samples"
     assert "number 1" in ended.err
 
 

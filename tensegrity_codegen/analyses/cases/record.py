@@ -113,7 +113,6 @@ class Option:
     least: smallest value of a whole number.
     in_verb, in_sweep: whether the verb of the analysis, and the sweep, have it.
     verb_default: default in the verb, where it is another than in sweeps; `...`: it must be stated.
-    none_means: what a verb needs stated where a sweep has no value of this option.
     name, type, default: of the field, which `AnalysisRecord.list_options` fills in.
     """
 
@@ -124,7 +123,6 @@ class Option:
     in_verb: bool = True
     in_sweep: bool = True
     verb_default: Any = SAME
-    none_means: Any = None
     name: str = ""
     type: Any = str
     default: Any = None

@@ -164,7 +164,8 @@ class BatchAnswer(Result):
         summary = self.as_dict()
         extremes = _describe_extremes(summary, self.batch.find_flaws())
         return [
-            f"{summary['n_ok']} of {len(self.batch)} motions ok: {_say_excess(self)}{extremes}",
+            f"{summary['n_ok']} of {len(self.batch)} motions ok{self.batch.say_unestimated()}: "
+            f"{_say_excess(self)}{extremes}",
             _build_table(summary, self.case.name_options),
         ]
 

@@ -41,9 +41,8 @@ class MotionAnalysis(CaseAnalysis, ABC):
     control: Annotated[
         str | None,
         Option(
-            "what the tolerance limits: samples (total error; default of one motion), or steps (default of "
-            "many, and with --keep).",
-            none_means="steps",
+            "what the tolerance limits: samples (total error; default), or steps (default with --keep): of "
+            "many motions several times as fast, where the error at the samples is not estimated.",
         ),
     ] = None
     conserve: Annotated[

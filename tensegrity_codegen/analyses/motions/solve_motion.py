@@ -14,7 +14,6 @@ from tensegrity_codegen.pipeline.analyses import balance_energy, find_needs
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, BuiltLibrary
 from tensegrity_codegen.pipeline.settle import has_statics, settle_structure
 from tensegrity_codegen.runtime.analysis.stand import require_ground
-from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
 from tensegrity_codegen.runtime.integrate.raw_results import STOPPED_AT
 from tensegrity_codegen.runtime.paths.find_equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.simulate.condition import find_quantities
@@ -65,7 +64,7 @@ def solve_motion(analysis: MotionAnalysis, case: "SceneCase") -> MotionAnswer:
 
 def solve_starts(analysis: MotionAnalysis, case: "SceneCase", starts: Path) -> BatchAnswer:
     """Return the motions from the starts of a file, side by side where the method can."""
-    options = choose_batch_control(analysis.run_options, analysis.control)
+    options = analysis.run_options
     schedule = read_schedule(analysis.profile, analysis.profile_kind, analysis.t_end, case, case.inputs)
     needs = find_needs("simulate_batch", case.subject, case.request, method=options.method, rtol=options.rtol)
     library = case.build_library(case.subject, _keeping(analysis, needs.alone(case.request)), MANY_CALLS)

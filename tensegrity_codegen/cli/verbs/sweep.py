@@ -60,7 +60,6 @@ def _list_options(kind: "type[CaseAnalysis] | None", options: Mapping[str, Any])
     words = []
     for item in () if kind is None else kind.list_sweep_options():
         value = options.get(item.name)
-        value = item.none_means if value is None else value
         if not item.in_verb or value in (None, ""):
             continue
         if item.flag is None:

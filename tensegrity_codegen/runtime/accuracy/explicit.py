@@ -112,15 +112,20 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
 
 def _find_min_counted(motion: Motion, method: str) -> float:
     """Return the part of the difference of two runs that counts at least: where steps pass over kinks."""
-    manifest, structure = motion.model.manifest, motion.model.structure
+    structure = motion.model.structure
     is_blind = structure is None or bool(np.any(structure.tension_only | structure.has_switch))
     if not find_method(method).scipy:
         is_blind = find_min_counted(motion, method) > 0.0
     if not is_blind:
         return 0.0
+    return MIN_COUNTED_OVER_JUMPS if has_force_jumps(motion) else MIN_COUNTED_WITH_KINKS
+
+
+def has_force_jumps(motion: Motion) -> bool:
+    """Return whether forces may jump along a motion, as those of cables with damping do."""
+    manifest, structure = motion.model.manifest, motion.model.structure
     jumps = structure is None or bool(np.any(structure.tension_only & (structure.damping > 0.0)))
-    jumps = jumps or any(item.name == "damping" for item in manifest.arguments)
-    return MIN_COUNTED_OVER_JUMPS if jumps else MIN_COUNTED_WITH_KINKS
+    return jumps or any(item.name == "damping" for item in manifest.arguments)
 
 
 def integrate_scheduled(motion: Motion, options: RunOptions) -> RawTrajectory:

@@ -3,7 +3,6 @@
 import math
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, LibraryError
-from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec
+from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec, Manifest
 
 CountArray = NDArray[np.int64]
 
@@ -70,22 +69,14 @@ def integrate_batch(motion: Motion, options: RunOptions, threads: int = 1) -> Ra
     return run.result()
 
 
-def choose_batch_control(options: RunOptions, control: str | None) -> RunOptions:
-    """Return the options of a batch; control: None for the one that batches have by default.
+def runs_side_by_side(options: RunOptions, manifest: Manifest) -> bool:
+    """Return whether a batch integrates its motions side by side; else one by one, as `simulate` does.
 
-    Of motions side by side the error of each step is controlled, or a fixed step is compared with another.
+    Two runs that pass over contacts, slips and the like may agree and be wrong.
     """
     method = find_method(options.method)
-    if control is None and method.in_batches and not method.has_fixed_step:
-        return replace(options, control="steps")
-    return options
-
-
-def runs_side_by_side(options: RunOptions) -> bool:
-    """Return whether a batch integrates its motions side by side; else one by one, as `simulate` does."""
-    method = find_method(options.method)
-    by_step = method.has_fixed_step or options.control == "steps"
-    return method.in_batches and by_step and not options.keep
+    is_plain = method.has_fixed_step or options.control == "steps" or not manifest.needs_state_jacobian
+    return method.in_batches and is_plain and not options.keep
 
 
 class _Batch:

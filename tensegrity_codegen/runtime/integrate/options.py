@@ -37,8 +37,8 @@ class Stepping:
         needs a library built with ``keep = ["energy"]``.
     control : str, optional
         What the tolerances limit: ``"samples"`` (default), the estimated error of all samples, for which runs
-        are repeated with tighter tolerances; or ``"steps"`` (default with `keep`, and for batches of explicit
-        methods with error control), the error of each step.
+        are repeated with tighter tolerances; or ``"steps"`` (default with `keep`), the error of each step, in
+        one run whose error at the samples is not estimated.
     """
 
     step: float | None = None

@@ -140,8 +140,7 @@ def judge_ends(
             continue
         verdict, message = judge_end(word, float(stopped), end)
         if step is None:
-            told = f"{taken} steps, {rejected} rejected{unmonitored}; {NOT_ESTIMATED}"
-            ends.append((verdict, message or told))
+            ends.append((verdict, message or f"{taken} steps, {rejected} rejected{unmonitored}"))
         else:
             more = ": take a smaller step" if verdict == "unstable" else ""
             ends.append((verdict, message + more or f"fixed step {step:.6g} s{unmonitored}"))

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.runtime.accuracy.batch_control import integrate_batch_to_samples
 from tensegrity_codegen.runtime.accuracy.integrate import join_runs
 from tensegrity_codegen.runtime.accuracy.rates import find_fastest_of_batch
 from tensegrity_codegen.runtime.accuracy.scales import set_atol_by_length
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_batch_by_doubling
 from tensegrity_codegen.runtime.integrate.batch_integration import (
-    choose_batch_control,
     integrate_batch,
     runs_side_by_side,
 )
@@ -25,7 +25,7 @@ from tensegrity_codegen.runtime.integrate.options import (
     check_options,
     read_stepping,
 )
-from tensegrity_codegen.runtime.integrate.raw_results import RawBatch
+from tensegrity_codegen.runtime.integrate.raw_results import NOT_ESTIMATED, RawBatch
 from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
 from tensegrity_codegen.runtime.model.batch import check_threads
@@ -75,7 +75,8 @@ def simulate_batch(
         Number of equally spaced sample times.
     method : str
         Explicit methods in C integrate several motions in the vector lanes of a core; steps do not end at
-        events. Any other method of `simulate` integrates one motion after the other.
+        events, and motions whose error that leaves beyond the tolerance, or on the ground and of members with
+        memory, are integrated one after the other, as by any other method of `simulate`.
     rtol : float
         Relative tolerance.
     coordinate, velocity : array_like, shape (n_coordinates,) or (n_batch, n_coordinates), optional
@@ -86,8 +87,8 @@ def simulate_batch(
     schedule : Profile or callable, or a sequence of n_batch of them, optional
         As in `simulate`, the same for all motions or one for each; integrates one motion after the other.
     stepping : Stepping, optional
-        As in `simulate`. Kept energy, and explicit methods with error control of the samples, integrate one
-        motion after the other.
+        As in `simulate`. ``control="steps"`` is several times as fast, and the error is not estimated; kept
+        energy integrates one motion after the other.
     threads : int
         Number of threads; the results do not depend on it.
     progress : callable, optional
@@ -126,15 +127,11 @@ def simulate_batch(
     """
     require_model(model)
     check_callback(progress, "progress")
-    stepping_options = read_stepping(stepping)
-    options = stepping_options.with_method(method, rtol)
+    options = read_stepping(stepping).with_method(method, rtol)
     check_options(options, t_end, samples)
     require_simulation(model)
-    options = choose_batch_control(options, stepping_options.control)
     needs_events = any(model.manifest.subjects_of(kind) for kind in SET_STATES)
-    side_by_side = runs_side_by_side(options) and schedule is None and not needs_events
-    if side_by_side:
-        options = set_atol_by_length(model.manifest, options)
+    side_by_side = runs_side_by_side(options, model.manifest) and schedule is None and not needs_events
     check_threads(threads)
     schedules = tuple(schedule) if isinstance(schedule, Sequence) else schedule
     check_profiles(model, schedules, arguments)
@@ -183,10 +180,17 @@ def _read_starts(
 
 
 def _integrate(motion: Motion, options: RunOptions, threads: int) -> RawBatch:
-    """Return the samples of a batch; those of a fixed step are compared with those of another step."""
-    if options.step is None or options.control == "steps":
-        return integrate_batch(motion, options, threads)
+    """Return the samples of a batch, compared with those of other steps unless `control` is "steps"."""
+    if options.control == "steps":
+        found = integrate_batch(motion, set_atol_by_length(motion.model.manifest, options), threads)
+        message = (
+            f"{told}; {NOT_ESTIMATED}" if word == "ok" else told
+            for word, told in zip(found.status, found.message, strict=True)
+        )
+        return replace(found, message=tuple(message))
     motion = replace(motion, progress=join_runs(motion.progress))
+    if options.step is None:
+        return integrate_batch_to_samples(motion, options, threads)
 
     def run(step: float) -> RawBatch:
         return integrate_batch(motion, replace(options, step=step), threads)

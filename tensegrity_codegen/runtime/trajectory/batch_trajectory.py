@@ -96,8 +96,13 @@ class BatchTrajectory(Sampled):
         )
 
     def headline(self) -> str:
-        """Return how many motions there are, and how many reached their end."""
-        return f"{len(self)} motions, {int(self.is_ok.sum())} ok"
+        """Return how many motions there are, how many reached their end, and whether their error is known."""
+        return f"{len(self)} motions, {int(self.is_ok.sum())} ok{self.say_unestimated()}"
+
+    def say_unestimated(self) -> str:
+        """Return the words for good motions whose error is not estimated, none where all errors are."""
+        unknown = int((self.is_ok & np.isnan(self.error_estimate)).sum())
+        return f"; the error of {unknown} is not estimated" if unknown else ""
 
     def summary(self) -> dict[str, Any]:
         """Return the facts about the runs as one JSON-ready object."""

@@ -110,6 +110,8 @@ def describe_count(results: SweepResults) -> str:
     text = f"{good:,} of {results.count:,} cases {verb}"
     if failed:
         text += f", {failed:,} {'failed' if verb.startswith(('were', 'are')) else 'did not'}"
+    if good and results.options.get("control") == "steps":
+        text += ", the error of none is estimated"
     return f"{text}, {left:,} not computed yet" if left else text
 
 

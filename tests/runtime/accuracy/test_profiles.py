@@ -109,7 +109,7 @@ def test_a_batch_runs_its_motions_in_c_one_after_the_other() -> None:
             END,
             method="rk853",
             coordinate=start[k],
-            stepping=Stepping(atol=1e-9, control="steps"),
+            stepping=Stepping(atol=1e-9),
             **options,
         )
         np.testing.assert_array_equal(batch.coordinate[k], alone.coordinate)

@@ -65,7 +65,7 @@ def test_commands_have_the_options_of_the_sweep() -> None:
     (worst,) = summarize(sweep, build_commands=build_commands).worst
     assert worst.commands == (
         "tensegrity-codegen sweep case made.zarr 1 --out case1.toml",
-        "tensegrity-codegen simulate case1.toml --t-end 0.5 --method rk853 --control steps",
+        "tensegrity-codegen simulate case1.toml --t-end 0.5 --method rk853",
     )
 
 
