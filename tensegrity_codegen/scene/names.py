@@ -84,12 +84,8 @@ def check_names(names: Sequence[str], what: str, where: str = "") -> None:
     for name in names:
         check_name(name, location)
     if len(set(names)) < len(names):
-        raise DuplicateNameError(
-            f"two {what} under one name",
-            where=location,
-            given=next(name for name, count in Counter(names).items() if count > 1),
-            allowed="each name once",
-        )
+        value, allowed = next(name for name, count in Counter(names).items() if count > 1), "each name once"
+        raise DuplicateNameError(f"two {what} under one name", where=location, given=value, allowed=allowed)
 
 
 def check_known(name: str, known: Iterable[str], problem: str, allowed: str, *place: str | int) -> None:

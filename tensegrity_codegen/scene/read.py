@@ -227,13 +227,10 @@ def _read_text(path: Path, where: str) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise SceneSyntaxError(
-            "the file is not UTF-8 text",
-            where=f"{where}: line {line}",
-            given=bytes(data[error.start : error.start + 8]),
-            allowed="TOML, which is UTF-8",
-            hint="save it as UTF-8",
-        ) from None
+        problem, location = "the file is not UTF-8 text", f"{where}: line {line}"
+        value, allowed = bytes(data[error.start : error.start + 8]), "TOML, which is UTF-8"
+        hint = "save it as UTF-8"
+        raise SceneSyntaxError(problem, where=location, given=value, allowed=allowed, hint=hint) from None
 
 
 def _refuse_nonsense(text: str, known: frozenset[str], where: str) -> None:

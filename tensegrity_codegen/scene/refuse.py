@@ -32,10 +32,6 @@ def refuse(
         return
     repeats = f" (also in {name_list(names[row] for row in rows[1:])})" if rows.size > 1 else ""
     value = None if given is None else given[rows[0]]
-    raise error(
-        problem + repeats,
-        where=key_path(where, section, names[rows[0]], key),
-        given=value.tolist() if isinstance(value, np.ndarray | np.generic) else value,
-        allowed=allowed,
-        hint=hint,
-    )
+    location = key_path(where, section, names[rows[0]], key)
+    value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    raise error(problem + repeats, where=location, given=value, allowed=allowed, hint=hint)

@@ -99,6 +99,5 @@ def _check_names(structure: Subject, members: list[int]) -> None:
         if structure.member_name[e] in input_names:
             problem = "an input has the name of the member already"
             allowed, hint = "a member without an input of its name", "add it to [[actuators]] in the scene"
-            raise StructureError(
-                problem, where="actuate", given=structure.member_name[e], allowed=allowed, hint=hint
-            )
+            value = structure.member_name[e]
+            raise StructureError(problem, where="actuate", given=value, allowed=allowed, hint=hint)

@@ -39,9 +39,8 @@ class Collision:
         for key, is_met, allowed in rules:
             if not is_met:
                 problem = "invalid force between bars"
-                raise InvalidValueError(
-                    problem, where=f"interference.{key}", given=repr(getattr(self, key)), allowed=allowed
-                )
+                value = repr(getattr(self, key))
+                raise InvalidValueError(problem, where=f"interference.{key}", given=value, allowed=allowed)
 
 
 def require_no_collision(subject: Any, what: str) -> None:

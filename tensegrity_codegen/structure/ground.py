@@ -132,9 +132,8 @@ class Ground:
         if np.abs(self.normal[outside]).max(initial=0.0) > 1e-12:
             problem = "the ground's normal leaves the axes that the scene models"
             allowed = "a vector within the axes " + ", ".join("xyz"[axis] for axis in axes)
-            raise InvalidValueError(
-                problem, where="ground.normal", given=repr(self.normal.tolist()), allowed=allowed
-            )
+            value = repr(self.normal.tolist())
+            raise InvalidValueError(problem, where="ground.normal", given=value, allowed=allowed)
         main = int(np.argmax(np.abs(self.normal)))
         # The reflection that swaps the main axis and minus the normal on its side; its other columns lie in
         # the plane.

@@ -163,9 +163,8 @@ class WithMemberLaws:
             e = int(np.argmax(bad))
             problem, location = "no rest length gives a member its tension", f"members.{self.member_name[e]}"
             allowed = "a tension that its law has at a positive rest length"
-            raise InvalidValueError(
-                problem, where=location, given=f"{tension[e]:g} N", allowed=allowed, hint=hint
-            )
+            value = f"{tension[e]:g} N"
+            raise InvalidValueError(problem, where=location, given=value, allowed=allowed, hint=hint)
         return np.where(rigid, self.rest_length, rest_length)
 
     def _bisect_rest_length(self, length: FloatArray, tension: FloatArray) -> FloatArray:

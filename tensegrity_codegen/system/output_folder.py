@@ -56,13 +56,8 @@ def check_folder(
         problem, location = "the folder holds files of these names already", str(folder)
         allowed = f"a folder without files of these names{unchanged}"
         hint = "choose another folder, or pass `overwrite=True` to replace these files"
-        raise OutputError(
-            problem,
-            where=location,
-            given=", ".join(existing[:MOST_NAMED]) + ending,
-            allowed=allowed,
-            hint=hint,
-        )
+        value = ", ".join(existing[:MOST_NAMED]) + ending
+        raise OutputError(problem, where=location, given=value, allowed=allowed, hint=hint)
     return target
 
 

@@ -119,16 +119,14 @@ class PinnedFile:
             with path.open("rb") as stream:
                 content = stream.read(self.largest + 1)
         except (OSError, ValueError) as error:
-            raise MissingSourceError(
-                f"{self.title} cannot be read", where=str(path), given=describe_reason(error), hint=self.hint
-            ) from error
+            problem, value = f"{self.title} cannot be read", describe_reason(error)
+            raise MissingSourceError(problem, where=str(path), given=value, hint=self.hint) from error
         actual = hashlib.sha256(content).hexdigest()
         if actual != self.sha256:
             problem = f"this is not {self.title} {self.version}"
             allowed = f"{self.file} with SHA-256 {self.sha256}"
-            raise MissingSourceError(
-                problem, where=str(path), given=f"SHA-256 {actual}", allowed=allowed, hint=self.hint
-            )
+            value = f"SHA-256 {actual}"
+            raise MissingSourceError(problem, where=str(path), given=value, allowed=allowed, hint=self.hint)
         return content
 
     def _read_kept(self, path: Path, root: Path) -> bytes | None:

@@ -123,9 +123,8 @@ def _of_nodes(
         problem = f"formulation {scene.model.formulation!r} needs bodies"
         location, allowed = key_path(where, "model", "formulation"), "a scene with a table [bodies.<name>]"
         hint = 'formulation = "node_position"'
-        raise InvalidValueError(
-            problem, where=location, given=scene.model.formulation, allowed=allowed, hint=hint
-        )
+        value = scene.model.formulation
+        raise InvalidValueError(problem, where=location, given=value, allowed=allowed, hint=hint)
     return loads, inputs
 
 

@@ -77,9 +77,8 @@ class BodyFinder:
         if isinstance(self.built.bodies[body], FixedBody):
             problem, location = "a torque on a fixed body moves nothing", key_path(self.where, *place)
             allowed = "bodies of kind bar or rigid"
-            raise InvalidValueError(
-                problem, where=location, given=self.built.bodies[body].name, allowed=allowed
-            )
+            value = self.built.bodies[body].name
+            raise InvalidValueError(problem, where=location, given=value, allowed=allowed)
         return body
 
     def _look(
@@ -187,15 +186,13 @@ def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, Mod
         problem = "bars of a scene of bodies have no force where they touch"
         location, allowed = key_path(where, "interference", "stiffness"), "scenes of nodes and members"
         hint = "remove the key: contacts are then detected"
-        raise InvalidValueError(
-            problem, where=location, given=scene.interference.stiffness, allowed=allowed, hint=hint
-        )
+        value = scene.interference.stiffness
+        raise InvalidValueError(problem, where=location, given=value, allowed=allowed, hint=hint)
     built = build_bodies_of_scene(scene.bodies, where)
     if not built.coordinate.size:
         location, allowed = key_path(where, "bodies"), "at least one body of kind bar or rigid"
-        raise StructureError(
-            "nothing can move", where=location, given=", ".join(scene.bodies), allowed=allowed, hint="add one"
-        )
+        names = ", ".join(scene.bodies)
+        raise StructureError("nothing can move", where=location, given=names, allowed=allowed, hint="add one")
     if not scene.tendons:
         problem, allowed = "there is no tendon", "at least one tendon between two points of bodies"
         hint = "it may be slack: a rest_length longer than any length that it reaches"
@@ -273,9 +270,8 @@ def _check_kind(scene: Scene, where: str) -> None:
     if "formulation" in scene.model.model_fields_set and scene.model.formulation != BODIES:
         problem = f"bodies are modelled by the formulation {BODIES!r} only"
         location = key_path(where, "model", "formulation")
-        raise InvalidValueError(
-            problem, where=location, given=scene.model.formulation, allowed=BODIES, hint="remove the key"
-        )
+        value = scene.model.formulation
+        raise InvalidValueError(problem, where=location, given=value, allowed=BODIES, hint="remove the key")
     complete_options(BODIES, scene.model.options, key_path(where, "model", "options"))
 
 

@@ -108,9 +108,8 @@ def _check_c_names(names: Sequence[str], where: str) -> None:
             problem = f"the point has the same name in C as {earlier}"
             location = key_path(where, "bodies", *name.split("."))
             allowed, hint = "bodies and points whose names joined by _ differ", "rename one of the two"
-            raise DuplicateNameError(
-                problem, where=location, given=name.replace(".", "_"), allowed=allowed, hint=hint
-            )
+            value = name.replace(".", "_")
+            raise DuplicateNameError(problem, where=location, given=value, allowed=allowed, hint=hint)
 
 
 def _bar(

@@ -115,9 +115,8 @@ def _find_nodes(
             key_path(targets.where, "sensors", number, foreign_key),
         )
         hint = f"use {key} in place of {foreign_key}"
-        raise InvalidValueError(
-            problem, where=location, given=getattr(item, foreign_key), allowed=f"the key {key!r}", hint=hint
-        )
+        value = getattr(item, foreign_key)
+        raise InvalidValueError(problem, where=location, given=value, allowed=f"the key {key!r}", hint=hint)
     requested = requested or getattr(item, foreign_key)
     if requested is None:
         problem, location = "a needed key is missing", key_path(targets.where, "sensors", number, key)
@@ -152,9 +151,8 @@ def _find_each_once(
                 problem = f"{row_name[row]!r} is listed twice{by}"
                 allowed = "each member or node once, by its own name or by one group or class"
                 hint = "remove one of the two" if by else f"remove one {name!r}"
-                raise DuplicateNameError(
-                    problem, where=key_path(where, *place), given=list(names), allowed=allowed, hint=hint
-                )
+                location, value = key_path(where, *place), list(names)
+                raise DuplicateNameError(problem, where=location, given=value, allowed=allowed, hint=hint)
             source[row] = name
     if not source:
         problem = "the list stands for nothing: groups or classes without members"

@@ -9,6 +9,7 @@ tubes, rods, and hollow sections by the names of their catalogue.
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -89,12 +90,10 @@ def put_radii(row: Row, place: str) -> Row:
     if row.section is None:
         return row
     if row.radius is not None or row.inner_radius is not None:
-        raise InvalidValueError(
-            "section and radius cannot be given together",
-            where=f"{place}.section",
-            given=row.section if isinstance(row.section, str) else row.section.model_dump(exclude_none=True),
-            allowed="section, or radius with or without inner_radius",
-        )
+        problem = "section and radius cannot be given together"
+        value = row.section if isinstance(row.section, str) else row.section.model_dump(exclude_none=True)
+        allowed = "section, or radius with or without inner_radius"
+        raise InvalidValueError(problem, where=f"{place}.section", given=value, allowed=allowed)
     radii = find_section(row.section, f"{place}.section")
     return row.model_copy(update={"section": None, **vars(radii)})
 
@@ -213,32 +212,17 @@ def _check_values(
     where: str,
 ) -> None:
     """Raise for values that the kind of member does not have, or that say one thing twice."""
+    report = partial(refuse, section=section, names=names, where=where)
     for key in (*BAR_ONLY, *CABLE_ONLY):
         kind, owner_kind = ("cable", "bar") if key in BAR_ONLY else ("bar", "cable")
-        refuse(
-            (~is_bar if key in BAR_ONLY else is_bar) & (values[key] > 0),
-            InvalidValueError,
-            f"a {kind} has no {key}",
-            section=section,
-            names=names,
-            where=where,
-            key=key,
-            given=values[key],
-            allowed=f"only for {owner_kind}s",
-            hint="mass_per_length" if key == "density" else "",
-        )
-    refuse(
-        is_bar & (tension_only == 1),
-        InvalidValueError,
-        "a bar cannot be tension_only",
-        section=section,
-        names=names,
-        where=where,
-        key="tension_only",
-        given=[True] * len(names),
-        allowed="only for cables",
-        hint='make it kind = "cable", or leave tension_only out',
-    )
+        is_bad = (~is_bar if key in BAR_ONLY else is_bar) & (values[key] > 0)
+        problem, allowed = f"a {kind} has no {key}", f"only for {owner_kind}s"
+        hint = "mass_per_length" if key == "density" else ""
+        report(is_bad, InvalidValueError, problem, key=key, given=values[key], allowed=allowed, hint=hint)
+    is_bad, problem = is_bar & (tension_only == 1), "a bar cannot be tension_only"
+    value, allowed = [True] * len(names), "only for cables"
+    hint = 'make it kind = "cable", or leave tension_only out'
+    report(is_bad, InvalidValueError, problem, key="tension_only", given=value, allowed=allowed, hint=hint)
     for group in ALTERNATIVES:
         _check_alternatives(values, group, names, section, where)
 

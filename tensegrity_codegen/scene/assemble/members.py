@@ -177,9 +177,8 @@ def _check_needed(given: Columns, names: tuple[str, ...], is_bar: BoolArray, whe
     refuse_member(is_bad, InvalidValueError, problem, key="density", given=given["density"], allowed=allowed)
     is_bad = ~missing["inner_radius"] & ~(given["inner_radius"] < given["radius"])
     problem, allowed = "the inner radius is not less than the radius", "less than radius, which is needed too"
-    refuse_member(
-        is_bad, InvalidValueError, problem, key="inner_radius", given=given["inner_radius"], allowed=allowed
-    )
+    value = given["inner_radius"]
+    refuse_member(is_bad, InvalidValueError, problem, key="inner_radius", given=value, allowed=allowed)
     for key in ("prestress", "strain"):
         is_bad, problem = rigid & ~missing[key], f"a rigid bar has no {key}"
         allowed = "only with spring_constant or axial_stiffness"
@@ -189,6 +188,7 @@ def _check_needed(given: Columns, names: tuple[str, ...], is_bar: BoolArray, whe
 def _find_laws(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where: str) -> dict[Law, BoolArray]:
     """Return the members of each law; raise for a law that lacks a value or belongs to a rigid bar."""
     is_linear, laws = np.ones(len(names), dtype=np.bool_), {}
+    report = partial(refuse, section="members", names=names, where=where)
     for law in LAWS:
         groups = (*law.keys, *law.optional_keys)
         present = [~np.all([np.isnan(given[key]) for key in group], axis=0) for group in groups]
@@ -196,21 +196,13 @@ def _find_laws(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where:
             continue
         mask = np.any(present, axis=0)
         for group, here in zip(law.keys, present, strict=False):
-            refuse(
-                mask & ~here,
-                InvalidValueError,
-                f"a {law.name} member without {' or '.join(group)}",
-                section="members",
-                names=names,
-                where=where,
-                allowed="; ".join(" or ".join(keys) for keys in law.keys),
-                hint="give it to the member or to its class",
-            )
+            problem = f"a {law.name} member without {' or '.join(group)}"
+            allowed = "; ".join(" or ".join(keys) for keys in law.keys)
+            hint = "give it to the member or to its class"
+            report(mask & ~here, InvalidValueError, problem, allowed=allowed, hint=hint)
         is_bad, problem = mask & ~is_linear, "a member of two laws"
         allowed = "the values of one law"
-        refuse(
-            is_bad, InvalidValueError, problem, section="members", names=names, where=where, allowed=allowed
-        )
+        report(is_bad, InvalidValueError, problem, allowed=allowed)
         laws[law] = mask
         is_linear &= ~mask
     return {LINEAR: is_linear, **laws}
@@ -221,30 +213,16 @@ def _law_parameter(
 ) -> dict[str, FloatArray]:
     """Return the parameters of laws that some members have, 0 where a member has another one."""
     parameters: dict[str, FloatArray] = {}
+    report = partial(refuse, section="members", names=names, where=where)
     for law, mask in laws.items():
         if law.parameters and mask.any():
-            refuse(
-                mask & (mu == 0),
-                InvalidValueError,
-                f"a rigid bar cannot be {law.name}",
-                section="members",
-                names=names,
-                where=where,
-                allowed="only with spring_constant or axial_stiffness",
-            )
+            allowed = "only with spring_constant or axial_stiffness"
+            report(mask & (mu == 0), InvalidValueError, f"a rigid bar cannot be {law.name}", allowed=allowed)
             chosen = {key: np.where(mask, values, np.nan) for key, values in given.items()}
             parameters |= {name: _or_zero(values) for name, values in law.find_parameters(chosen, mu).items()}
             parameter = law.parameters[0].name
-            refuse(
-                mask & (parameters[parameter] == 0),
-                InvalidValueError,
-                f"{parameter} is zero",
-                section="members",
-                names=names,
-                where=where,
-                key=parameter,
-                allowed="not 0",
-            )
+            is_bad = mask & (parameters[parameter] == 0)
+            report(is_bad, InvalidValueError, f"{parameter} is zero", key=parameter, allowed="not 0")
     return parameters
 
 

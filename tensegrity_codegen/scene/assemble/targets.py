@@ -102,9 +102,8 @@ class Targets:
         is_all = name == "all" and place[0] == "parameters"
         hint = 'write "all", not in a list' if is_all else suggest(name, known)
         location, allowed = key_path(self.where, *place), f"names of {what}"
-        raise UnknownNameError(
-            "the name is not defined", where=location, given=name, allowed=allowed, hint=hint
-        )
+        problem = "the name is not defined"
+        raise UnknownNameError(problem, where=location, given=name, allowed=allowed, hint=hint)
 
 
 def check_new_name(name: str, built: Iterable[Any], section: str, where: str) -> None:
@@ -278,10 +277,6 @@ def _refuse_rows(
 
 
 def _refuse_empty(where: str, place: tuple[str | int, ...], given: Any) -> None:
-    raise InvalidValueError(
-        "the selection is empty",
-        where=key_path(where, *place),
-        given=given if isinstance(given, str) else list(given),
-        allowed="one member or node or more for which it has a meaning",
-        hint="remove the key",
-    )
+    problem, value = "the selection is empty", given if isinstance(given, str) else list(given)
+    allowed, hint = "one member or node or more for which it has a meaning", "remove the key"
+    raise InvalidValueError(problem, where=key_path(where, *place), given=value, allowed=allowed, hint=hint)

@@ -151,12 +151,10 @@ def _check_optional_arrays(structure: Structure, where: str) -> None:
     if inner is not None and not (
         of_numbers and inner.shape == (structure.n_members,) and (inner <= structure.radius).all()
     ):
-        raise InvalidValueError(
-            "inner radii that members cannot have",
-            where=key_path(where, "inner_radius"),
-            given=inner.shape if of_numbers else type(inner).__name__,
-            allowed=f"None, or an array of shape ({structure.n_members},) with values up to radius",
-        )
+        problem = "inner radii that members cannot have"
+        value = inner.shape if of_numbers else type(inner).__name__
+        allowed = f"None, or an array of shape ({structure.n_members},) with values up to radius"
+        raise InvalidValueError(problem, where=key_path(where, "inner_radius"), given=value, allowed=allowed)
     is_array = expansion is not None and expansion.shape == (structure.n_members,)
     if expansion is not None and not (is_array and np.isfinite(expansion).all()):
         problem = "coefficients of thermal expansion that members cannot have"
@@ -197,17 +195,9 @@ def _check_values(structure: Structure, where: str) -> None:
             report(value < 0, InvalidValueError, "a negative value", key=short, allowed="0 or more")
     used = structure.connectivity
     lost: NDArray[np.bool_] = np.any((used < 0) | (used >= structure.n_nodes), axis=1)
-    refuse(
-        lost,
-        InvalidValueError,
-        "a node index out of range",
-        section="members",
-        names=structure.member_name,
-        where=where,
-        key="nodes",
-        given=used,
-        allowed=f"0 to {structure.n_nodes - 1}",
-    )
+    report = partial(refuse, section="members", names=structure.member_name, where=where, key="nodes")
+    problem, allowed = "a node index out of range", f"0 to {structure.n_nodes - 1}"
+    report(lost, InvalidValueError, problem, given=used, allowed=allowed)
 
 
 def _check_laws(structure: Structure, where: str) -> None:
@@ -225,32 +215,18 @@ def _check_laws(structure: Structure, where: str) -> None:
 def _check_rigid_bars(structure: Structure, where: str) -> None:
     length = structure.member_length()
     differs = np.abs(structure.rest_length - length) > RIGID_TOLERANCE * length
-    refuse(
-        structure.is_rigid & differs,
-        StructureError,
-        "a rigid bar whose rest length is not the distance of its nodes",
-        section="members",
-        names=structure.member_name,
-        where=where,
-        key="rest_length",
-        given=structure.rest_length,
-        allowed="the distance of the two nodes",
-        hint="leave rest_length out, or give the bar a stiffness",
-    )
+    report = partial(refuse, section="members", names=structure.member_name, where=where, key="rest_length")
+    problem = "a rigid bar whose rest length is not the distance of its nodes"
+    allowed, hint = "the distance of the two nodes", "leave rest_length out, or give the bar a stiffness"
+    is_bad, value = structure.is_rigid & differs, structure.rest_length
+    report(is_bad, StructureError, problem, given=value, allowed=allowed, hint=hint)
 
 
 def _check_anchored_velocity(structure: Structure, where: str) -> None:
-    refuse(
-        (structure.node_anchored & (structure.node_velocity != 0)).any(axis=1),
-        StructureError,
-        "a velocity on an anchored axis",
-        section="nodes",
-        names=structure.node_name,
-        where=where,
-        key="velocity",
-        given=structure.node_velocity,
-        allowed="0 on anchored axes",
-    )
+    report = partial(refuse, section="nodes", names=structure.node_name, where=where, key="velocity")
+    is_bad = (structure.node_anchored & (structure.node_velocity != 0)).any(axis=1)
+    problem, value = "a velocity on an anchored axis", structure.node_velocity
+    report(is_bad, StructureError, problem, given=value, allowed="0 on anchored axes")
 
 
 def _check_plane(structure: Structure, where: str) -> None:
@@ -259,15 +235,11 @@ def _check_plane(structure: Structure, where: str) -> None:
         letter = "xyz"[axis]
         report = partial(refuse, section="nodes", names=structure.node_name, where=where)
         coordinate = structure.node_position[:, axis]
-        report(
-            coordinate != coordinate[0],
-            StructureError,
-            f"a planar scene without the axis {letter}, and the nodes differ in {letter}",
-            key="position",
-            given=structure.node_position,
-            allowed=f"{letter} = {coordinate[0]:g}, as the first node has it",
-            hint=f"put {letter} into axes, or give all nodes one {letter}",
-        )
+        is_bad, position = coordinate != coordinate[0], structure.node_position
+        problem = f"a planar scene without the axis {letter}, and the nodes differ in {letter}"
+        allowed = f"{letter} = {coordinate[0]:g}, as the first node has it"
+        hint = f"put {letter} into axes, or give all nodes one {letter}"
+        report(is_bad, StructureError, problem, key="position", given=position, allowed=allowed, hint=hint)
         for key, value in (("velocity", structure.node_velocity), ("load", structure.node_load)):
             is_bad = value[:, axis] != 0
             problem = f"a {key} along {letter}, an axis that the scene does not model"

@@ -1,5 +1,7 @@
 """Checks of how members join nodes, of what stays free to move, and of the parameters of member laws."""
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,47 +49,20 @@ def check_connectivity(
     start, end = strands.ends.T
     end_names = _Ends(strands.ends, node_name)
     owner = member_name if strands.is_plain else tuple(member_name[e] for e in strands.member)
-    refuse(
-        start == end,
-        StructureError,
-        "the member joins a node to itself"
-        if strands.is_plain
-        else "the member passes a node twice in a row",
-        section="members",
-        names=owner,
-        where=where,
-        key="nodes",
-        given=end_names,
-        allowed="two different nodes",
-    )
+    report = partial(refuse, section="members", names=owner, where=where, key="nodes", given=end_names)
+    twice = "joins a node to itself" if strands.is_plain else "passes a node twice in a row"
+    report(start == end, StructureError, f"the member {twice}", allowed="two different nodes")
     is_alone = np.bincount(strands.member, minlength=strands.n_members)[strands.member] == 1
     straight = strands.ends if strands.is_plain else strands.ends[is_alone]
     _check_pairs(straight, tuple(np.array(owner, dtype=object)[is_alone]), node_name, where)
     length = strands.strand_lengths(node_position)
-    refuse(
-        ~np.isfinite(length),
-        StructureError,
-        "the member's nodes are too far apart for its length to be a number",
-        section="members",
-        names=owner,
-        where=where,
-        key="nodes",
-        given=end_names,
-        allowed="positions [m] of ordinary size",
-    )
+    problem = "the member's nodes are too far apart for its length to be a number"
+    report(~np.isfinite(length), StructureError, problem, allowed="positions [m] of ordinary size")
     extent = float(np.ptp(node_position, axis=0).max()) if len(node_position) else 0.0
-    refuse(
-        (length <= COINCIDENT * extent) & ~(rest_length > strands.add_up(length))[strands.member],
-        StructureError,
-        "the member joins two nodes at one place",
-        section="members",
-        names=owner,
-        where=where,
-        key="nodes",
-        given=end_names,
-        allowed="nodes at different positions, or a cable that is slack there",
-        hint="move one of the nodes, make the two one node, or give a cable a rest_length",
-    )
+    is_bad = (length <= COINCIDENT * extent) & ~(rest_length > strands.add_up(length))[strands.member]
+    allowed = "nodes at different positions, or a cable that is slack there"
+    hint = "move one of the nodes, make the two one node, or give a cable a rest_length"
+    report(is_bad, StructureError, "the member joins two nodes at one place", allowed=allowed, hint=hint)
 
 
 def check_freedom(
@@ -117,16 +92,9 @@ def check_freedom(
         key = "nodes" if node_name and len(connectivity) else ""
         raise StructureError(problem, where=key_path(where, key), allowed=allowed, hint=hint)
     degree = np.bincount(connectivity.ravel(), minlength=len(node_name))
-    refuse(
-        degree == 0,
-        StructureError,
-        "no member joins this node",
-        section="nodes",
-        names=node_name,
-        where=where,
-        allowed="one member or more at every node",
-        hint="connect it by a member, or remove it",
-    )
+    report = partial(refuse, section="nodes", names=node_name, where=where)
+    allowed, hint = "one member or more at every node", "connect it by a member, or remove it"
+    report(degree == 0, StructureError, "no member joins this node", allowed=allowed, hint=hint)
 
 
 def _check_pairs(
@@ -169,28 +137,13 @@ def check_laws(subject: Structure | BodySystem, where: str) -> None:
     for name, values in subject.law_parameter.items():
         _check_array(subject, name, values, where)
     rigid = (subject.spring_constant == 0) & (subject.axial_stiffness == 0)
+    report = partial(refuse, section="members", names=subject.member_name, where=where)
     for law, mask in subject.members_of_law[1:]:
-        refuse(
-            mask & rigid,
-            InvalidValueError,
-            f"a rigid bar cannot be {law.name}",
-            section="members",
-            names=subject.member_name,
-            where=where,
-            allowed="only with spring_constant or axial_stiffness",
-        )
+        allowed = "only with spring_constant or axial_stiffness"
+        report(mask & rigid, InvalidValueError, f"a rigid bar cannot be {law.name}", allowed=allowed)
         for rule in law.check(subject.member_values(), subject.tension_only):
-            refuse(
-                mask & rule.is_broken,
-                InvalidValueError,
-                rule.problem,
-                section="members",
-                names=subject.member_name,
-                where=where,
-                key=rule.key,
-                given=subject.member_value(rule.key),
-                allowed=rule.allowed,
-            )
+            is_bad, value = mask & rule.is_broken, subject.member_value(rule.key)
+            report(is_bad, InvalidValueError, rule.problem, key=rule.key, given=value, allowed=rule.allowed)
 
 
 def _check_array(subject: Structure | BodySystem, name: str, values: object, where: str) -> None:
@@ -202,9 +155,8 @@ def _check_array(subject: Structure | BodySystem, name: str, values: object, whe
     if array.shape != (subject.n_members,) or array.dtype.kind != "f":
         problem = "an array of the wrong shape or kind of number"
         allowed = f"float64 array of shape ({subject.n_members},)"
-        raise InvalidValueError(
-            problem, where=location, given=f"{array.dtype} {array.shape}", allowed=allowed
-        )
+        value = f"{array.dtype} {array.shape}"
+        raise InvalidValueError(problem, where=location, given=value, allowed=allowed)
     refuse(
         ~np.isfinite(array),
         NonFiniteError,

@@ -71,9 +71,8 @@ def find_format(paths: Sequence[Path]) -> Format:
             return candidate
     problem = "these files have no known format"
     allowed = "; ".join(f"{candidate.example}: {candidate.title}" for candidate in formats)
-    raise InvalidValueError(
-        problem, where="import", given=" ".join(str(path) for path in paths), allowed=allowed
-    )
+    value = " ".join(str(path) for path in paths)
+    raise InvalidValueError(problem, where="import", given=value, allowed=allowed)
 
 
 def read_files(

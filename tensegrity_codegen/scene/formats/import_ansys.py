@@ -226,12 +226,10 @@ class _Reader:
         section = self.sections.get(link.section, {})
         area, modulus = section.get("area"), self.materials.get(("ex", link.material))
         if area is None or modulus is None or not area > 0:
-            raise InvalidValueError(
-                "the line has no section with an area above 0, or no material with a modulus",
-                where=where,
-                given=f"section {link.section}, material {link.material}",
-                allowed="latt with a material (mp,ex) and a section (secdata)",
-            )
+            problem = "the line has no section with an area above 0, or no material with a modulus"
+            value = f"section {link.section}, material {link.material}"
+            allowed = "latt with a material (mp,ex) and a section (secdata)"
+            raise InvalidValueError(problem, where=where, given=value, allowed=allowed)
         cable = section.get("control", 0.0) == 1.0
         member: dict[str, Any] = {"kind": "cable" if cable else "bar", "axial_stiffness": modulus * area}
         stress = self.values.get(("prestress", str(number)))

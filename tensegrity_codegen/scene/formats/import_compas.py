@@ -68,12 +68,11 @@ def import_compas(
         where = key_path(where, section)
         data = _table(content[section], where)
     if "node" not in data:
+        value = str(content.get("dtype", content.get("datatype", "the sections " + ", ".join(data))))[:80]
+        allowed = "Network, Graph, FDNetwork or another class with the sections node and edge"
+        hint = "save the edges of a mesh as a graph: Graph.from_lines(mesh.to_lines())"
         raise InvalidValueError(
-            "not a network",
-            where=key_path(str(path), "dtype"),
-            given=str(content.get("dtype", content.get("datatype", "the sections " + ", ".join(data))))[:80],
-            allowed="Network, Graph, FDNetwork or another class with the sections node and edge",
-            hint="save the edges of a mesh as a graph: Graph.from_lines(mesh.to_lines())",
+            "not a network", where=key_path(str(path), "dtype"), given=value, allowed=allowed, hint=hint
         )
     network, ignored = Network(), dict[str, int]()
     defaults = [
@@ -225,9 +224,8 @@ def _find_kind(values: Mapping[str, Any], member: Mapping[str, Any], where: str)
         return "bar" if force < 0 else "cable"
     problem = "neither a bar nor a cable"
     allowed = f'an attribute "kind" ({", ".join((*BARS, *CABLES))}), "is_strut", "q" or "f"'
-    raise InvalidValueError(
-        problem, where=where, given=", ".join(sorted(values))[:80] or "no attributes", allowed=allowed
-    )
+    value = ", ".join(sorted(values))[:80] or "no attributes"
+    raise InvalidValueError(problem, where=where, given=value, allowed=allowed)
 
 
 FORMAT = Format(

@@ -57,12 +57,10 @@ def _check_ranges(member: Mapping[str, Any], where: Where) -> None:
 def _check_stiffness(member: Mapping[str, Any], where: Where) -> None:
     stiffness = [key for key in STIFFNESSES if key in member]
     if len(stiffness) > 1:
-        raise InvalidValueError(
-            "the member has two stiffnesses",
-            where=where(stiffness[1]),
-            given=", ".join(f"{key} {member[key]}" for key in stiffness),
-            allowed="at most one of spring_constant [N/m], axial_stiffness [N] and youngs_modulus [Pa]",
-        )
+        problem = "the member has two stiffnesses"
+        value = ", ".join(f"{key} {member[key]}" for key in stiffness)
+        allowed = "at most one of spring_constant [N/m], axial_stiffness [N] and youngs_modulus [Pa]"
+        raise InvalidValueError(problem, where=where(stiffness[1]), given=value, allowed=allowed)
     if member["kind"] == "cable" and not stiffness:
         allowed = "one of spring_constant [N/m], axial_stiffness [N] and youngs_modulus [Pa]"
         raise InvalidValueError("a cable without stiffness", where=where("spring_constant"), allowed=allowed)

@@ -67,13 +67,12 @@ def check_values(quantity: MemberQuantity, subject: Any) -> None:
         if len(lacking):
             names = [subject.member_name[e] for e in lacking[:3]]
             count_text = f" and {len(lacking) - 3} others" if len(lacking) > 3 else ""
-            raise FormulationError(
-                f"the quantity {quantity.name!r} needs the {noun} of members that have none",
-                where=f"{subject.name}: model.quantities",
-                given=f"{', '.join(names)}{count_text} without {key.split()[0]}",
-                allowed=f"{key} of each member that the quantity needs",
-                hint=f"give {key} to these members or to their class",
-            )
+            problem = f"the quantity {quantity.name!r} needs the {noun} of members that have none"
+            location = f"{subject.name}: model.quantities"
+            value = f"{', '.join(names)}{count_text} without {key.split()[0]}"
+            allowed = f"{key} of each member that the quantity needs"
+            hint = f"give {key} to these members or to their class"
+            raise FormulationError(problem, where=location, given=value, allowed=allowed, hint=hint)
 
 
 LARGEST_MARGIN = 1e6

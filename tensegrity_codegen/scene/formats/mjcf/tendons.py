@@ -29,13 +29,10 @@ def read_tendons(
         values = defaults.complete(element, "tendon")
         path = [site for site in element if isinstance(site.tag, str)]
         if [site.tag for site in path] != ["site", "site"]:
-            raise InvalidValueError(
-                "a tendon that is no straight line between two sites is not read",
-                where=where,
-                given=", ".join(site.tag for site in path)[:80],
-                allowed="two elements <site>",
-                hint="split the tendon, or scenes of bodies",
-            )
+            problem = "a tendon that is no straight line between two sites is not read"
+            value, allowed = ", ".join(site.tag for site in path)[:80], "two elements <site>"
+            hint = "split the tendon, or scenes of bodies"
+            raise InvalidValueError(problem, where=where, given=value, allowed=allowed, hint=hint)
         start, end = (site.get("site", "") for site in path)
         member = _read_values(values, element.get("class", ""), where)
         if "rest_length" not in member and start in sites and end in sites:
@@ -63,9 +60,8 @@ def _read_values(values: Mapping[str, str], group: str, where: str) -> dict[str,
             problem, location = "a dead band that does not begin at 0 is not read", f"{where}.springlength"
             allowed = '"0 length" of a cable, or one length'
             hint = "give 0 as the first number: the tendon does not push then"
-            raise InvalidValueError(
-                problem, where=location, given=values["springlength"], allowed=allowed, hint=hint
-            )
+            value = values["springlength"]
+            raise InvalidValueError(problem, where=location, given=value, allowed=allowed, hint=hint)
     elif member["kind"] == "cable":
         member["tension_only"] = False
     if lengths[-1] != -1:

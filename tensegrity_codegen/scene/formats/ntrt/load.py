@@ -65,9 +65,8 @@ def bond_nodes_to_edges(
     if not isinstance(pairs, list) or len(pairs) < _FEWEST:
         problem = "a node_edge bond of fewer than three pairs"
         allowed = "a list of three or more [node, node/node]"
-        raise InvalidValueError(
-            problem, where=where, given=len(pairs) if isinstance(pairs, list) else None, allowed=allowed
-        )
+        value = len(pairs) if isinstance(pairs, list) else None
+        raise InvalidValueError(problem, where=where, given=value, allowed=allowed)
     bond = _read(sides, pairs, where)
     _move(sides[1], np.array(bond.points[0]), np.array(bond.points[1]), where)
     _remove_pairs(sides, bond, is_rod, where)
@@ -154,12 +153,10 @@ def _remove_pairs(sides: tuple[NtrtStructure, NtrtStructure], bond: _Bond, is_ro
                 remaining_pairs.append(pair)
             elif is_rod(pair, structure.name):
                 if ends in edges:
-                    raise StructureError(
-                        "the edge of a node_edge bond is a rod",
-                        where=where,
-                        given=f"{pair.ends[0].path}/{pair.ends[1].path}",
-                        allowed="edges that are cables: the bond replaces each by two",
-                    )
+                    problem = "the edge of a node_edge bond is a rod"
+                    value = f"{pair.ends[0].path}/{pair.ends[1].path}"
+                    allowed = "edges that are cables: the bond replaces each by two"
+                    raise StructureError(problem, where=where, given=value, allowed=allowed)
                 remaining_pairs.append(pair)
         structure.pairs[:] = remaining_pairs
 

@@ -188,9 +188,8 @@ def make_plan(structure: NtrtStructure, builders: BuilderBook, where: str) -> Pl
     if largest > _MOST_POINTS or braces > _MOST_BRACES:
         problem = "too many points on rigid bodies: bars between all points of a body keep its shape"
         allowed = f"up to {_MOST_POINTS} points on one body, {_MOST_BRACES} bars"
-        raise StructureError(
-            problem, where=where, given=f"{largest} points on one body, {braces} bars in all", allowed=allowed
-        )
+        value = f"{largest} points on one body, {braces} bars in all"
+        raise StructureError(problem, where=where, given=value, allowed=allowed)
     _drop_inner_cables(plan)
     _check_pairs(plan)
     return plan
@@ -220,12 +219,10 @@ def _check_pairs(plan: Plan) -> None:
     for built in (*plan.rods, *plan.cables):
         earlier = seen.setdefault(frozenset(built.ends), built)
         if earlier is not built:
-            raise DuplicateNameError(
-                "two pairs join the same two points",
-                where=built.pair.where,
-                given=f"{built.pair.ends[0].path} and {built.pair.ends[1].path}",
-                allowed=f"one pair ({earlier.pair.where} joins them too)",
-            )
+            problem = "two pairs join the same two points"
+            value = f"{built.pair.ends[0].path} and {built.pair.ends[1].path}"
+            allowed = f"one pair ({earlier.pair.where} joins them too)"
+            raise DuplicateNameError(problem, where=built.pair.where, given=value, allowed=allowed)
 
 
 _DEFAULT_STIFFNESS = 1000.0  # of a cable in the toolkit, where a structure has none
