@@ -18,7 +18,7 @@ from tensegrity_codegen.cli.app import app
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.checks.scene_warnings import find_warnings
 from tensegrity_codegen.scene.read import parse_scene
-from tensegrity_codegen.scene.schema import control_schema, part_schema, schema
+from tensegrity_codegen.scene.schema import part_schema, schema
 from tensegrity_codegen.scene.shapes.icosahedron import IcosahedronShape
 from tensegrity_codegen.scene.shapes.prism import PrismShape
 from tensegrity_codegen.scene.shapes.tower import TowerShape
@@ -343,9 +343,9 @@ SECTIONS: dict[str, tuple[type[BaseModel], ...]] = {
     "## [ground]": (part_schema.GroundTable,),
     "## [[loads]]": (schema.Load,),
     "## [[inputs]]": (schema.RestLengthInput, schema.TemperatureInput, schema.ForceInput),
-    "## [[actuators]]": (control_schema.ActuatorTable,),
-    "## [[sensors]]": (control_schema.MemberSensor, control_schema.NodeSensor),
-    "## [limits]": (control_schema.LimitsTable,),
+    "## [[actuators]]": (part_schema.ActuatorTable,),
+    "## [[sensors]]": (part_schema.MemberSensor, part_schema.NodeSensor),
+    "## [limits]": (part_schema.LimitsTable,),
     '`kind = "prism"`': (PrismShape,),
     '`kind = "tower"`': (TowerShape,),
     '`kind = "icosahedron"`': (IcosahedronShape,),

@@ -306,7 +306,7 @@ class EquilibriumResult(Result):
 
     def write(self, name: str, path: "Path", *, overwrite: bool) -> bool:
         """Write the settled structure, at rest, as a scene file, where an equilibrium was found."""
-        from tensegrity_codegen.scene.describe_bodies import describe_subject
+        from tensegrity_codegen.scene.describe import describe_subject
         from tensegrity_codegen.scene.write import write_scene
         from tensegrity_codegen.structure.bodies import BodySystem
 

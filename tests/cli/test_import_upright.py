@@ -7,7 +7,7 @@ import yaml
 
 from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tests.cli.conftest import Run
-from tests.scene.formats.test_change_frame import STICKS
+from tests.scene.formats.test_format import STICKS
 
 
 def test_a_file_of_the_toolkit_stands_upright(run: Run, folder: Path) -> None:

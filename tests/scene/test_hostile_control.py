@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
-from tensegrity_codegen.scene.describe import describe_structure
-from tensegrity_codegen.scene.describe_bodies import describe_bodies
+from tensegrity_codegen.scene.describe import describe_bodies, describe_structure
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.scene.toml_text import format_scene

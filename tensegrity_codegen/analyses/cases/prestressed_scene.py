@@ -57,7 +57,7 @@ def write_prestressed(
     member has no rest length for its tension; ConvergenceError: the scene as read back is not in balance.
     """
     from tensegrity_codegen.pipeline.compile_scene import load_scene
-    from tensegrity_codegen.scene.describe_bodies import describe_subject
+    from tensegrity_codegen.scene.describe import describe_subject
     from tensegrity_codegen.scene.write import write_scene
 
     shape = found.prestress.tension

@@ -103,7 +103,7 @@ class MotionAnswer(Result):
 
     def _write_end(self, path: Path, *, overwrite: bool) -> None:
         """Write the scene as its motion ends: places, velocities, and rest lengths with the inputs there."""
-        from tensegrity_codegen.scene.describe_bodies import describe_subject
+        from tensegrity_codegen.scene.describe import describe_subject
         from tensegrity_codegen.scene.names import name_list
         from tensegrity_codegen.scene.write import write_scene
         from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length

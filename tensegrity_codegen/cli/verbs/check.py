@@ -115,8 +115,7 @@ def _summarise_start(data: dict[str, Any]) -> list[str]:
 
 def _describe_control(subject: "Structure | BodySystem") -> dict[str, Any]:
     """Return actuators, sensors and limits, with the keys of a scene."""
-    from tensegrity_codegen.scene.describe import describe_control
-    from tensegrity_codegen.scene.describe_bodies import describe_bodies
+    from tensegrity_codegen.scene.describe import describe_bodies, describe_control
     from tensegrity_codegen.structure.bodies import BodySystem
 
     if isinstance(subject, BodySystem):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.assemble.targets import Targets, check_new_name, refuse_members
 from tensegrity_codegen.scene.names import key_path
-from tensegrity_codegen.scene.schema.control_schema import (
+from tensegrity_codegen.scene.schema.part_schema import (
     ActuatorTable,
     LimitsTable,
     MemberLimits,

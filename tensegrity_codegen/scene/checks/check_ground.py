@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tensegrity_codegen.scene.checks.check_control import check_indices
 from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.structure.contact_estimates import (
     ALONG,
@@ -17,9 +16,16 @@ from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_instance
-from tensegrity_codegen.system.errors import StructureError
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
 DEPTH_TOLERANCE = 1e-9  # of the structure's size
+
+
+def check_indices(indices: tuple[int, ...], size: int, place: str) -> None:
+    """Raise InvalidValueError for no index at all, or one that is not from 0 to size - 1."""
+    if not indices or min(indices) < 0 or max(indices) >= size:
+        problem = "empty, or an index out of range"
+        raise InvalidValueError(problem, where=place, given=indices, allowed=f"0 to {size - 1}")
 
 
 def check_ground(structure: Structure, where: str) -> None:

@@ -14,8 +14,13 @@ from typing import Any
 
 from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
 from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
-from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+from tensegrity_codegen.scene.formats.imported import (
+    ImportResult,
+    Network,
+    NetworkMember,
+    build_result,
+    read_text,
+)
 from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError
 

@@ -18,8 +18,14 @@ from typing import Any
 
 from tensegrity_codegen.scene.formats.files.documents import LARGEST_JSON, read_json
 from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
-from tensegrity_codegen.scene.formats.network import STIFFNESSES, Network, NetworkMember, build_result
+from tensegrity_codegen.scene.formats.imported import (
+    STIFFNESSES,
+    ImportResult,
+    Network,
+    NetworkMember,
+    build_result,
+    read_text,
+)
 from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 

@@ -17,10 +17,10 @@ from typing import Any
 from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
 from tensegrity_codegen.scene.formats.files.documents import read_json
 from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult
-from tensegrity_codegen.scene.formats.network import (
+from tensegrity_codegen.scene.formats.imported import (
     CONTROL_SECTIONS,
     POSITIVE,
+    ImportResult,
     Network,
     NetworkMember,
     build_result,

@@ -14,11 +14,10 @@ import numpy as np
 
 from tensegrity_codegen.scene.formats.files.documents import find_root, read_numbers, read_xml
 from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult
+from tensegrity_codegen.scene.formats.imported import ImportResult, Network, NetworkMember, build_result
 from tensegrity_codegen.scene.formats.mjcf.defaults import Defaults, read_defaults
 from tensegrity_codegen.scene.formats.mjcf.links import Link, read_links
 from tensegrity_codegen.scene.formats.mjcf.tendons import read_actuators, read_coupled_masses, read_tendons
-from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
 from tensegrity_codegen.scene.names import check_known, name_list
 from tensegrity_codegen.system.errors import InvalidValueError
 

@@ -14,13 +14,14 @@ from typing import Any
 from tensegrity_codegen.scene.formats.files.csv_table import LARGEST_TABLE, Row, read_lines, read_table
 from tensegrity_codegen.scene.formats.files.documents import read_numbers
 from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
-from tensegrity_codegen.scene.formats.network import (
+from tensegrity_codegen.scene.formats.imported import (
     POSITIVE,
+    ImportResult,
     Network,
     NetworkMember,
     build_result,
     check_ends,
+    read_text,
 )
 from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS

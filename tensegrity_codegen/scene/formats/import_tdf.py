@@ -18,8 +18,7 @@ from tensegrity_codegen.scene.formats.files.documents import (
     read_xml,
 )
 from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult
-from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+from tensegrity_codegen.scene.formats.imported import ImportResult, Network, NetworkMember, build_result
 from tensegrity_codegen.scene.names import check_known
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 

@@ -1,14 +1,27 @@
-"""The result of every importer, and how foreign names become names of a scene."""
+"""The result of every importer, and how foreign names become names of a scene.
+
+Importers of nodes and members share names, references, rules of members and control sections. In all checks
+of a member `member` has the values by the names of a scene, and `where` returns the place of one of them in
+the file, for messages.
+"""
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.scene.checks.limits import check_regular
-from tensegrity_codegen.scene.names import check_scene_name, is_name, is_scene_name
-from tensegrity_codegen.system.errors import SceneError, SceneSyntaxError, describe_reason
+from tensegrity_codegen.scene.names import check_known, check_scene_name, is_name, is_scene_name
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    SceneError,
+    SceneSyntaxError,
+    StructureError,
+    describe_reason,
+)
 
 _LONGEST_NAME = 63
 
@@ -125,3 +138,273 @@ def scene_name(given: str | None, path: Path, fallback: str) -> tuple[str, list[
     return name, [] if name == path.stem else [
         f"the scene is named {name} (the file's name is {path.stem!r})"
     ]
+
+
+Where = Callable[[str], str]
+STIFFNESSES = ("spring_constant", "axial_stiffness", "youngs_modulus")
+# Numbers of a member that must be above zero.
+POSITIVE = (*("rest_length", *STIFFNESSES, "mass", "density", "radius"), *("inner_radius", "mass_per_length"))
+
+
+def check_ends(first: str, second: str, given: object, where: str) -> None:
+    """Raise StructureError where a member joins a node to itself."""
+    if first == second:
+        problem = "the member joins a node to itself"
+        raise StructureError(problem, where=where, given=given, allowed="two different nodes")
+
+
+def check_member(member: Mapping[str, Any], where: Where) -> None:
+    """Raise InvalidValueError for values out of range, given twice, or that the member cannot have."""
+    _check_ranges(member, where)
+    _check_stiffness(member, where)
+    for key, alternative in (
+        *(("rest_length", "prestress"), ("mass", "density"), ("mass", "mass_per_length")),
+        *(("section", "radius"), ("section", "inner_radius")),
+    ):
+        if key in member and alternative in member:
+            problem = f"the member has {key} and {alternative}, which define the same value"
+            allowed = f"at most one of {key} and {alternative}"
+            location = where(alternative)
+            raise InvalidValueError(problem, where=location, given=member[alternative], allowed=allowed)
+    _check_mass(member, where)
+    if "prestress" in member:
+        _check_prestress(member, where)
+
+
+def _check_ranges(member: Mapping[str, Any], where: Where) -> None:
+    for key in (*POSITIVE, "damping"):
+        value = member.get(key)
+        if value is not None and not (value >= 0 if key == "damping" else value > 0):
+            allowed = "0 or more" if key == "damping" else "greater than 0, or no value"
+            problem = "the value is out of range"
+            raise InvalidValueError(problem, where=where(key), given=value, allowed=allowed)
+
+
+def _check_stiffness(member: Mapping[str, Any], where: Where) -> None:
+    stiffness = [key for key in STIFFNESSES if key in member]
+    if len(stiffness) > 1:
+        problem = "the member has two stiffnesses"
+        value = ", ".join(f"{key} {member[key]}" for key in stiffness)
+        allowed = "at most one of spring_constant [N/m], axial_stiffness [N] and youngs_modulus [Pa]"
+        raise InvalidValueError(problem, where=where(stiffness[1]), given=value, allowed=allowed)
+    if member["kind"] == "cable" and not stiffness:
+        allowed = "one of spring_constant [N/m], axial_stiffness [N] and youngs_modulus [Pa]"
+        raise InvalidValueError("a cable without stiffness", where=where("spring_constant"), allowed=allowed)
+    if "youngs_modulus" in member and not {"radius", "section"} & member.keys():
+        problem, location = "Young's modulus without a section", where("youngs_modulus")
+        allowed = "youngs_modulus [Pa] with a section, or a radius [m]"
+        raise InvalidValueError(problem, where=location, given=member["youngs_modulus"], allowed=allowed)
+
+
+def _check_mass(member: Mapping[str, Any], where: Where) -> None:
+    is_cable = member["kind"] == "cable"
+    key = "density" if is_cable else "mass_per_length"
+    if key in member:
+        problem = f"a {member['kind']} has no {key}"
+        allowed = "mass or mass_per_length of cables, mass or density of bars"
+        raise InvalidValueError(problem, where=where(key), given=member[key], allowed=allowed)
+    if "density" in member and not {"radius", "section"} & member.keys():
+        problem, allowed = "a density without a radius", "density [kg/m3] and radius [m], or mass [kg] alone"
+        raise InvalidValueError(problem, where=where("density"), given=member["density"], allowed=allowed)
+
+
+def _check_prestress(member: Mapping[str, Any], where: Where) -> None:
+    """Check that a member of this kind and stiffness can have its prestress."""
+    if not set(STIFFNESSES) & member.keys():
+        problem = "a rigid bar has no prestress"
+        allowed = "no prestress, or a bar with spring_constant [N/m] or axial_stiffness [N]"
+        raise InvalidValueError(problem, where=where("prestress"), given=member["prestress"], allowed=allowed)
+    if member["kind"] == "cable" and member["prestress"] < 0 and member.get("tension_only", True):
+        problem, allowed = "a cable cannot push", "0 or more [N]; less with tension_only = no"
+        raise InvalidValueError(problem, where=where("prestress"), given=member["prestress"], allowed=allowed)
+
+
+def note_defaults(members: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return notes on what missing values of members were taken to mean."""
+    members, notes = list(members), []
+    present = sum(not {"rest_length", "prestress"} & member.keys() for member in members)
+    if present:
+        notes.append(f"members without a rest length, which is their present length: {present}")
+    rigid = sum(not set(STIFFNESSES) & member.keys() for member in members)
+    if rigid:
+        notes.append(f"bars without a stiffness, which are rigid: {rigid}")
+    return notes
+
+
+CONTROL_SECTIONS = ("actuators", "sensors", "limits")
+Names = Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class NetworkMember:
+    """One member: its name in the file, its two nodes, its values by the keys of a scene, its place.
+
+    place_of: the place of a value in the file by its key; else the key behind the member's place.
+    """
+
+    name: str
+    ends: tuple[str, str]
+    values: Mapping[str, Any]
+    where: str
+    place_of: Callable[[str], str] | None = None
+
+
+@dataclass
+class Network:
+    """Nodes and members under their names in a file.
+
+    nodes: values by the keys of a scene; loads: forces [N] by node; inputs, control: as in a scene, with
+    names of the file; control: the sections CONTROL_SECTIONS.
+    """
+
+    nodes: dict[str, dict[str, Any]] = field(default_factory=dict)
+    members: list[NetworkMember] = field(default_factory=list)
+    loads: list[tuple[str, Sequence[float]]] = field(default_factory=list)
+    inputs: list[dict[str, Any]] = field(default_factory=list)
+    control: dict[str, Any] = field(default_factory=dict)
+    gravity: Sequence[float] | None = None
+    notes: list[str] = field(default_factory=list)
+    _given: set[str] = field(default_factory=set)
+
+    def name_member(self, name: str) -> str:
+        """Return a name for a member that has none: `name`, with a number where it was given before.
+
+        Names of two nodes can give one name twice: "a_b" and "c", "a" and "b_c".
+        """
+        candidate, number = name, 1
+        while candidate in self._given:
+            number += 1
+            candidate = f"{name}_{number}"
+        self._given.add(candidate)
+        return candidate
+
+
+def build_result(
+    network: Network, path: Path, name: str | None, gravity: Sequence[float] | None
+) -> ImportResult:
+    """Return the scene document of a network, and notes.
+
+    name, gravity: given by the caller, in place of the file's.
+    """
+    title, notes = scene_name(name, path, "scene_")
+    for section, entries in (("nodes", network.nodes), ("members", network.members)):
+        if not entries:
+            raise StructureError(f"the file has no {section}", where=str(path), allowed="one at least")
+    node_names, node_notes = name_all(network.nodes, "n", "nodes were")
+    _check_names(network.members)
+    member_names, member_notes = name_all(
+        [member_entry.name for member_entry in network.members], "m", "members were"
+    )
+    document: dict[str, Any] = {"name": title}
+    chosen = network.gravity if gravity is None else gravity
+    if chosen is not None:
+        document["gravity"] = [float(value) for value in chosen]
+    document["nodes"] = {node_names[key]: dict(values) for key, values in network.nodes.items()}
+    owners = dict.fromkeys(
+        member_entry.values["class"] for member_entry in network.members if "class" in member_entry.values
+    )
+    class_names, class_notes = name_all(owners, "c", "classes were")
+    classes: dict[str, dict[str, Any]] = {}
+    members = _build_members(network.members, member_names, node_names)
+    for member_entry, member in zip(network.members, members.values(), strict=True):
+        if "class" in member:
+            member["class"] = class_names[member["class"]]
+            class_table = classes.setdefault(member["class"], {"kind": member["kind"]})
+            if class_table["kind"] != member.pop("kind"):
+                where = (member_entry.place_of or partial(_place_key, member_entry.where))("class")
+                problem, allowed = "a class with bars and cables", "classes of one kind"
+                raise InvalidValueError(
+                    problem, where=where, given=member_entry.values["class"], allowed=allowed
+                )
+    document |= {"classes": classes} if classes else {}
+    document["members"] = members
+    loads = [
+        {"node": node_names[node], "force": [float(value) for value in force]}
+        for node, force in network.loads
+    ]
+    document |= {"loads": loads} if loads else {}
+    input_names, input_notes = name_all(
+        [str(member_entry["name"]) for member_entry in network.inputs], "u", "inputs were"
+    )
+    tables = {"nodes": node_names, "members": member_names, "name": input_names}
+    inputs = [_rename_entry(member_entry, tables) for member_entry in network.inputs]
+    document |= {"inputs": inputs} if inputs else {}
+    document |= _rename_control(network.control, node_names, member_names)
+    notes += [*node_notes, *member_notes, *class_notes, *input_notes]
+    defaults = note_defaults(document["members"].values())
+    return ImportResult(document, (*notes, *network.notes, *defaults))
+
+
+def _check_names(members: Sequence[NetworkMember]) -> None:
+    seen: dict[str, str] = {}
+    for member in members:
+        if member.name in seen:
+            problem, allowed = "two members with one name", f"each name once ({seen[member.name]} has it too)"
+            raise DuplicateNameError(problem, where=member.where, given=member.name[:80], allowed=allowed)
+        seen[member.name] = member.where
+
+
+def _build_members(
+    members: Sequence[NetworkMember], names: Mapping[str, str], nodes: Mapping[str, str]
+) -> dict[str, dict[str, Any]]:
+    built: dict[str, dict[str, Any]] = {}
+    seen: dict[frozenset[str], str] = {}
+    for entry in members:
+        for end in entry.ends:
+            check_known(end, nodes, "unknown node", "a node of the file", entry.where)
+        check_ends(*entry.ends, entry.ends[1], entry.where)
+        pair = frozenset(entry.ends)
+        if pair in seen:
+            problem, location = "two members join the same nodes", entry.where
+            allowed = f"one member for each pair ({seen[pair]} joins them too)"
+            raise DuplicateNameError(problem, where=location, given=" and ".join(entry.ends), allowed=allowed)
+        seen[pair] = entry.where
+        member = {"kind": entry.values["kind"], "nodes": [nodes[end] for end in entry.ends], **entry.values}
+        check_member(member, entry.place_of or partial(_place_key, entry.where))
+        built[names[entry.name]] = member
+    return built
+
+
+def _place_key(where: str, key: str) -> str:
+    return f"{where}: {key}"
+
+
+def _rename_control(content: Mapping[str, Any], nodes: Names, members: Names) -> dict[str, Any]:
+    """Return the sections `actuators`, `sensors` and `limits` of a file with the scene's names.
+
+    nodes, members: names of the scene by those of the file, which may be numbers. What is not there, or not
+    of the right kind, stays as it is: the checks of the scene name it.
+    """
+    renamed: dict[str, Any] = {}
+    for section in ("actuators", "sensors"):
+        value = content.get(section)
+        if value is not None:
+            entries = value if isinstance(value, list) else [value]
+            renamed_entries = [
+                _rename_entry(entry, {"members": members, "nodes": nodes}) for entry in entries
+            ]
+            renamed[section] = renamed_entries if isinstance(value, list) else renamed_entries[0]
+    limits = content.get("limits")
+    if isinstance(limits, dict) and isinstance(limits.get("members"), dict):
+        of_members: dict[str, Any] = {}
+        for key, value in limits["members"].items():
+            name = members.get(key, key)
+            of_members[key if name in of_members else name] = value
+        limits = {**limits, "members": of_members}
+    return renamed | ({} if limits is None else {"limits": limits})
+
+
+def _rename_entry(entry: Any, tables: Mapping[str, Names]) -> Any:
+    """Return an entry with names of the scene under the keys of `tables`."""
+    if not isinstance(entry, dict):
+        return entry
+    return {key: _rename(value, tables[key]) if key in tables else value for key, value in entry.items()}
+
+
+def _rename(value: Any, names: Names) -> Any:
+    """Return the scene's name of a name or number, or of each of a list of them."""
+    if isinstance(value, list):
+        return [_rename(entry, names) if not isinstance(entry, list) else entry for entry in value]
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        return value
+    return names.get(str(value) if isinstance(value, str) or abs(value) < 10**18 else "", value)

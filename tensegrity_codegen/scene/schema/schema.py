@@ -20,21 +20,19 @@ from tensegrity_codegen.scene.schema.body_schema import (
     TorqueInput,
     load_tag,
 )
-from tensegrity_codegen.scene.schema.control_schema import (
-    ActuatorTable,
-    LimitsTable,
-    MemberSensor,
-    NodeSensor,
-)
 from tensegrity_codegen.scene.schema.model_schema import ModelOptions, Parameters
 from tensegrity_codegen.scene.schema.part_schema import (
+    ActuatorTable,
     ForceInput,
     GroundTable,
     Interference,
+    LimitsTable,
     Load,
     Member,
     MemberClass,
+    MemberSensor,
     Node,
+    NodeSensor,
     RestLengthInput,
     SlidingTable,
     TemperatureInput,

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.analyses.cases.statuses import GOOD, NOT_COMPUTED, STATUSES
-from tensegrity_codegen.scene.describe import describe_structure
-from tensegrity_codegen.scene.describe_bodies import describe_bodies
+from tensegrity_codegen.scene.describe import describe_bodies, describe_structure
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.sweeps.apply.array_keys import INPUT, ArrayKey
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
-from tensegrity_codegen.scene.formats.imported import ImportResult
-from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+from tensegrity_codegen.scene.formats.imported import ImportResult, Network, NetworkMember, build_result
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, StructureError
 
