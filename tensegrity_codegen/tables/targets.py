@@ -74,59 +74,39 @@ WASM = Target(
 # Cortex-M4F and M7F: Thumb-2 with registers of single precision, in which arguments are passed. Headers of a
 # C library, none of its code. zig's cortex_m4 alone has no floating-point unit.
 THUMB = Target(
-    name="thumbv7em",
-    kind="static library",
-    shared=(),
-    position=("-ffunction-sections", "-fdata-sections"),
-    prefix="lib",
-    suffix=".a",
-    libraries=(),
+    name="thumbv7em", kind="static library", shared=(), position=("-ffunction-sections", "-fdata-sections"),
+    prefix="lib", suffix=".a", libraries=(),
     options=(
         *("-target", "thumb-linux-musleabihf", "-mcpu=cortex_m4+vfp4d16sp"),
         *("-fno-pic", "-fno-unwind-tables"),
     ),
     binary="ELF for arm",
-)
+)  # fmt: skip
 
 _ALL = (
     replace(
-        LINUX,
-        name="aarch64-linux",
-        options=("-target", "aarch64-linux-gnu.2.17"),
-        binary="ELF for aarch64",
+        LINUX, name="aarch64-linux", options=("-target", "aarch64-linux-gnu.2.17"), binary="ELF for aarch64",
         wheel_tag="manylinux_2_17_aarch64.manylinux2014_aarch64",
     ),
     replace(
-        LINUX,
-        name="x86_64-linux",
-        options=("-target", "x86_64-linux-gnu.2.17"),
-        binary="ELF for x86_64",
+        LINUX, name="x86_64-linux", options=("-target", "x86_64-linux-gnu.2.17"), binary="ELF for x86_64",
         wheel_tag="manylinux_2_17_x86_64.manylinux2014_x86_64",
     ),
     replace(
-        WINDOWS,
-        name="x86_64-windows",
-        options=("-target", "x86_64-windows-gnu"),
-        binary="PE for x86_64",
+        WINDOWS, name="x86_64-windows", options=("-target", "x86_64-windows-gnu"), binary="PE for x86_64",
         wheel_tag="win_amd64",
     ),
     replace(
-        MACOS,
-        name="aarch64-macos",
-        options=("-target", "aarch64-macos.11.0"),
-        binary="Mach-O for aarch64",
+        MACOS, name="aarch64-macos", options=("-target", "aarch64-macos.11.0"), binary="Mach-O for aarch64",
         wheel_tag="macosx_11_0_arm64",
     ),
     replace(
-        MACOS,
-        name="x86_64-macos",
-        options=("-target", "x86_64-macos.11.0"),
-        binary="Mach-O for x86_64",
+        MACOS, name="x86_64-macos", options=("-target", "x86_64-macos.11.0"), binary="Mach-O for x86_64",
         wheel_tag="macosx_11_0_x86_64",
     ),
     WASM,
     THUMB,
-)
+)  # fmt: skip
 # Machines that a library can be compiled for by name.
 TARGETS: Mapping[str, Target] = {target.name: target for target in _ALL}
 

@@ -30,13 +30,10 @@ ARGUMENT_ROWS = (
         "column", "S", "mixed", ("n_states", "n_columns"), "Derivatives of the state of a motion, row by row."
     ),
     Quantity(
-        "direction",
-        "P",
-        "mixed",
-        ("n_parameters", "n_columns"),
+        "direction", "P", "mixed", ("n_parameters", "n_columns"),
         "Derivatives of the run-time parameters, then of the inputs, that columns are along.",
     ),
     Quantity("state_weight", "w", "mixed", ("n_states",), "Weights of the rates of a state."),
     Quantity("tension_weight", "w", "mixed", ("n_members",), "Weights of the member tensions."),
     Quantity("margin_weight", "w", "mixed", ("n_tension_only",), "Weights of cables, one for each margin."),
-)
+)  # fmt: skip

@@ -99,10 +99,7 @@ MEMBER_QUANTITIES = (
     ),
     MemberQuantity(
         Quantity(
-            "member_tension",
-            "t",
-            "N",
-            ("n_members",),
+            "member_tension", "t", "N", ("n_members",),
             "Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.",
         ),
         kernel="tension",
@@ -117,10 +114,7 @@ MEMBER_QUANTITIES = (
     ),
     MemberQuantity(
         Quantity(
-            "member_extension",
-            "l - rho",
-            "m",
-            ("n_members",),
+            "member_extension", "l - rho", "m", ("n_members",),
             "Extensions l_e - rho_e of members; negative in slack cables.",
         ),
         kernel="extension",
@@ -128,10 +122,7 @@ MEMBER_QUANTITIES = (
     ),
     MemberQuantity(
         Quantity(
-            "tension_rest_length_derivative",
-            "dt/drho",
-            "N/m",
-            ("n_members",),
+            "tension_rest_length_derivative", "dt/drho", "N/m", ("n_members",),
             "Derivative of each member tension to the member's own rest length at constant node positions; "
             "zero in slack cables and in rigid bars, whose tensions are multipliers.",
         ),
@@ -140,10 +131,7 @@ MEMBER_QUANTITIES = (
     ),
     MemberQuantity(
         Quantity(
-            "member_stress",
-            "sigma",
-            "Pa",
-            ("n_members",),
+            "member_stress", "sigma", "Pa", ("n_members",),
             "Axial stresses t_e / A_e of members with section A_e, positive in tension.",
             "Strength of materials",
         ),
@@ -154,10 +142,7 @@ MEMBER_QUANTITIES = (
     ),
     MemberQuantity(
         Quantity(
-            "buckling_margin",
-            "P_E / -t",
-            "1",
-            ("n_members",),
+            "buckling_margin", "P_E / -t", "1", ("n_members",),
             "Euler's buckling load pi^2 E_e I_e / l_e^2 of pinned ends over the compression; below 1 the "
             "member buckles. At most 1e6, also in tension and in cables.",
             "Euler",
@@ -168,6 +153,6 @@ MEMBER_QUANTITIES = (
         needs_section=lambda subject: ~subject.tension_only,
         needs_stiffness=lambda subject: ~subject.tension_only,
     ),
-)
+)  # fmt: skip
 
 MEMBERS = tuple(quantity.row for quantity in MEMBER_QUANTITIES)

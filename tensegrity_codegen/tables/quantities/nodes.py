@@ -82,10 +82,7 @@ NODE_QUANTITIES = (
     ),
     NodeQuantity(
         Quantity(
-            "node_force",
-            "f",
-            "N",
-            ("n_nodes", "n_axes"),
+            "node_force", "f", "N", ("n_nodes", "n_axes"),
             "Sum of member forces, weight and loads on every node.",
         ),
         entries=lambda n: n.force,
@@ -93,10 +90,7 @@ NODE_QUANTITIES = (
     ),
     NodeQuantity(
         Quantity(
-            "node_residual",
-            "-dU/dq",
-            "N",
-            ("n_coordinates",),
+            "node_residual", "-dU/dq", "N", ("n_coordinates",),
             "Static force (no damping) on every free coordinate; zero in equilibrium.",
         ),
         entries=lambda n: n.spring_force,
@@ -104,10 +98,7 @@ NODE_QUANTITIES = (
     ),
     NodeQuantity(
         Quantity(
-            "support_reaction",
-            "R",
-            "N",
-            ("n_anchored_coordinates",),
+            "support_reaction", "R", "N", ("n_anchored_coordinates",),
             "Static force that the anchors exert on the structure, anchored coordinate by coordinate.",
         ),
         entries=lambda n: [-force for force in n.static_force],
@@ -115,15 +106,12 @@ NODE_QUANTITIES = (
     ),
     NodeQuantity(
         Quantity(
-            "cable_force",
-            "f_c",
-            "N",
-            ("n_coordinates",),
+            "cable_force", "f_c", "N", ("n_coordinates",),
             "Force on every free coordinate by weight, loads and cables, without two-sided members.",
         ),
         entries=lambda n: n.cable_force,
         uses=("cable_force",),
     ),
-)
+)  # fmt: skip
 
 NODES = tuple(quantity.row for quantity in NODE_QUANTITIES)
