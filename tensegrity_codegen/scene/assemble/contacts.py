@@ -65,27 +65,19 @@ def build_collision(stated: Interference, where: str) -> Collision | None:
     impact = stated.restitution
     damping = {key: getattr(stated, key) for key in ("restitution", "dissipation")}
     idle = [key for key, value in damping.items() if value is not None]
-    rules = (
-        (stated.exponent in EXPONENTS, "not an exponent of the contact force", "exponent", "1 or 1.5"),
-        (
-            len(idle) < 2,
-            "the damping of impacts is given twice",
-            "dissipation",
-            "one of restitution and dissipation",
-        ),
-        (
-            stated.stiffness is not None or not (idle or stated.exponent != 1.0),
-            "bars without a stiffness have no force that this could change",
-            idle[0] if idle else "exponent",
-            "with stiffness [N/m]",
-        ),
-    )
-    for is_met, problem, key, allowed in rules:
+    is_idle = stated.stiffness is None and bool(idle or stated.exponent != 1.0)
+
+    def require(is_met: bool, problem: str, key: str, allowed: str) -> None:
         if not is_met:
-            value = getattr(stated, key)
-            shown = value.model_dump() if key == "restitution" else value
-            location = key_path(where, "interference", key)
-            raise InvalidValueError(problem, where=location, given=shown, allowed=allowed)
+            value, location = getattr(stated, key), key_path(where, "interference", key)
+            value = value.model_dump() if key == "restitution" else value
+            raise InvalidValueError(problem, where=location, given=value, allowed=allowed)
+
+    require(stated.exponent in EXPONENTS, "not an exponent of the contact force", "exponent", "1 or 1.5")
+    alternatives = "one of restitution and dissipation"
+    require(len(idle) < 2, "the damping of impacts is given twice", "dissipation", alternatives)
+    problem = "bars without a stiffness have no force that this could change"
+    require(not is_idle, problem, idle[0] if idle else "exponent", "with stiffness [N/m]")
     if stated.stiffness is None:
         return None
     dissipation = find_dissipation(impact.value, impact.speed) if impact else stated.dissipation or 0.0

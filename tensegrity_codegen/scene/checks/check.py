@@ -29,22 +29,14 @@ from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, 
 # A rigid bar's rest length may differ from its length by this part of it.
 RIGID_TOLERANCE = 1e-9
 
-_SHAPE = {
-    "node_position": ("n_nodes", 3),
-    "node_velocity": ("n_nodes", 3),
+_MEMBER_NUMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping", "member_mass", "radius")
+_SHAPE: dict[str, tuple[str | int, ...]] = {
+    **dict.fromkeys(("node_position", "node_velocity"), ("n_nodes", 3)),
     "node_mass": ("n_nodes",),
-    "node_anchored": ("n_nodes", 3),
-    "node_load": ("n_nodes", 3),
+    **dict.fromkeys(("node_anchored", "node_load"), ("n_nodes", 3)),
     "gravity": (3,),
     "connectivity": ("n_members", 2),
-    "is_bar": ("n_members",),
-    "tension_only": ("n_members",),
-    "rest_length": ("n_members",),
-    "spring_constant": ("n_members",),
-    "axial_stiffness": ("n_members",),
-    "damping": ("n_members",),
-    "member_mass": ("n_members",),
-    "radius": ("n_members",),
+    **dict.fromkeys(("is_bar", "tension_only", *_MEMBER_NUMBERS), ("n_members",)),
 }
 _BOOLEAN = ("node_anchored", "is_bar", "tension_only")
 

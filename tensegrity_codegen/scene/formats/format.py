@@ -33,18 +33,11 @@ LETTERS = "xyz"
 # Keys that are vectors, by section.
 VECTORS = {"nodes": ("position", "velocity"), "loads": ("force",), "inputs": ("direction",)}
 # Powers of the unit of length in the values of a scene, by section and key; others have none.
-MEMBER_POWERS = {
-    "rest_length": 1,
-    "prestress": 1,
-    "axial_stiffness": 1,
-    "density": -3,
-    "radius": 1,
-    "inner_radius": 1,
-    "switch_elongation": 1,
-    "switch_force": 1,
-    "yield_elongation": 1,
-    "yield_force": 1,
-}
+_PROPORTIONAL = (
+    *("rest_length", "prestress", "axial_stiffness", "radius", "inner_radius"),
+    *("switch_elongation", "switch_force", "yield_elongation", "yield_force"),
+)
+MEMBER_POWERS = dict.fromkeys(_PROPORTIONAL, 1) | {"density": -3}
 LIMIT_POWERS = {"least_tension": 1, "most_tension": 1, "yield_stress": -1, "clearance": 1}
 POWERS: Mapping[str, Mapping[str, int]] = {
     "nodes": {"position": 1, "velocity": 1},

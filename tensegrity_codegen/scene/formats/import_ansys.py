@@ -255,9 +255,6 @@ class _Reader:
 COMMANDS = frozenset(["mp", "k", "l", "sectype", "secdata", "seccontrol", "lsel", "latt", "dk", "fk", "acel"])
 
 FORMAT = Format(
-    title="texts of TsgFEM for ANSYS (APDL)",
-    sources=("structure_ansys.txt",),
-    endings=(".txt", ".mac", ".inp"),
-    read=import_ansys,
-    order=5,
-)
+    title="texts of TsgFEM for ANSYS (APDL)", sources=("structure_ansys.txt",),
+    endings=(".txt", ".mac", ".inp"), read=import_ansys, order=5,
+)  # fmt: skip

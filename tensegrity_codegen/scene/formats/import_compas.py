@@ -40,20 +40,11 @@ BARS, CABLES = ("bar", "strut", "compression"), ("cable", "tie", "tension", "str
 KINDS = ("kind", "type", "is_strut", "is_bar")
 # Attributes of edges by the keys of a scene.
 NUMBERS = {
-    "l0": "rest_length",
-    "linit": "rest_length",
-    "rest_length": "rest_length",
-    "k": "spring_constant",
-    "spring_constant": "spring_constant",
-    "EA": "axial_stiffness",
-    "axial_stiffness": "axial_stiffness",
-    "mass": "mass",
-    "density": "density",
-    "radius": "radius",
-    "damping": "damping",
-    "f": "prestress",
-    "force": "prestress",
-    "prestress": "prestress",
+    **dict.fromkeys(("l0", "linit", "rest_length"), "rest_length"),
+    **dict.fromkeys(("k", "spring_constant"), "spring_constant"),
+    **dict.fromkeys(("EA", "axial_stiffness"), "axial_stiffness"),
+    **{key: key for key in ("mass", "density", "radius", "damping")},
+    **dict.fromkeys(("f", "force", "prestress"), "prestress"),
 }
 OTHERS = ("q", "E", "A", "length")
 
@@ -235,10 +226,6 @@ def _find_kind(values: Mapping[str, Any], member: Mapping[str, Any], where: str)
 
 
 FORMAT = Format(
-    title="networks of COMPAS (JSON)",
-    sources=("network.json",),
-    endings=(".json",),
-    read=import_compas,
-    order=4,
-    recognises=is_compas,
-)
+    title="networks of COMPAS (JSON)", sources=("network.json",), endings=(".json",), read=import_compas,
+    order=4, recognises=is_compas,
+)  # fmt: skip

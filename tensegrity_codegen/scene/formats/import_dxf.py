@@ -103,10 +103,6 @@ def _list_places(entity: Any) -> list[Any]:
 
 
 FORMAT = Format(
-    title="lines of a drawing (DXF)",
-    sources=("lines.dxf",),
-    endings=(".dxf",),
-    read=import_dxf,
-    options=("tolerance", "axial_stiffness"),
-    order=10,
-)
+    title="lines of a drawing (DXF)", sources=("lines.dxf",), endings=(".dxf",), read=import_dxf,
+    options=("tolerance", "axial_stiffness"), order=10,
+)  # fmt: skip

@@ -189,10 +189,6 @@ def _find_matrix(node: dict[str, Any]) -> FloatArray:
 
 
 FORMAT = Format(
-    title="lines of a scene (glTF)",
-    sources=("lines.glb",),
-    endings=(".glb", ".gltf"),
-    read=import_gltf,
-    options=("tolerance", "axial_stiffness"),
-    order=11,
-)
+    title="lines of a scene (glTF)", sources=("lines.glb",), endings=(".glb", ".gltf"), read=import_gltf,
+    options=("tolerance", "axial_stiffness"), order=11,
+)  # fmt: skip

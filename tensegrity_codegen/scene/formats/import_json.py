@@ -226,9 +226,6 @@ def _read_member(name: str, entry: _Place, nodes: Mapping[str, Any]) -> NetworkM
 
 
 FORMAT = Format(
-    title="nodes and members (JSON)",
-    sources=("structure.json",),
-    endings=(".json",),
-    read=import_json,
+    title="nodes and members (JSON)", sources=("structure.json",), endings=(".json",), read=import_json,
     order=9,
-)
+)  # fmt: skip

@@ -210,10 +210,6 @@ def _couple(network: Network, masses: dict[str, float], gravity: Sequence[float]
 
 
 FORMAT = Format(
-    title="models of MuJoCo (MJCF, XML)",
-    sources=("model.xml",),
-    endings=(".xml", ".mjcf"),
-    read=import_mjcf,
-    order=7,
-    recognises=lambda path: find_root(path) == "mujoco",
-)
+    title="models of MuJoCo (MJCF, XML)", sources=("model.xml",), endings=(".xml", ".mjcf"), read=import_mjcf,
+    order=7, recognises=lambda path: find_root(path) == "mujoco",
+)  # fmt: skip

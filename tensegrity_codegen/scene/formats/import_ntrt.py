@@ -77,10 +77,7 @@ def _note_up(gravity: Sequence[float] | None) -> list[str]:
 
 
 FORMAT = Format(
-    title="structure files of the NASA Tensegrity Robotics Toolkit (NTRT, YAML)",
-    sources=("structure.yaml",),
-    endings=(".yaml", ".yml"),
-    read=import_ntrt,
-    options=("bar_stiffness_ratio", "rigid", "pretension_scale"),
+    title="structure files of the NASA Tensegrity Robotics Toolkit (NTRT, YAML)", sources=("structure.yaml",),
+    endings=(".yaml", ".yml"), read=import_ntrt, options=("bar_stiffness_ratio", "rigid", "pretension_scale"),
     order=2,
-)
+)  # fmt: skip

@@ -49,10 +49,6 @@ def is_scene_json(path: Path) -> bool:
 
 
 FORMAT = Format(
-    title="a whole scene (JSON), as the verb export writes it",
-    sources=("scene.json",),
-    endings=(".json",),
-    read=import_scene_json,
-    order=3,
-    recognises=is_scene_json,
-)
+    title="a whole scene (JSON), as the verb export writes it", sources=("scene.json",), endings=(".json",),
+    read=import_scene_json, order=3, recognises=is_scene_json,
+)  # fmt: skip

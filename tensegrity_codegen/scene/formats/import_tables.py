@@ -181,10 +181,7 @@ def _is_two_sided(row: Row, kind: str) -> bool:
 
 
 FORMAT = Format(
-    title="tables of nodes and members (CSV)",
-    sources=("nodes.csv", "members.csv"),
-    endings=(),
-    read=import_tables,
-    order=1,
+    title="tables of nodes and members (CSV)", sources=("nodes.csv", "members.csv"), endings=(),
+    read=import_tables, order=1,
     instead={"rigid": "leave spring_constant and axial_stiffness of a bar empty: such a bar is rigid"},
-)
+)  # fmt: skip

@@ -105,10 +105,7 @@ def _read_members(
 
 
 FORMAT = Format(
-    title="tensegrity documents (TDF, XML)",
-    sources=("structure.tdf.xml",),
-    endings=(".xml", ".tdf", ".xacro"),
-    read=import_tdf,
-    order=6,
+    title="tensegrity documents (TDF, XML)", sources=("structure.tdf.xml",),
+    endings=(".xml", ".tdf", ".xacro"), read=import_tdf, order=6,
     recognises=lambda path: find_root(path) == "tdf",
-)
+)  # fmt: skip
