@@ -25,10 +25,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 
 def describe_control(subject: Subject, key: str, name_node: Callable[[int], str]) -> dict[str, Any]:
-    """Return the sections `actuators`, `sensors` and `limits` of a scene document.
-
-    key: that of the nodes of a sensor, `nodes` or `points`; name_node: their names by index.
-    """
+    """Return the sections actuators, sensors and limits; key: of nodes of a sensor; name_node: by index."""
     return {
         "actuators": [_describe_actuator(subject, entry) for entry in subject.actuators],
         "sensors": [_describe_sensor(subject, entry, key, name_node) for entry in subject.sensors],
@@ -105,10 +102,7 @@ def _describe_value(key: str, value: float) -> float | bool:
 
 
 def describe_ground(subject: Subject, name_node: Callable[[int], str]) -> dict[str, Any]:
-    """Return the table [ground] with its numbers explicit, empty without a ground; name_node: names by index.
-
-    Reading it back gives the same ground bit by bit.
-    """
+    """Return the table [ground] in full, bit by bit, {} without a ground; name_node: names by index."""
     ground = subject.ground
     if ground is None:
         return {}
@@ -275,10 +269,7 @@ def describe_subject(subject: Subject, request: ModelRequest) -> dict[str, Any]:
 
 
 def describe_bodies(system: BodySystem, request: ModelRequest | None = None) -> dict[str, Any]:
-    """Return the scene document of `system`, angles in degrees; `request` adds what is wanted of it.
-
-    Reading it back gives the same numbers, angles to the last digit or two.
-    """
+    """Return the scene document of `system`, angles in degrees; `request` adds its sections."""
     document: dict[str, Any] = {"name": system.name}
     if np.any(system.gravity):
         document["gravity"] = system.gravity.tolist()

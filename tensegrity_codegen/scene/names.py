@@ -89,10 +89,7 @@ def check_names(names: Sequence[str], what: str, where: str = "") -> None:
 
 
 def check_known(name: str, known: Iterable[str], problem: str, allowed: str, *place: str | int) -> None:
-    """Raise UnknownNameError, with similar names as its hint, for a name that is not `known`.
-
-    place: the file, and the keys that lead to the name, see key_path.
-    """
+    """Raise UnknownNameError for a name that is not `known`; place: the file and keys of it, see key_path."""
     if name not in known:
         hint = suggest(name[:80], known)
         location = key_path(str(place[0]), *place[1:])

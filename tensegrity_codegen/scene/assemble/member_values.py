@@ -53,11 +53,7 @@ def list_catalogue() -> list[str]:
 
 
 def find_section(section: str | SectionTable, place: str) -> RoundSection:
-    """Return the radii of a section of a scene.
-
-    section: a name of the catalogue, or a tube or rod; place: file and key, for errors. Returns outer and
-    inner radius [m].
-    """
+    """Return outer and inner radius [m] of a section: a name of the catalogue, a tube or a rod."""
     if isinstance(section, str):
         catalogue, match = list_catalogue(), _NAME.fullmatch(section)
         name = f"CHS {float(match[1]):g}x{float(match[2]):g}" if match else section

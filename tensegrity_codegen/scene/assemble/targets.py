@@ -150,10 +150,7 @@ def find_gain(
     rest_length: FloatArray,
     expansion: FloatArray | None,
 ) -> tuple[float, ...]:
-    """Return the gain of an input on each of its members, rho alpha of temperature; () where all are 1.
-
-    A gain is shared by the segments of a cable, and not by those that are named themselves.
-    """
+    """Return the gain of an input on each member (rho alpha of temperature), () where all are 1."""
     if isinstance(item, TemperatureInput):
         slope = rest_length * (np.zeros(len(rest_length)) if expansion is None else expansion)
         problem = "a member without thermal_expansion does not change with temperature"

@@ -280,10 +280,7 @@ def _check_input(structure: Structure, number: int, item: ActuatedInput, where: 
 
 
 def check_control(structure: Structure, where: str) -> None:
-    """Raise unless the actuators are the last inputs and have sound values, and so have sensors and limits.
-
-    Raises InvalidValueError, NonFiniteError or DuplicateNameError, with `where` and the key.
-    """
+    """Raise unless the actuators are the last inputs and sound, and so are sensors and limits."""
     actuated = structure.inputs[len(structure.inputs) - len(structure.actuators) :]
     expected = [(entry.name, "rest_length", tuple(entry.members), ()) for entry in structure.actuators]
     if expected != [(entry.name, entry.kind, tuple(entry.targets), tuple(entry.gain)) for entry in actuated]:

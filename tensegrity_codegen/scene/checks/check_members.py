@@ -72,10 +72,7 @@ def check_freedom(
     node_name: tuple[str, ...],
     where: str,
 ) -> None:
-    """Raise StructureError unless there are nodes and members, a free coordinate, and a member at every node.
-
-    An anchored node without a member is refused too: nothing hangs on it, so it is a slip of the pen.
-    """
+    """Raise StructureError without nodes, members, a free coordinate, or a member at every node."""
     problem = ""
     if not node_name:
         problem, allowed, hint = "the scene has no nodes", "two nodes or more", "add [nodes] or a [shape]"
@@ -129,11 +126,7 @@ class _Ends:
 
 
 def check_laws(subject: Structure | BodySystem, where: str) -> None:
-    """Check the parameters of member laws.
-
-    subject: whose members are checked; its other member arrays are sound; where: place of the subject, for
-    messages.
-    """
+    """Raise for parameters of member laws that are unknown, not finite or out of range."""
     for name, values in subject.law_parameter.items():
         _check_array(subject, name, values, where)
     rigid = (subject.spring_constant == 0) & (subject.axial_stiffness == 0)

@@ -33,10 +33,7 @@ def check_regular(path: Path, where: str) -> None:
 
 
 def check_text(text: str, where: str, plain: bool = False) -> None:
-    """Raise SceneSyntaxError for a scene's text with too many tables or values to be a scene.
-
-    plain: the plain sections of nodes and members were taken out.
-    """
+    """Raise SceneSyntaxError for a text with too many tables or values; plain: without its plain sections."""
     counts = {"tables": (text.count("{") + text.count("\n["), MOST_TABLES)}
     counts["keys"] = (text.count("="), MOST_PAIRS)
     if plain:

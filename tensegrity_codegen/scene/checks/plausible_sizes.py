@@ -233,10 +233,7 @@ def warn_of_unstressed_bars(structure: Structure) -> list[str]:
 
 
 def warn_of_imbalance(structure: Structure) -> list[str]:
-    """Return warnings of nodes pulled by more than all weights and loads, or that nothing can hold.
-
-    Motions may start so on purpose, so that only `check` says it.
-    """
+    """Return warnings, for `check` only, of nodes that nothing holds or that start far from balance."""
     if not structure.n_members or structure.ground is not None:
         return []
     force = np.linalg.norm(find_unbalanced(structure), axis=1)

@@ -45,10 +45,7 @@ def warn_of_slack(structure: Structure) -> list[str]:
 
 
 def warn_of_crossing(subject: Structure | BodySystem) -> list[str]:
-    """Return a warning for bars that overlap; bars without a radius have one of 1/2,000 of their length.
-
-    In a plane, bars cross on purpose.
-    """
+    """Return a warning for bars in space that overlap; without a radius, with 1/2,000 of their length."""
     if isinstance(subject, Structure):
         if len(subject.axes) < 3 and subject.interference is None:
             return []
@@ -64,11 +61,7 @@ def warn_of_crossing(subject: Structure | BodySystem) -> list[str]:
 
 
 def warn_of_members(subject: Structure | BodySystem) -> list[str]:
-    """Return warnings for members beyond their limits, buckled or strained at the stated positions, at rest.
-
-    Tensions follow from the lengths there, so that those of rigid bars are not known. Strains above
-    LARGE_STRAIN are doubted elsewhere.
-    """
+    """Return warnings for members beyond their limits, buckled or strained at rest; not of rigid bars."""
     structure = outline_tendons(subject)
     tension = np.where(structure.is_rigid, np.nan, structure.static_tension())
     report = check_members(structure, tension, structure.member_length())

@@ -56,11 +56,7 @@ LARGEST_SCALE = 1e12  # densities scale by its third power
 def change_frame(
     document: Mapping[str, Any], up: str = "z", scale: float = 1.0, where: str = "scene"
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return a valid scene document of nodes and members in other axes and units, and notes.
-
-    up: the axis of the document that points up, which becomes z; scale: metres per unit of length of the
-    document.
-    """
+    """Return a valid scene document with `up` as z and lengths times `scale` [m], and notes."""
     check_choice(up, UP_AXES, "axis", "up")
     if not (isinstance(scale, int | float) and 1.0 / LARGEST_SCALE <= scale <= LARGEST_SCALE):
         problem, allowed = "the value is out of range", f"{1.0 / LARGEST_SCALE:g} to {LARGEST_SCALE:g}"

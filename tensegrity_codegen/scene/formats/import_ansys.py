@@ -43,10 +43,7 @@ AXES = {"ux": "x", "uy": "y", "uz": "z", "fx": "x", "fy": "y", "fz": "z", "x": "
 def import_ansys(
     path: str | Path, *, name: str | None = None, gravity: Sequence[float] | None = None
 ) -> ImportResult:
-    """Return the scene document of an APDL text as TsgFEM writes it, and notes.
-
-    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2], in place of the file's.
-    """
+    """Return the scene document of an APDL text as TsgFEM writes it, and notes."""
     path = Path(path)
     reader = _Reader(str(path))
     text = read_text(path, MAX_FILE_BYTES, WHAT, fallback="latin-1")

@@ -52,10 +52,7 @@ OTHERS = ("q", "E", "A", "length")
 def import_compas(
     path: str | Path, *, name: str | None = None, gravity: Sequence[float] | None = None
 ) -> ImportResult:
-    """Return the scene document of a COMPAS network, and notes on attributes that are not read.
-
-    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2].
-    """
+    """Return the scene document of a COMPAS network, and notes on attributes that are not read."""
     path = Path(path)
     content = _table(read_json(path, WHAT), str(path))
     where = str(path)

@@ -35,12 +35,7 @@ def import_dxf(
     tolerance: float | None = None,
     axial_stiffness: float | None = None,
 ) -> ImportResult:
-    """Return the scene document of the lines of a drawing, and notes.
-
-    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2]; tolerance: distance up to
-    which ends of lines are one node, else 1e-6 of the size of the drawing; axial_stiffness: EA [N] of cables,
-    else 1000. Raises MissingExtraError without ezdxf, SceneError or a subclass of it that names the entity.
-    """
+    """Return the scene document of the lines of a drawing, and notes."""
     path = Path(path)
     ezdxf = import_extra("ezdxf", CAD)
     _check_size(read_bytes(path, LARGEST_DXF, WHAT), str(path))

@@ -36,12 +36,7 @@ def import_gltf(
     tolerance: float | None = None,
     axial_stiffness: float | None = None,
 ) -> ImportResult:
-    """Return the scene document of the lines of a glTF file, and notes.
-
-    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2]; tolerance: distance up to
-    which ends of lines are one node, else 1e-6 of the size of the drawing; axial_stiffness: EA [N] of cables,
-    else 1000. Raises SceneError or a subclass of it that names the file and the mesh.
-    """
+    """Return the scene document of the lines of a glTF file, and notes."""
     path = Path(path)
     data = read_bytes(path, LARGEST_GLTF, WHAT)
     try:

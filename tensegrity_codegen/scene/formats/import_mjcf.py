@@ -30,10 +30,7 @@ MOST_ASIDE = 0.1  # of a rod's length, by which its centre may be off the line b
 def import_mjcf(
     path: str | Path, *, name: str | None = None, gravity: Sequence[float] | None = None
 ) -> ImportResult:
-    """Return the scene document of a model of MuJoCo, and notes on what is not read.
-
-    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2], in place of the file's.
-    """
+    """Return the scene document of a model of MuJoCo, and notes on what is not read."""
     path = Path(path)
     root, file = read_xml(path, WHAT), str(path)
     if root.tag != "mujoco":

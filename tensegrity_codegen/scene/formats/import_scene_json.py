@@ -20,10 +20,7 @@ _FORMAT_KEY = re.compile(r'"format"\s*:\s*"tensegrity_codegen scene')
 def import_scene_json(
     path: str | Path, *, name: str | None = None, gravity: Sequence[float] | None = None
 ) -> ImportResult:
-    """Return the scene document of a JSON file with the key ``"format": "tensegrity_codegen scene 1"``.
-
-    name: the scene's name, else the file's; gravity (3,) [m/s2], in place of the file's.
-    """
+    """Return the scene document of a JSON file with the key ``"format": "tensegrity_codegen scene 1"``."""
     content = read_json(Path(path), WHAT)
     if not isinstance(content, dict) or content.get("format") != SCENE_FORMAT:
         raise InvalidValueError(

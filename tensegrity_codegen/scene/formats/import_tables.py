@@ -47,10 +47,7 @@ def import_tables(
     name: str | None = None,
     gravity: Sequence[float] | None = None,
 ) -> ImportResult:
-    """Return the scene document that two CSV tables state, and notes on what was changed or assumed.
-
-    name: the scene's name, else the stem of the nodes file; gravity (3,) [m/s2].
-    """
+    """Return the scene document that two CSV tables state, and notes on what was changed or assumed."""
     nodes_path, members_path = Path(nodes_path), Path(members_path)
     network = Network()
     if _names_members(nodes_path) and not _names_members(members_path):

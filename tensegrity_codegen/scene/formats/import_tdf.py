@@ -29,10 +29,7 @@ KINDS = {"rod": "bar", "cable": "cable"}
 def import_tdf(
     path: str | Path, *, name: str | None = None, gravity: Sequence[float] | None = None
 ) -> ImportResult:
-    """Return the scene document of a TDF file, and notes.
-
-    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2].
-    """
+    """Return the scene document of a TDF file, and notes."""
     path = Path(path)
     root, where = read_xml(path, WHAT), str(path)
     if root.tag != "tdf":

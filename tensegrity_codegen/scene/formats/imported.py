@@ -110,10 +110,7 @@ def read_bytes(path: Path, largest: int, what: str) -> bytes:
 
 
 def read_text(path: Path, largest: int, what: str, fallback: str = "") -> str:
-    """Return the text of a foreign file, without byte-order mark and with plain newlines.
-
-    fallback: the encoding of files that are not UTF-8; without it they are refused.
-    """
+    """Return the text of a foreign file with plain newlines; fallback: encoding in place of UTF-8."""
     where, data = str(path), read_bytes(path, largest, what)
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
@@ -267,10 +264,7 @@ class Network:
     _given: set[str] = field(default_factory=set)
 
     def name_member(self, name: str) -> str:
-        """Return a name for a member that has none: `name`, with a number where it was given before.
-
-        Names of two nodes can give one name twice: "a_b" and "c", "a" and "b_c".
-        """
+        """Return a name for a member without one: `name`, with a number where other nodes gave it before."""
         candidate, number = name, 1
         while candidate in self._given:
             number += 1
@@ -282,10 +276,7 @@ class Network:
 def build_result(
     network: Network, path: Path, name: str | None, gravity: Sequence[float] | None
 ) -> ImportResult:
-    """Return the scene document of a network, and notes.
-
-    name, gravity: given by the caller, in place of the file's.
-    """
+    """Return the scene document of a network, and notes; name, gravity: in place of those of the file."""
     title, notes = scene_name(name, path, "scene_")
     for section, entries in (("nodes", network.nodes), ("members", network.members)):
         if not entries:

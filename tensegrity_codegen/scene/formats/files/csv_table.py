@@ -147,10 +147,7 @@ def _check_header(
 
 
 def make_row(path: Path, line: int, cells: list[str], header: list[str], width: int) -> Row:
-    """Return a row; only as many empty cells at its end are dropped as the header has (`width` with them).
-
-    More of them could be a row that a decimal comma has shifted.
-    """
+    """Return a row; as many empty cells at its end are dropped as the header has: more may be a shift."""
     if len(cells) == width and not any(cells[len(header) :]):
         cells = cells[: len(header)]
     if len(cells) != len(header):

@@ -46,11 +46,7 @@ def build_lines(
     named: Mapping[str, Any] | None = None,
     notes: Sequence[str] = (),
 ) -> ImportResult:
-    """Return the scene document of lines, and notes.
-
-    tolerance: distance of ends that are one node, else TOLERANCE; axial_stiffness: EA [N] of cables, else
-    AXIAL_STIFFNESS; named: places of the nodes that have names.
-    """
+    """Return the scene document of lines, and notes; named: positions of the nodes that have names."""
     from scipy.spatial import cKDTree
 
     # Values in range, places that are numbers
@@ -106,10 +102,7 @@ def build_lines(
 
 
 def _merge(ends: FloatArray, reach: float, path: Path) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the node of each end, and the places of nodes, each that of its first end.
-
-    Ends that a chain of others joins in steps up to `reach` are one node.
-    """
+    """Return the node of each end, and the positions of nodes; ends in steps up to `reach` are one."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree

@@ -41,10 +41,7 @@ IDLE = ("false", "auto", "none", "enable")
 
 
 def list_unread(tag: str, values: Mapping[str, str], by_range: bool) -> list[str]:
-    """Return the attributes of an element that act in MuJoCo and are not read.
-
-    by_range: whether ranges act where nothing else is said (`autolimits`).
-    """
+    """Return the attributes that act in MuJoCo and are not read; by_range: ranges act by themselves."""
     read_keys = _WORDS[tag]
     unread = [key for key, value in values.items() if key not in read_keys and not _is_idle(key, value)]
     if not unread:

@@ -70,10 +70,7 @@ def _read_values(values: Mapping[str, str], group: str, where: str) -> dict[str,
 
 
 def read_coupled_masses(root: Element, defaults: Defaults, file: str) -> dict[str, float]:
-    """Return the own masses [kg] that fixed tendons BAR.mass.AXIS of an exported scene give to bars.
-
-    Fixed tendons of other names are there with 0.
-    """
+    """Return the own masses [kg] of bars by fixed tendons BAR.mass.AXIS, 0 of other fixed tendons."""
     masses: dict[str, float] = {}
     for number, element in enumerate(root.iterfind("tendon/fixed")):
         name = element.get("name", f"fixed{number}")

@@ -123,10 +123,7 @@ def _normal(points: FloatArray, where: str) -> FloatArray:
 
 
 def _turn(start: FloatArray, end: FloatArray, fallback: FloatArray) -> FloatArray:
-    """Return the rotation (3, 3) that turns `start` into the direction of `end`.
-
-    fallback: the axis where the two are opposite.
-    """
+    """Return the rotation (3, 3) of `start` into the direction of `end`; fallback: axis of opposite ones."""
     a, b = start / np.linalg.norm(start), end / np.linalg.norm(end)
     axis = np.cross(a, b)
     angle = math.atan2(float(np.linalg.norm(axis)), float(a @ b))
@@ -204,10 +201,7 @@ class _Loading:
 
 
 def load_structure(path: Path, builders: BuilderBook) -> NtrtStructure:
-    """Return the tree of structures that a file and its substructures state.
-
-    The builders section of every file is added to `builders`, children first.
-    """
+    """Return the tree of structures of a file and its substructures; adds their builders, children first."""
     structure = NtrtStructure("", "")
     with np.errstate(all="ignore"):  # what is not finite is refused below
         _build(structure, path, _Loading(builders))
