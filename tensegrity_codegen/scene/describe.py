@@ -144,8 +144,8 @@ _NODE_PARAMETERS = ("node_mass", "node_load", "anchor_position")
 def describe_structure(structure: Structure, request: ModelRequest | None = None) -> dict[str, Any]:
     """Return the flat scene document of `structure`: positions, stiffnesses and rest lengths [m] explicit.
 
-    What all members of a class have alike stands in the class. Reading it back gives the same numbers bit by
-    bit. `request` adds what is wanted of it.
+    Values that all members of a class share stand in the class. Reading it back gives the same numbers bit by
+    bit. `request` adds its sections.
     """
     document: dict[str, Any] = {"name": structure.name}
     document["axes"] = "".join(_LETTERS[axis] for axis in structure.axes)
@@ -262,7 +262,7 @@ def describe_request(
 
 
 def describe_subject(subject: Subject, request: ModelRequest) -> dict[str, Any]:
-    """Return the scene document of a structure or a body system and what is wanted of it."""
+    """Return the scene document of a structure or a body system and its request."""
     if isinstance(subject, BodySystem):
         return describe_bodies(subject, request)
     return describe_structure(subject, request)

@@ -49,7 +49,7 @@ _ASSIGNED = re.compile(rf"({_PLAIN_KEY}) *+= *+")
 
 
 def cut_plain_sections(text: str) -> tuple[str, dict[str, dict[str, Any]]]:
-    """Return a scene's text without the lines of its plain sections, and what these lines state.
+    """Return a scene's text without the lines of its plain sections, and the tables of these lines.
 
     The headers stay, and empty lines in the place of the others, so that the TOML reader finds a section
     that is there twice, and names lines by their numbers.
@@ -73,7 +73,7 @@ def cut_plain_sections(text: str) -> tuple[str, dict[str, dict[str, Any]]]:
 
 
 def _read_table(lines: str) -> dict[str, Any] | None:
-    """Return what plain lines state, None where a name or key stands twice or they are not plain after all.
+    """Return the table of plain lines, None if a name or key stands twice or they are not plain after all.
 
     Python 3.11.2 matches possessive groups wrongly, so that _PLAIN lets `1.` and lists in lists through.
     """
@@ -152,7 +152,7 @@ def read_scene(path: str | Path | Mapping[str, Any] | Scene) -> Scene:
 
 
 def name_source(path: str | Path | Mapping[str, Any] | Scene) -> str:
-    """Return how messages name where a scene comes from: its file, or "scene"."""
+    """Return the name of a scene's source in messages: its file, or "scene"."""
     return "scene" if isinstance(path, Mapping | Scene) else str(path)
 
 
@@ -234,7 +234,7 @@ def _read_text(path: Path, where: str) -> str:
 
 
 def _refuse_nonsense(text: str, known: frozenset[str], where: str) -> None:
-    """Refuse in linear time what the TOML reader would chew on for long."""
+    """Refuse in linear time a text that takes the TOML reader long."""
     first_key = _FIRST_KEY.match(text)
     if known and first_key and first_key[1] not in known:
         raise unknown_key(first_key[1], sorted(known), key_path(where, first_key[1][:80]))

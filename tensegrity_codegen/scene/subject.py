@@ -14,6 +14,6 @@ Subject: TypeAlias = Structure | BodySystem
 
 
 def assemble_scene(scene: Scene, where: str = "scene") -> tuple[Subject, ModelRequest]:
-    """Return what `scene` states, a Structure or, where it has bodies, a BodySystem; and what it wants."""
+    """Return the Structure of `scene`, or its BodySystem if it has bodies, and its request."""
     check_instance(scene, Scene, "scene", SCENE)
     return assemble_bodies(scene, where) if scene.bodies else assemble(scene, where)

@@ -42,7 +42,7 @@ _TYPE = {
 }
 
 
-# What to write for a point of a body, by section, where nodes are named.
+# How a point of a body is written, by section, in place of nodes.
 _OF_POINTS = {
     "loads": 'a load on a point of a body is written point = "{}", in place of node',
     "inputs": 'a force on points of bodies is written kind = "point_force", points = ["{}"]',

@@ -14,7 +14,7 @@ from tensegrity_codegen.system.files import write_text
 def write_scene(document: Mapping[str, Any], path: str | Path, *, overwrite: bool = False) -> None:
     """Write a scene document as a TOML file: whole or not at all.
 
-    Raises OutputError where the file exists (without `overwrite`) or cannot be written, and what
+    Raises OutputError if the file exists (without `overwrite`) or cannot be written, and what
     `format_scene` raises.
     """
     check_path(path, "path")

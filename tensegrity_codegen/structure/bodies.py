@@ -160,7 +160,7 @@ class BodySystem(WithMemberLaws, Summarised):
     axial_stiffness: FloatArray  # (n_members,) [N]
     damping: FloatArray  # (n_members,) [N s/m]
     radius: FloatArray  # (n_members,) [m]
-    thermal_expansion: FloatArray | None = None  # (n_members,) [1/K], 0 where not given; None: nowhere
+    thermal_expansion: FloatArray | None = None  # (n_members,) [1/K], 0 if not given; None: nowhere
     law_parameter: Mapping[str, FloatArray] = field(default_factory=dict)  # (n_members,) each, by name
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     loads: tuple[BodyLoad, ...] = ()

@@ -26,7 +26,7 @@ class ContactEstimates:
 
     mass (n_contacts,) [kg]: mass at each contact: of a node with half of each of its members, of a point of a
         body the mass of the body over the number of its contacts.
-    weight [N]: weight of what can move, along the normal into the ground; 0 where gravity does not act into
+    weight [N]: weight of what can move, along the normal into the ground; 0 if gravity does not act into
         it.
     penetration [m]: of each contact, where all carry equal parts of the weight.
     largest_penetration [m]: where one contact carries the whole weight.
@@ -59,7 +59,7 @@ def find_edge(subject: Subject, ground: Ground) -> list[int]:
 
 @np.errstate(all="ignore")  # numbers of any size are scenes
 def estimate_contacts(subject: Subject, ground: Ground) -> ContactEstimates:
-    """Return what the numbers of a ground mean for a structure or body system that rests on it."""
+    """Return the rest of a structure or body system on the ground: depth, frequency, weight."""
     mass = compute_contact_mass(subject, ground.node)
     weight = compute_weight(subject, ground.normal)
     force = weight / ground.n_contacts
@@ -129,7 +129,7 @@ def find_surface_nodes(subject: Subject, normal: FloatArray) -> IntArray:
 
 
 def find_bar_radius(subject: Subject) -> FloatArray:
-    """Return the largest radius of the bars that end at each node, 0 where none has one, (n_nodes,) [m]."""
+    """Return the largest radius of the bars that end at each node, 0 if none has one, (n_nodes,) [m]."""
     radius = np.zeros(subject.n_nodes)
     if isinstance(subject, Structure):
         for end in (0, 1):
@@ -158,7 +158,7 @@ def compute_body_mass(system: BodySystem) -> FloatArray:
 
 
 def compute_weight(subject: Subject, normal: FloatArray) -> float:
-    """Return the weight along a normal (3,) into the ground of what can move along it [N], 0 or more."""
+    """Return the weight [N] of movable nodes along a normal (3,) into the ground, 0 or more."""
     if isinstance(subject, Structure):
         mass = float(subject.lumped_mass[find_movable(subject, normal)].sum())
     else:

@@ -15,7 +15,7 @@ WITHOUT_GROUND = (
     *("cable_force", "support_reaction", "member_law"),
     *("material_stiffness", "geometric_stiffness", "damping_matrix"),
 )
-# Analyses that do not know the ground, and what to do instead of them.
+# Analyses that do not know the ground, and their substitutes.
 ANCHOR = "remove the section [ground], and anchor the feet where `equilibrium` finds them"
 ANALYSES_WITHOUT_GROUND = ("plan", "time_motion")
 # Quantities of equilibria, which have one coefficient of friction.

@@ -11,7 +11,7 @@ from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS, LAWS, LINEAR, MEMBER_VALUES, find_law
 from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
 
-# What follows from the section of a member, by the names of the attributes.
+# Values that follow from the section of a member, by the names of the attributes.
 SECTION_VALUES = ("section_area", "gyration_square")
 
 MAX_REST_LENGTH_RATIO = 1e3  # rest length, over the length, up to which one is searched for
@@ -19,7 +19,7 @@ BISECTIONS = 100
 
 
 class WithMemberLaws:
-    """What follows from the member arrays that structures and body systems share."""
+    """Values that follow from the member arrays of structures and body systems."""
 
     member_name: tuple[str, ...]
     tension_only: BoolArray
@@ -31,7 +31,7 @@ class WithMemberLaws:
     inner_radius: FloatArray | None
 
     def member_value(self, name: str) -> FloatArray:
-        """Return a value of MEMBER_VALUES of all members, (n_members,); 0 where a law has none."""
+        """Return a value of MEMBER_VALUES of all members, (n_members,); 0 if a law has none."""
         if name in LAW_PARAMETERS:
             return self.law_parameter.get(name, np.zeros(len(self.member_name)))
         values: FloatArray = getattr(self, name)

@@ -18,7 +18,7 @@ MEMBER_CHECKS = ("least_tension", "most_tension", "yield_stress", "buckling")
 BLOCK = 2**20  # tensions that are compared at a time
 ROUNDING = 1e-9  # use above 1 that is no excess
 LARGEST_STRAIN = 0.01  # of bars, and of members with a section, up to which materials are mostly linear
-# What is compared with each limit, its unit, and the word of the limit.
+# The value that is compared with each limit, its unit, and the word of the limit.
 WORDS = {
     "least_tension": ("tension", " N", "at least"),
     "most_tension": ("tension", " N", "at most"),
@@ -97,7 +97,7 @@ class MemberFlaws(Summarised):
         return sentences
 
     def as_evidence(self) -> dict[str, Any]:
-        """Return what is exceeded, and what is doubtful without a limit, JSON-ready."""
+        """Return the limits that are exceeded, and the doubtful values without a limit, JSON-ready."""
         return {name: [vars(flaw) for flaw in getattr(self, name)] for name in ("exceeded", "doubtful")}
 
 
@@ -253,7 +253,7 @@ def summarise_tensions(structure: Structure | BodySystem, tension: FloatArray) -
     Returns
     -------
     dict
-        ``"cable_tension"`` and ``"bar_tension"``: the least and the largest [N], None where there are none;
+        ``"cable_tension"`` and ``"bar_tension"``: the least and the largest [N], None if there are none;
         ``"slack_cables"``: names.
     """
     tension = tension.reshape(-1, len(structure.member_name))
@@ -290,7 +290,7 @@ def describe_tensions(data: Mapping[str, Any]) -> str:
 
 
 def _compare(value: FloatArray, most: FloatArray) -> FloatArray:
-    """Return the part of the limit value <= most that is used: above 1 where it is exceeded; nan without one.
+    """Return the part of the limit value <= most that is used: above 1 if it is exceeded; nan without one.
 
     A limit below zero asks for a value that is farther from zero.
     """

@@ -142,13 +142,13 @@ class Structure(WithMemberLaws, Summarised):
     is_bar: NDArray[np.bool_]  # (n_members,)
     tension_only: NDArray[np.bool_]  # (n_members,)
     rest_length: FloatArray  # (n_members,) [m]
-    spring_constant: FloatArray  # (n_members,) [N/m], 0 where axial_stiffness is given
-    axial_stiffness: FloatArray  # (n_members,) [N], 0 where spring_constant is given
+    spring_constant: FloatArray  # (n_members,) [N/m], 0 if axial_stiffness is given
+    axial_stiffness: FloatArray  # (n_members,) [N], 0 if spring_constant is given
     damping: FloatArray  # (n_members,) [N s/m]
     member_mass: FloatArray  # (n_members,) [kg], a bar's own, spread evenly along it
-    radius: FloatArray  # (n_members,) [m], 0 where not given
+    radius: FloatArray  # (n_members,) [m], 0 if not given
     inner_radius: FloatArray | None = None  # (n_members,) [m], of tubes; None: no member is one
-    thermal_expansion: FloatArray | None = None  # (n_members,) [1/K], 0 where not given; None: nowhere
+    thermal_expansion: FloatArray | None = None  # (n_members,) [1/K], 0 if not given; None: nowhere
     law_parameter: Mapping[str, FloatArray] = field(default_factory=dict)  # (n_members,) each, by name
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)  # member indices
     inputs: tuple[ActuatedInput, ...] = ()

@@ -1,1 +1,1 @@
-"""Errors, files, processes, progress, version: what every program needs."""
+"""Errors, files, processes, progress, version: the needs of every program."""

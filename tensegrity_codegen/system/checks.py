@@ -73,7 +73,7 @@ def check_pair(value: Any, where: str, allowed: str) -> tuple[float, float]:
 
 
 def check_callback(value: Any, where: str) -> None:
-    """Raise InvalidValueError for what is neither a function nor None."""
+    """Raise InvalidValueError for a value that is neither a function nor None."""
     if value is not None and not callable(value):
         raise InvalidValueError("not a function", where=where, given=value, allowed="a function, or None")
 
@@ -92,7 +92,7 @@ def check_names(value: Any, where: str) -> tuple[str, ...]:
 
 
 def check_path(value: Any, where: str) -> None:
-    """Raise InvalidValueError for what is no path of a file or folder."""
+    """Raise InvalidValueError for a value that is no path of a file or folder."""
     path = os.fspath(value) if isinstance(value, str | os.PathLike) else None
     if not isinstance(path, str) or "\0" in path or any("\ud800" <= letter <= "\udbff" for letter in path):
         raise InvalidValueError("not a path", where=where, given=value, allowed="a text or a pathlib.Path")

@@ -105,8 +105,8 @@ class StructureError(SceneError):
 class FormulationError(TensegrityError):
     """A request that the chosen formulation or emitter cannot serve.
 
-    lacking: names of the quantities that another choice of them may serve, () where another one may serve the
-    structure as a whole; None where no other choice helps.
+    lacking: names of the quantities that another choice of them may serve, () if another one may serve the
+    structure as a whole; None if no other choice helps.
     """
 
     lacking: tuple[str, ...] | None = None

@@ -17,7 +17,7 @@ FOLDER_RULE = "a folder that exists or can be made, and may be written to"
 
 
 def check_ending(path: str | Path, *allowed: str) -> None:
-    """Raise OutputError where the name of `path` has an ending (".csv") that is not `allowed`.
+    """Raise OutputError if the name of `path` has an ending (".csv") that is not `allowed`.
 
     Else a file would hold another format than its name says. A name without an ending is taken as it is.
     """
@@ -85,7 +85,7 @@ def replaced(path: str | Path, *, overwrite: bool) -> Iterator[Path]:
     """Yield a path beside `path` to write to; it takes the place of `path` when the block ends well.
 
     Nothing is left behind when the block raises; what a killed process left goes with the next call. Raises
-    OutputError where the file exists (without `overwrite`) or cannot be written.
+    OutputError if the file exists (without `overwrite`) or cannot be written.
     """
     target = check_output(path, overwrite=overwrite)
     # The suffix stays last, since writers choose their format by it.
@@ -105,7 +105,7 @@ def replaced(path: str | Path, *, overwrite: bool) -> Iterator[Path]:
 
 
 def write_text(text: str, path: str | Path, *, overwrite: bool) -> None:
-    """Write a text file whole or not at all; OutputError where one exists and may not be replaced."""
+    """Write a text file whole or not at all; OutputError if one exists and may not be replaced."""
     with replaced(path, overwrite=overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 

@@ -17,12 +17,12 @@ from tensegrity_codegen.system.files import write_text
 
 @dataclass(frozen=True)
 class Resumption:
-    """What long work takes from an earlier run.
+    """Results that long work takes from an earlier run.
 
     subject: scene or chapter.
     what: what is counted, in the plural.
     taken, total: how many are taken, and how many there are in all.
-    written: when the last of them was finished, as time.time() has it [s]; None where the journal does not
+    written: when the last of them was finished, as time.time() has it [s]; None if the journal does not
         say.
     is_stale: whether an earlier run has results that are not used, since something differs.
     """
@@ -156,7 +156,7 @@ class Journal:
 
 
 def _read_line(line: str) -> tuple[str, str, Any, float | None] | None:
-    """Return key, name, value and time of a line, None for what is no line of a journal."""
+    """Return key, name, value and time of a line, None for another text."""
     try:
         data = json.loads(line, parse_constant=_refuse)
         key, name, value, written = data["key"], data["name"], data["value"], data.get("time")
@@ -174,7 +174,7 @@ def _compute_checksum(data: Mapping[str, Any]) -> int:
 
 
 def read_record(kind: type[Record], data: Any) -> Record | None:
-    """Return a flat dataclass from a JSON object, None where a field is missing, unknown or of another type.
+    """Return a flat dataclass from a JSON object, None if a field is missing, unknown or of another type.
 
     Fields are of type str, bool, int, float, or one of these and None; numbers must be finite.
     """

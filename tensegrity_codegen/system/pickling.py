@@ -6,7 +6,7 @@ from typing import Any
 
 
 def reduce_fields(instance: Any) -> tuple[Any, ...]:
-    """Return what `__reduce__` of a frozen dataclass returns: it is made again from its fields."""
+    """Return the value of `__reduce__` of a frozen dataclass, which is made again from its fields."""
     values = {field.name: getattr(instance, field.name) for field in fields(instance)}
     plain = {
         name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in values.items()

@@ -130,7 +130,7 @@ class PinnedFile:
         return content
 
     def _read_kept(self, path: Path, root: Path) -> bytes | None:
-        """Return the file in the cache; None where there is none, or a damaged one."""
+        """Return the file in the cache; None if there is none, or a damaged one."""
         check_parents(root)
         for directory in (root, path.parent, path):
             check_private(directory, root)

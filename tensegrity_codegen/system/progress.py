@@ -72,5 +72,5 @@ def work_pass(title: str) -> Iterator[Callable[[float], None]]:
     finally:
         watcher.end()
         _depth.reset(token)
-        if depth:  # what a pass within another says is over with it
+        if depth:  # the report of a pass within another is over with it
             watcher.title = before

@@ -23,12 +23,12 @@ class Summarised:
     """A result whose `repr` has at most five lines, and which notebooks show as a table and a picture."""
 
     def headline(self) -> str:
-        """Return what a `repr` says behind the name of the class."""
+        """Return the text of a `repr` behind the name of the class."""
         status = getattr(self, "status", "")
         return status if isinstance(status, str) else ""
 
     def facts(self) -> list[Fact]:
-        """Return what the result holds, the most important first; by default the fields of a dataclass."""
+        """Return the facts of the result, the most important first; by default the fields of a dataclass."""
         fields: tuple[Any, ...] = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()
         names = [field.name for field in fields]
         return [(name, _describe(getattr(self, name))) for name in names if name != "status"]

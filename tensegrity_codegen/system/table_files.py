@@ -18,7 +18,7 @@ MOST_MAT = 2**31 - 2**16  # bytes of one array of a .mat file (level 5)
 
 
 def require_packages(path: str | Path) -> None:
-    """Raise MissingExtraError where the ending of `path` needs a package that is not installed."""
+    """Raise MissingExtraError if the ending of `path` needs a package that is not installed."""
     if Path(path).suffix.lower() == PARQUET:
         import_extra("pyarrow.parquet", TABLES)
 

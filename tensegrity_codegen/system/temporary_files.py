@@ -52,7 +52,7 @@ def read_announcements(data: bytes, known: set[str], advice: list[str | None] | 
     """Bring `known` and `advice` up to date; return the rest of `data` that is not whole yet.
 
     known: the paths that are open; advice: nothing, or the text for the user if the process is killed, or
-    None where the user knows already.
+    None if the user knows already.
     """
     *complete, tail = data.split(b"\0")
     for announcement in complete:
@@ -110,7 +110,7 @@ def name_owner() -> str:
 
 
 def remove_abandoned(parent: Path, before: str = PREFIX, after: str = "") -> None:
-    """Remove what processes of this machine that have ended left in a folder.
+    """Remove the files that ended processes of this machine left in a folder.
 
     before, after: what stands in the names before and after that of the owner.
     """

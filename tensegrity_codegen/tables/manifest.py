@@ -169,7 +169,7 @@ class IntegratorSpec:
 class SolverSpec:
     """One solver: C symbol `<scene>_find_<name>`, the arguments it passes on, its work array.
 
-    varied: the argument that `<symbol>_path` takes one value after the other of, "" where there is no such
+    varied: the argument that `<symbol>_path` takes one value after the other of, "" if there is no such
     function.
     """
 
@@ -243,7 +243,7 @@ class Manifest:
     driven: tuple[
         str, ...
     ] = ()  # arguments that can change with time in integrators, in the order of their places
-    target: str = ""  # machine that the library was compiled for, "" where it is the one that compiled it
+    target: str = ""  # machine that the library was compiled for, "" if it is the one that compiled it
     declarations: str = ""  # types and functions of the header, as C
     internal_name: tuple[str, ...] = ()  # internal states, which follow the velocities in a state
     contact_name: tuple[str, ...] = ()  # nodes that can touch the ground

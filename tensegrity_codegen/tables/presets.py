@@ -9,7 +9,7 @@ from tensegrity_codegen.system.errors import check_choice
 
 @dataclass(frozen=True)
 class Preset:
-    """Settings of a request, by their names in scenes, and what they are for."""
+    """Settings of a request, by their names in scenes, and their purpose."""
 
     name: str
     title: str

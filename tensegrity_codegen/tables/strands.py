@@ -64,7 +64,7 @@ class Strands:
             return np.asarray(np.linalg.norm(self.vectors(position), axis=-1))
 
     def directions(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return unit vectors (n_strands, 3) and lengths (n_strands,) [m]: 0 and 1 where ends coincide."""
+        """Return unit vectors (n_strands, 3) and lengths (n_strands,) [m]: 0 and 1 if ends coincide."""
         length = self.strand_lengths(position)
         length = np.where(length > 0.0, length, 1.0)
         return self.vectors(position) / length[:, None], length

@@ -115,7 +115,7 @@ HOST_SYSTEMS = {"darwin": "macos", "win32": "windows"}
 
 
 def find_system(system: str = sys.platform) -> Target:
-    """Return what an operating system (as in `sys.platform`) needs; an unknown one is taken as Linux."""
+    """Return the target of an operating system (as in `sys.platform`); an unknown one is taken as Linux."""
     return SYSTEMS["win32" if system == "cygwin" else system if system in SYSTEMS else "linux"]
 
 

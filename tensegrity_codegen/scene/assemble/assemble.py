@@ -38,13 +38,13 @@ from tensegrity_codegen.tables.strands import list_strands
 
 INPUTS = RestLengthInput | TemperatureInput | ForceInput
 SCENE = "a Scene, as read_scene(...) returns it"
-# What a scene gets that asks for no quantities; the second where a free node has no mass.
+# Quantities of a scene that names none; the second if a free node has no mass.
 DEFAULT_QUANTITIES = ("member_tension", "acceleration", "total_energy")
 MASSLESS_QUANTITIES = ("node_residual", "potential_energy")  # after the tension
 
 
 def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelRequest]:
-    """Return the structure that `scene` states and what it wants of it; `where` names the source in errors.
+    """Return the structure and the request of `scene`; `where` names the source in errors.
 
     Raises UnknownNameError, DuplicateNameError, InvalidValueError or StructureError, with file and key.
     """
@@ -103,7 +103,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
 def _of_nodes(
     scene: Scene, where: str
 ) -> tuple[list[Load], list[RestLengthInput | TemperatureInput | ForceInput]]:
-    """Return loads and inputs of a scene without bodies; InvalidValueError for what only bodies have."""
+    """Return loads and inputs of a scene without bodies; InvalidValueError for keys of bodies."""
     loads = [entry for entry in scene.loads if isinstance(entry, Load)]
     inputs = [entry for entry in scene.inputs if isinstance(entry, INPUTS)]
     foreign = [
@@ -184,7 +184,7 @@ def _build_request(scene: Scene, structure: Structure, targets: Targets) -> Mode
 def build_request(
     scene: Scene, quantities: tuple[str, ...], parameters: Mapping[str, tuple[int, ...]], formulation: str
 ) -> ModelRequest:
-    """Return what a scene wants, without options of its formulation."""
+    """Return the request of a scene, without options of its formulation."""
     return ModelRequest(
         quantities=quantities,
         parameters=parameters,

@@ -49,7 +49,7 @@ from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 
 class BodyFinder:
-    """Finds bodies and points by name, and says where a name is wrong."""
+    """Finds bodies and points by name; errors name file and key."""
 
     def __init__(self, scene: Scene, built: BuiltBodies, where: str) -> None:
         self.built, self.where = built, where
@@ -170,13 +170,13 @@ def _unit(direction: Sequence[float], where: str, *place: str | int) -> Vector3:
     return normalise(vector, direction, key_path(where, *place))
 
 
-# What a scene of bodies gets that asks for no quantities.
+# Quantities of a scene of bodies that names none.
 BODIES = next(item.name for item in FORMULATIONS.values() if item.of_bodies)
 DEFAULT_QUANTITIES = ("member_tension", "acceleration", "total_energy", "chart_margin")
 
 
 def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, ModelRequest]:
-    """Return the body system that `scene` states and what it wants of it; `where` names the source in errors.
+    """Return the body system and the request of `scene`; `where` names the source in errors.
 
     Raises UnknownNameError, UnknownKeyError, DuplicateNameError, InvalidValueError or StructureError, with
     file and key.
@@ -254,7 +254,7 @@ def _watch_bars(scene: Scene, system: BodySystem, where: str) -> tuple[tuple[int
 
 
 def _check_kind(scene: Scene, where: str) -> None:
-    """Raise InvalidValueError or UnknownKeyError for what a scene of nodes has and one of bodies has not."""
+    """Raise InvalidValueError or UnknownKeyError for keys of scenes of nodes."""
     foreign = {
         "nodes": bool(scene.nodes),
         "members": bool(scene.members),

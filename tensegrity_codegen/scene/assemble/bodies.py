@@ -24,7 +24,7 @@ CENTRE = "centre"
 
 @dataclass(frozen=True)
 class BuiltBodies:
-    """Bodies, their points, and where they start; `node` finds a point by "body.point"."""
+    """Bodies, their points and their start; `node` finds a point by "body.point"."""
 
     bodies: tuple[Body, ...]
     node: Mapping[str, int]
@@ -100,7 +100,7 @@ def _points(tables: Mapping[str, Table], where: str) -> tuple[list[str], list[in
 
 
 def _check_c_names(names: Sequence[str], where: str) -> None:
-    """Raise DuplicateNameError where two points have one name in C, as "a_b.c" and "a.b_c"."""
+    """Raise DuplicateNameError if two points have one name in C, as "a_b.c" and "a.b_c"."""
     seen: dict[str, str] = {}
     for name in names:
         earlier = seen.setdefault(name.replace(".", "_"), name)
@@ -240,7 +240,7 @@ def _rigid(name: str, table: RigidPart, place: str) -> RigidBody:
 
 
 def _check_circle(bodies: Sequence[Body], owners: Sequence[int], where: str) -> None:
-    """Raise StructureError where bars hold on to each other in a circle."""
+    """Raise StructureError if bars hold on to each other in a circle."""
     for start, body in enumerate(bodies):
         path, here = [start], body
         while isinstance(here, Bar) and here.held:

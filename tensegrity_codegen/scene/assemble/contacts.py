@@ -61,7 +61,7 @@ def find_bar_pairs(
 
 
 def build_collision(stated: Interference, where: str) -> Collision | None:
-    """Return the force between bars that touch, None where the scene states no stiffness."""
+    """Return the force between bars that touch, None if the scene states no stiffness."""
     impact = stated.restitution
     damping = {key: getattr(stated, key) for key in ("restitution", "dissipation")}
     idle = [key for key, value in damping.items() if value is not None]
@@ -93,7 +93,7 @@ ROUNDING = 4 * np.finfo(float).eps
 def build_ground(
     stated: GroundTable | None, subject: Subject, node_of: Mapping[str, int] | None, where: str
 ) -> Ground | None:
-    """Return the ground of a structure or body system, None where the scene states none.
+    """Return the ground of a structure or body system, None if the scene states none.
 
     node_of: index of each node by the name that the scene uses, "body.point" in scenes of bodies; None: names
     of nodes.
@@ -187,7 +187,7 @@ class _Table:
         return np.array(normalise(vector, stated.normal, key_path(self.where, *keys)))
 
     def find_velocity(self, normal: FloatArray, axes: tuple[int, ...]) -> FloatArray:
-        """Return the velocity of a belt without what rounding leaves of it along the normal, (3,) [m/s]."""
+        """Return the velocity of a belt without its rounding error along the normal, (3,) [m/s]."""
         stated, keys = self.stated.velocity, ("ground", "velocity")
         velocity: FloatArray = spread_vectors([stated], axes, [keys], self.where)[0]
         outside = [axis for axis in range(3) if axis not in axes and velocity[axis] != 0]

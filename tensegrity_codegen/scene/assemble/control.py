@@ -141,7 +141,7 @@ def _find_each_once(
     where: str,
     place: Place,
 ) -> tuple[int, ...]:
-    """Return the rows that names stand for; raises DuplicateNameError where two names stand for one row."""
+    """Return the rows that names stand for; raises DuplicateNameError if two names stand for one row."""
     names = (names,) if isinstance(names, str) else names
     source: dict[int, str] = {}
     for name in names:
@@ -229,7 +229,7 @@ class _MemberValues:
             self._source[key].update(dict.fromkeys(rows.tolist(), key_path("", *place, key)))
 
     def set_named(self, table: MemberLimits, rows: NDArray[np.int64], section: str, name: str) -> None:
-        """Set the limits of members that were named; raises InvalidValueError where one has no meaning."""
+        """Set the limits of members that were named; raises InvalidValueError if one has no meaning."""
         keys = ("limits", section, name)
         for key in MEMBER_LIMITS:
             value = getattr(table, key)

@@ -94,7 +94,7 @@ def put_radii(row: Row, place: str) -> Row:
     return row.model_copy(update={"section": None, **vars(radii)})
 
 
-Columns = dict[str, FloatArray]  # one value a row, NaN where the scene gives none
+Columns = dict[str, FloatArray]  # one value a row, NaN if the scene gives none
 
 STIFFNESS = ("spring_constant", "axial_stiffness")
 LAW_KEYS = tuple(group for law in LAWS for group in (*law.keys, *law.optional_keys))
@@ -113,7 +113,7 @@ CABLE_ONLY = ("mass_per_length", "segments")
 def resolve_values(
     classes: Mapping[str, MemberClass], members: Mapping[str, Member], where: str
 ) -> tuple[Columns, BoolArray, BoolArray]:
-    """Return (values, is_bar, tension_only), one entry a member; values hold NaN where nothing is given."""
+    """Return (values, is_bar, tension_only), one entry a member; values hold NaN if nothing is given."""
     names, rows, shared = tuple(members), list(members.values()), list(classes.values())
     index = _class_index(classes, names, rows, where)
     kinds = [item.kind for item in shared]

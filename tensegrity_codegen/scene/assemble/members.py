@@ -122,7 +122,7 @@ def build_member_arrays(
         "member_mass": _member_mass(values, length, rest_length),
         "segments": np.where(np.isnan(values["segments"]), 1, values["segments"]).astype(np.int64),
         "radius": _or_zero(values["radius"]),
-        # None where no member is a tube
+        # None if no member is a tube
         "inner_radius": _or_zero(values["inner_radius"]) if (values["inner_radius"] > 0).any() else None,
         "thermal_expansion": expansion if expansion.any() else None,
         "law_parameter": _law_parameter(
@@ -165,7 +165,7 @@ def _find_nodes(
 
 
 def _check_needed(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where: str) -> None:
-    """Raise for a cable without stiffness, and for a density or inner radius without what it needs."""
+    """Raise for a cable without stiffness, and for a density or inner radius without a fitting radius."""
     missing = {key: np.isnan(values) for key, values in given.items()}
     rigid = missing["spring_constant"] & missing["axial_stiffness"]
     refuse_member = partial(refuse, section="members", names=names, where=where)
@@ -211,7 +211,7 @@ def _find_laws(given: Columns, names: tuple[str, ...], is_bar: BoolArray, where:
 def _law_parameter(
     given: Columns, laws: Mapping[Law, BoolArray], mu: FloatArray, names: tuple[str, ...], where: str
 ) -> dict[str, FloatArray]:
-    """Return the parameters of laws that some members have, 0 where a member has another one."""
+    """Return the parameters of laws that some members have, 0 if a member has another one."""
     parameters: dict[str, FloatArray] = {}
     report = partial(refuse, section="members", names=names, where=where)
     for law, mask in laws.items():
@@ -273,7 +273,7 @@ def _member_mass(given: Columns, length: FloatArray, rest_length: FloatArray) ->
 
     As given, or density * pi (R^2 - r^2) * length of bars, or mass_per_length * rest_length of cables.
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused with the structure
+    with np.errstate(over="ignore", invalid="ignore"):  # values that overflow are refused with the structure
         section = np.pi * (given["radius"] ** 2 - _or_zero(given["inner_radius"]) ** 2)
         by_density = _or_zero(given["density"] * section * length)
         by_density += _or_zero(given["mass_per_length"] * rest_length)

@@ -1,4 +1,4 @@
-"""Targets of a list of names: members, groups and classes; nodes; and what stays changeable."""
+"""Targets of a list of names: members, groups and classes; nodes; and changeable parameters."""
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
@@ -150,7 +150,7 @@ def find_gain(
     rest_length: FloatArray,
     expansion: FloatArray | None,
 ) -> tuple[float, ...]:
-    """Return the gain of an input on each member (rho alpha of temperature), () where all are 1."""
+    """Return the gain of an input on each member (rho alpha of temperature), () if all are 1."""
     if isinstance(item, TemperatureInput):
         slope = rest_length * (np.zeros(len(rest_length)) if expansion is None else expansion)
         problem = "a member without thermal_expansion does not change with temperature"

@@ -1,1 +1,1 @@
-"""Checks of scene values, and warnings of what looks odd."""
+"""Checks of scene values, and warnings of odd ones."""

@@ -1,4 +1,4 @@
-"""Checks of how members join nodes, of what stays free to move, and of the parameters of member laws."""
+"""Checks of how members join nodes, of the freedom that they leave, and of the parameters of member laws."""
 
 from functools import partial
 

@@ -32,7 +32,7 @@ def warn_of_sizes(structure: Structure) -> list[str]:
 
 
 def warn_of_lengths(structure: Structure) -> list[str]:
-    """Return a warning where half of the members are longer than LONG."""
+    """Return a warning if half of the members are longer than LONG."""
     length = structure.member_length()
     middle = float(compute_median(length))
     if middle < SUSPICIOUS_LENGTH or structure.is_large:
@@ -142,7 +142,7 @@ def warn_of_forces(structure: Structure) -> list[str]:
 
 
 def warn_of_upward_gravity(gravity: FloatArray, axes: tuple[int, ...]) -> list[str]:
-    """Return a warning where gravity points mostly along +z, or along +y."""
+    """Return a warning if gravity points mostly along +z, or along +y."""
     axis = int(np.argmax(np.abs(gravity)))
     if axis == 0 or not gravity[axis] > 0:
         return []
@@ -157,7 +157,7 @@ def warn_of_upward_gravity(gravity: FloatArray, axes: tuple[int, ...]) -> list[s
 
 
 def warn_of_strong_gravity(gravity: FloatArray) -> list[str]:
-    """Return a warning where gravity is more than MAX_GRAVITY: that of the Earth in mm/s2 or cm/s2."""
+    """Return a warning if gravity is more than MAX_GRAVITY: that of the Earth in mm/s2 or cm/s2."""
     size = float(np.linalg.norm(gravity))
     if not size > MAX_GRAVITY:
         return []
@@ -211,7 +211,7 @@ def _find_resting(structure: Structure, pull: float) -> BoolArray:
 
 
 def warn_of_unstressed_bars(structure: Structure) -> list[str]:
-    """Return a warning where free nodes' cables are tight and no bar that could give carries anything."""
+    """Return a warning if free nodes' cables are tight and no bar that could give carries anything."""
     tension = structure.static_tension()
     free = np.asarray(~structure.node_anchored[:, list(structure.axes)].all(axis=1))
     moving = free[structure.connectivity].any(axis=1)
@@ -263,7 +263,7 @@ def warn_of_imbalance(structure: Structure) -> list[str]:
 
 
 def warn_of_jump(structure: Structure) -> list[str]:
-    """Return a warning where a node's unbalanced force would move it, alone, by more than the structure.
+    """Return a warning if a node's unbalanced force would move it, alone, by more than the structure.
 
     The node moves by K^-1 f with all other nodes held: f the unbalanced force without what rigid bars can
     take, K the stiffness of its members, 3 by 3. Directions without stiffness do not count: a pendulum may
@@ -291,7 +291,7 @@ def warn_of_jump(structure: Structure) -> list[str]:
 
 
 def find_unbalanced(structure: Structure) -> FloatArray:
-    """Return the force that nothing balances at each node (n_nodes, 3) [N], zero where it is held."""
+    """Return the force that nothing balances at each node (n_nodes, 3) [N], zero if it is held."""
     unit, _ = structure.strands.directions(structure.node_position)
     strands = structure.strands
     pull = strands.spread(structure.static_tension())[:, None] * unit

@@ -29,7 +29,7 @@ LARGE_STRAIN = 0.5  # above which the units are doubted
 
 
 def warn_of_slack(structure: Structure) -> list[str]:
-    """Return a warning where none of several cables is in tension."""
+    """Return a warning if none of several cables is in tension."""
     cables, tension = ~structure.is_bar, structure.static_tension()
     count = int(cables.sum())
     hangs = cables.all() and (structure.gravity.any() or structure.node_load.any())  # its loads pull it taut
@@ -211,7 +211,7 @@ def warn_of_ground(subject: Subject) -> list[str]:
 
 
 def warn_of_sampled_contacts(subject: Subject, interval: float) -> list[str]:
-    """Return a sentence where samples, `interval` [s] apart, do not show single contacts with the ground."""
+    """Return a sentence if samples, `interval` [s] apart, do not show single contacts with the ground."""
     if subject.ground is None:
         return []
     with np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""Warnings of what is allowed and still looks like a mistake, in short sentences."""
+"""Warnings of allowed values that look like a mistake, in short sentences."""
 
 import math
 from collections.abc import Sequence
@@ -95,7 +95,7 @@ HEIGHT_TOLERANCE = 1e-6  # of the structure's size
 
 
 def warn_of_side(structure: Structure) -> list[str]:
-    """Return a warning where gravity acts along z, and the structure stands on y = least, and not on z.
+    """Return a warning if gravity acts along z, and the structure stands on y = least, and not on z.
 
     It stands on y where three nodes or more have the least y and do not lie on a line, all that are anchored
     (if any) are among them, and less than three have the least z.
@@ -135,7 +135,7 @@ def _find_feet(position: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
 
 
 def find_scene_warnings(subject: Structure | BodySystem, *, settles: bool = False) -> tuple[str, ...]:
-    """Return what `find_warnings` or `find_body_warnings` says; settles: the equilibrium is found first."""
+    """Return the warnings of a structure or body system; settles: the equilibrium is found first."""
     with np.errstate(all="ignore"):  # numbers of any size are scenes
         if isinstance(subject, BodySystem):
             return find_body_warnings(subject)

@@ -67,7 +67,7 @@ class _Link:
 
 @dataclass
 class _Reader:
-    """What the lines of a file have said so far."""
+    """Statements of the lines of a file so far."""
 
     file: str
     values: dict[tuple[str, str], float] = field(default_factory=dict)  # name and index, "" for none

@@ -134,7 +134,7 @@ def _table(value: Any, where: str) -> dict[str, Any]:
 
 
 def _number(values: Mapping[str, Any], key: str, where: str) -> float | None:
-    """Return a number, None where it is missing or null."""
+    """Return a number, None if it is missing or null."""
     value = values.get(key)
     if value is None:
         return None
@@ -147,7 +147,7 @@ def _number(values: Mapping[str, Any], key: str, where: str) -> float | None:
 
 
 def _flag(values: Mapping[str, Any], key: str, where: str) -> bool:
-    """Return a Boolean, False where it is missing or null; 0 and 1 are Booleans too."""
+    """Return a Boolean, False if it is missing or null; 0 and 1 are Booleans too."""
     value = values.get(key)
     if value is None or isinstance(value, bool) or (isinstance(value, int | float) and value in (0, 1)):
         return bool(value)

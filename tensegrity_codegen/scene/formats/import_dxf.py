@@ -1,6 +1,6 @@
 """Import of drawings (DXF): lines and polylines of the model space (package `ezdxf`).
 
-What is on layers whose names begin with "bar" or "strut" becomes bars, all other lines become cables.
+Lines on layers whose names begin with "bar" or "strut" become bars, all other lines become cables.
 """
 
 import re
@@ -58,7 +58,7 @@ def _check_size(data: bytes, where: str) -> None:
 
 
 def _read_lines(ezdxf: Any, path: Path) -> tuple[list[Line], list[str]]:
-    """Return the lines of the model space, and notes on what is not read or not converted."""
+    """Return the lines of the model space, and notes on entities that are not read or not converted."""
     document = ezdxf.readfile(path)
     lines, skipped, arcs, notes = list[Line](), Counter[str](), 0, list[str]()
     for entity in document.modelspace():
@@ -84,7 +84,7 @@ def _read_lines(ezdxf: Any, path: Path) -> tuple[list[Line], list[str]]:
 
 
 def _list_places(entity: Any) -> list[Any]:
-    """Return the points that an entity joins by lines, [] where it is another kind of entity."""
+    """Return the points that an entity joins by lines, [] if it is another kind of entity."""
     kind = entity.dxftype()
     if kind == "LINE":
         return [entity.dxf.start.xyz, entity.dxf.end.xyz]

@@ -30,7 +30,7 @@ MOST_ASIDE = 0.1  # of a rod's length, by which its centre may be off the line b
 def import_mjcf(
     path: str | Path, *, name: str | None = None, gravity: Sequence[float] | None = None
 ) -> ImportResult:
-    """Return the scene document of a model of MuJoCo, and notes on what is not read."""
+    """Return the scene document of a model of MuJoCo, and notes on parts that are not read."""
     path = Path(path)
     root, file = read_xml(path, WHAT), str(path)
     if root.tag != "mujoco":

@@ -66,7 +66,7 @@ def import_ntrt(
 
 
 def _note_up(gravity: Sequence[float] | None) -> list[str]:
-    """Return a note where gravity does not act along y, which is up in the toolkit's files."""
+    """Return a note if gravity does not act along y, which is up in the toolkit's files."""
     if gravity is None or not any(gravity) or max(range(3), key=lambda axis: abs(gravity[axis])) == 1:
         return []
     strength = math.hypot(*gravity)

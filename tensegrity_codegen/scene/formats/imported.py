@@ -28,7 +28,7 @@ _LONGEST_NAME = 63
 
 @dataclass(frozen=True)
 class ImportResult:
-    """A scene document made from foreign files; the notes say what was changed, assumed or left out."""
+    """A scene document made from foreign files, with notes on changes, assumptions and omissions."""
 
     document: dict[str, Any]
     notes: tuple[str, ...]
@@ -94,7 +94,7 @@ def name_all(foreign: Iterable[str], prefix: str, what: str) -> tuple[dict[str, 
 
 
 def read_bytes(path: Path, largest: int, what: str) -> bytes:
-    """Return the content of a foreign file; raises SceneError, or SceneSyntaxError where it is too large."""
+    """Return the content of a foreign file; raises SceneError, or SceneSyntaxError if it is too large."""
     where = str(path)
     check_regular(path, where)
     try:
@@ -144,7 +144,7 @@ POSITIVE = (*("rest_length", *STIFFNESSES, "mass", "density", "radius"), *("inne
 
 
 def check_ends(first: str, second: str, given: object, where: str) -> None:
-    """Raise StructureError where a member joins a node to itself."""
+    """Raise StructureError if a member joins a node to itself."""
     if first == second:
         problem = "the member joins a node to itself"
         raise StructureError(problem, where=where, given=given, allowed="two different nodes")
@@ -217,7 +217,7 @@ def _check_prestress(member: Mapping[str, Any], where: Where) -> None:
 
 
 def note_defaults(members: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return notes on what missing values of members were taken to mean."""
+    """Return notes on the meaning of missing values of members."""
     members, notes = list(members), []
     present = sum(not {"rest_length", "prestress"} & member.keys() for member in members)
     if present:
@@ -264,7 +264,7 @@ class Network:
     _given: set[str] = field(default_factory=set)
 
     def name_member(self, name: str) -> str:
-        """Return a name for a member without one: `name`, with a number where other nodes gave it before."""
+        """Return a name for a member without one: `name`, with a number if other nodes gave it before."""
         candidate, number = name, 1
         while candidate in self._given:
             number += 1

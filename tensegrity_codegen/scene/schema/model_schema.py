@@ -16,7 +16,7 @@ from tensegrity_codegen.tables.presets import PRESETS
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.request import BATCH_WIDTHS, INTERFACES
 
-# What a scene may ask for. A new emitter or solver adds its name here.
+# Choices of a scene. A new emitter or solver adds its name here.
 EMITTERS = ("auto", "unrolled", "lanes", "table")
 FLAGS = ("reference", "native", "small")
 EVENTS = tuple(EVENT_KINDS)

@@ -1,6 +1,6 @@
 """The scene file as pydantic models: every key with its sentence, unit and range.
 
-The models check one value at a time; what needs several (references, laws, geometry) is checked when a
+The models check one value at a time; rules of several (references, laws, geometry) are checked when a
 scene is assembled. SI units everywhere.
 """
 
@@ -45,7 +45,7 @@ from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
 
 
 class SceneParts(Table):
-    """Nodes, members and groups: what a shape stands for, and what a scene adds to it."""
+    """Nodes, members and groups: those of a shape, and those that a scene adds to it."""
 
     nodes: dict[Name, Node] = Field(default_factory=dict, description="Nodes by name.")
     members: dict[Name, Member] = Field(default_factory=dict, description="Members by name.")
@@ -156,7 +156,7 @@ class Scene(Summarised, SceneParts):
         return self.name
 
     def facts(self) -> list[Fact]:
-        """Return what the scene has in each section, for `repr` and notebooks."""
+        """Return the entries of the scene in each section, for `repr` and notebooks."""
         shape = [("shape", self.shape.kind)] if self.shape is not None else []
         names = ("nodes", "members", "bodies", "tendons", "classes", "inputs", "actuators", "loads")
         sections = [(name, getattr(self, name)) for name in names if getattr(self, name)]

@@ -57,7 +57,7 @@ _BALANCE_TOLERANCE = 1e-9  # of the largest tension
 
 
 def find_long_twist(blocks: Blocks, known: dict[int, float], stages: int) -> float | None:
-    """Return the twist [deg] of self-stress of a tower of so many stages, None if it is not where expected.
+    """Return the twist [deg] of self-stress of a tower of so many stages, None if it is not near a guess.
 
     known: twists of two shorter towers, the second of twice as many stages as the first.
     """
@@ -103,7 +103,7 @@ def find_run_tensions(
 
 
 def _bisect(blocks: Blocks, stages: int, high: float, low: float) -> float | None:
-    """Return where the determinant changes its sign between two twists, None if it does not."""
+    """Return the twist between two at which the determinant changes its sign, None without a change."""
     sign = _determinant_sign(blocks, stages, high)
     if _determinant_sign(blocks, stages, low) == sign:
         return None
@@ -349,7 +349,7 @@ def _no_twist(tower: TowerShape, where: str) -> StructureError:
 def _find_shares(tower: TowerShape, twist: float, where: str) -> list[float]:
     """Return the tensions of all members over the largest one of a cable, in their order.
 
-    Rounded to 13 digits, as in selfstress. Raises StructureError where the twist has no such self-stress.
+    Rounded to 13 digits, as in selfstress. Raises StructureError if the twist has no such self-stress.
     """
     is_bar = np.zeros(6 * tower.stages - 2, dtype=bool)
     is_bar[find_bar_runs(tower.stages)] = True

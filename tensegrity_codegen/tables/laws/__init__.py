@@ -13,7 +13,7 @@ LAWS: tuple[Law, ...] = (LINEAR, Bilinear(), Plastic(), Viscous())
 
 LAW_PARAMETERS = tuple(parameter.name for law in LAWS for parameter in law.parameters)
 
-# What a law takes of a member, in the order in which kernels take it.
+# Values of a member that a law takes, in the order of kernels.
 MEMBER_VALUES = ("spring_constant", "axial_stiffness", "rest_length", "damping", *LAW_PARAMETERS)
 
 

@@ -19,7 +19,7 @@ from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 Scalar = Any  # a number, an array or an expression
 Where = Callable[[Any, Any, Any], Any]
-Columns = Mapping[str, FloatArray]  # one value a member, NaN where none is given
+Columns = Mapping[str, FloatArray]  # one value a member, NaN if none is given
 
 
 def compute_spring_constant(spring_constant: Any, axial_stiffness: Any, rest_length: Any) -> Any:
@@ -137,7 +137,7 @@ class Law:
         return result
 
     def find_parameters(self, given: Columns, mu: FloatArray) -> dict[str, FloatArray]:
-        """Return the parameters that the scene's keys stand for, 0 where a member has none."""
+        """Return the parameters that the scene's keys stand for, 0 if a member has none."""
         return {}
 
     def check(self, member: Mapping[str, Any], tension_only: BoolArray) -> list[LawCheck]:

@@ -62,7 +62,7 @@ class Plastic(Law):
         return mu * self._pick(x, values, where, h, h, 1.0)
 
     def energy(self, mu: Scalar, x: Scalar, values: Values, where: Where) -> Scalar:
-        """Return the energy at rest, with what flow from the stated q and a on takes [J].
+        """Return the energy at rest, with the dissipation of flow from the stated q and a on [J].
 
         mu ((x - q)^2 + r (1 - b) q^2 + r b a^2) / 2 behind the flow, and Fy |dq|: its derivative is t.
         """
@@ -110,7 +110,7 @@ class Plastic(Law):
     def margins(
         self, motion: tuple[Scalar, Scalar], values: Values, where: Where, slack: bool
     ) -> list[Scalar]:
-        """Return what is positive while a member does not flow: pulled, pushed [m].
+        """Return the margins of a member against flow, pulled and pushed [m], positive without flow.
 
         motion: x and x'; slack: whether it is without force where slack. R - (t - X) and R + (t - X) over mu
         before flow, then -x' and x' times a time; a cable that goes slack does not flow.

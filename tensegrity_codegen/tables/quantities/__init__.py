@@ -34,7 +34,7 @@ ARGUMENTS = _table(*ARGUMENT_ROWS)
 
 STATE = ("coordinate", "velocity", "internal")
 OF_COLUMNS = ("column", "direction")
-# Adjoints: the weights that each takes, and what they weigh.
+# Adjoints: the weights of each, and the quantity that they weigh.
 ADJOINTS = MappingProxyType(
     {
         "adjoint_rate": ("state_weight", "state_derivative"),

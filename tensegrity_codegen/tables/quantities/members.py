@@ -52,7 +52,7 @@ class MemberQuantity:
 
 
 def check_values(quantity: MemberQuantity, subject: Any) -> None:
-    """Raise FormulationError where members of a structure or body system lack what a quantity needs."""
+    """Raise FormulationError if members of a structure or body system lack a need of a quantity."""
     needs = (
         (quantity.needs_section, subject.radius > 0, "section", "radius [m]"),
         (

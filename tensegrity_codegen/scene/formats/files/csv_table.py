@@ -1,4 +1,4 @@
-"""A table in a CSV file as people and spreadsheets write it: header, cells, and where each cell stands.
+"""A table in a CSV file as people and spreadsheets write it: header, cells, and their lines and columns.
 
 Accepted: byte-order mark, CRLF, spaces around cells, quoted cells, blank lines, trailing empty columns, and
 `,`, `;` or tab as separator (the one that the header uses). Decimal commas are read where cells are separated
@@ -52,7 +52,7 @@ class Row:
         return value
 
     def number(self, column: str) -> float | None:
-        """Return a cell as a number, None where it is empty."""
+        """Return a cell as a number, None if it is empty."""
         value = self.cells.get(column, "")
         if not value:
             return None

@@ -83,7 +83,7 @@ def read_xml(path: Path, what: str) -> Element:
 
 
 def find_root(path: Path) -> str:
-    """Return the name of the first element of a file, "" where there is none, without reading the rest."""
+    """Return the name of the first element of a file, "" if there is none, without reading the rest."""
     with suppress(ParseError):
         try:
             XMLParser(target=_FirstElement()).feed(read_text(path, LARGEST_XML, "XML"))
@@ -131,7 +131,7 @@ class _FirstElement:
 
 
 def read_attribute(element: Element, key: str, where: str) -> str:
-    """Return an attribute; raises UnknownKeyError where it is missing."""
+    """Return an attribute; raises UnknownKeyError if it is missing."""
     value = element.get(key)
     if value is None:
         raise UnknownKeyError(f"the element has no attribute {key}", where=where, allowed=f'{key}="..."')

@@ -13,7 +13,7 @@ _SOLVER = "margin limited actuatorfrclimited solreflimit solimplimit solreffrict
 _CONTACT = "contype conaffinity condim friction solmix solref solimp margin gap priority adhesion surfacevel"
 _TENDON = f"{_LOOKS} {_SOLVER} width stiffness damping springlength"
 _ACTUATOR = f"{_LOOKS} site refsite tendon gear gainprm biasprm biastype actlimited ctrllimited forcelimited"
-# By element: what is read, and what changes no motion.
+# By element: attributes that are read or change no motion.
 TAKEN = {
     "compiler": "angle eulerseq autolimits alignfree assetdir conflict coordinate discardvisual fitaabb "
     "fusestatic meshdir passthrough savecanonical savecompiled saveinertial strippath texturedir usethread",
@@ -35,7 +35,7 @@ TAKEN = {
 }
 TAKEN["motor"] = TAKEN["general"]
 _WORDS = {tag: frozenset(words.split()) for tag, words in TAKEN.items()}
-# Values with which an attribute does nothing, where it is neither one of IDLE nor zeros.
+# Values without effect of attributes, besides IDLE and zeros.
 OWN_IDLE = {"settotalmass": "-1", "inertiagrouprange": "0 5", "dynprm": "1 0 0", "gaintype": "fixed"}
 IDLE = ("false", "auto", "none", "enable")
 
@@ -61,7 +61,7 @@ MAIN = "main"
 MOST_NAMED = 10
 # Elements of classes; all others there are actuators, whose attributes are those of one element.
 KINDS = ("joint", "geom", "site", "tendon", "mesh", "material", "camera", "light", "pair", "equality")
-# Elements that change what a file says and are not read.
+# Elements that change the meaning of a file and are not read.
 REFUSED = ("include", "attach", "replicate", "composite", "flexcomp", "frame", "extension", "model")
 
 

@@ -1,4 +1,4 @@
-"""The bodies of a model as links: what moves as one, with its sites, mass and speed."""
+"""The bodies of a model as links that move as one, with their sites, mass and speed."""
 
 import math
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ class Link:
     kind: "static", "sliding" (without rotation), "free" or "ball"; position [m], rotation (3, 3): frame at
     the start; free (3,): axes along which a sliding link moves; sites: positions [m] by name; frames (3, 3):
     rotations of the sites of a static link; mass [kg], centre [m], across [kg m2]: inertia about the centre
-    across its longest axis, None where only geoms give the mass; speed, spin: velocity of the origin [m/s]
+    across its longest axis, None if only geoms give the mass; speed, spin: velocity of the origin [m/s]
     and angular velocity [rad/s] at the start.
     """
 

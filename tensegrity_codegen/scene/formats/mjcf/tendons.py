@@ -94,7 +94,7 @@ def read_actuators(
     frames: Mapping[str, NDArray[np.float64]],
     file: str,
 ) -> None:
-    """Add loads and inputs to a network; what is not read is listed in a note.
+    """Add loads and inputs to a network; actuators that are not read are listed in a note.
 
     tendons: values of members by name; frames (3, 3): rotations of sites that do not move. Actuators
     INPUT.TARGET of one input are one input again.

@@ -47,7 +47,7 @@ _ON_A_LINE = 1e-9  # sine of the angle at the first of three points
 
 @dataclass
 class _Bond:
-    """What the pairs of one bond state: nodes, the edges they meet, and the points of both structures."""
+    """The pairs of one bond: nodes, the edges they meet, and the points of both structures."""
 
     nodes: list[NtrtNode] = field(default_factory=list)
     edges: list[tuple[NtrtNode, NtrtNode]] = field(default_factory=list)
@@ -176,7 +176,7 @@ _SUFFIXES = (".yaml", ".yml")
 
 
 class _Loading:
-    """What is remembered while the files of one structure are read."""
+    """State while the files of one structure are read."""
 
     def __init__(self, builders: BuilderBook) -> None:
         self.builders = builders
@@ -187,7 +187,7 @@ class _Loading:
         self.n_pairs = 0
 
     def check(self, path: Path) -> None:
-        """Raise StructureError where all that was read so far is beyond reason."""
+        """Raise StructureError if all that was read so far is beyond reason."""
         for kind, count, limit in (
             ("substructures", self.n_structures, _MOST_STRUCTURES),
             ("nodes", self.n_nodes, _MOST_NODES),
@@ -203,7 +203,7 @@ class _Loading:
 def load_structure(path: Path, builders: BuilderBook) -> NtrtStructure:
     """Return the tree of structures of a file and its substructures; adds their builders, children first."""
     structure = NtrtStructure("", "")
-    with np.errstate(all="ignore"):  # what is not finite is refused below
+    with np.errstate(all="ignore"):  # values that are not finite are refused below
         _build(structure, path, _Loading(builders))
     for owner in structure.walk():
         for node in owner.nodes.values():

@@ -57,7 +57,7 @@ def is_flat(points: NDArray[np.float64]) -> bool:
 
 
 def find_dimension(points: NDArray[np.float64]) -> int:
-    """Return the dimension of what points (n, 3) span: 0 a point, 1 a line, 2 a plane, 3 space."""
+    """Return the dimension of the span of points (n, 3): 0 a point, 1 a line, 2 a plane, 3 space."""
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return int(np.sum(spread > 1e-9 * spread[0]))
 
@@ -148,7 +148,7 @@ class Plan:
         return {point for body in self.bodies if heavy.isdisjoint(body) for point in body}
 
     def find_stiffest(self) -> float:
-        """Return the largest spring constant of a cable [N/m], 0 where there is no cable."""
+        """Return the largest spring constant of a cable [N/m], 0 if there is no cable."""
         return max((cable.builder.values["stiffness"] for cable in self.cables), default=0.0)
 
 
@@ -376,7 +376,7 @@ def _rest_length(cable: Built, scale: float) -> float:
 
 
 def _note_physics(plan: Plan, bars: _Bars, conversion: Conversion) -> list[str]:
-    """Return notes on what differs from the toolkit's physics."""
+    """Return notes on differences to the toolkit's physics."""
     notes = _note_bars(plan, bars, conversion)
     held = plan.find_held()
     if held:

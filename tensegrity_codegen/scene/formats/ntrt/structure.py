@@ -90,7 +90,7 @@ class NtrtStructure:
                 node.position = change(node.position)
 
     def centroid(self, where: str) -> NDArray[np.float64]:
-        """Return the mean of all node positions below; raises StructureError where there is none."""
+        """Return the mean of all node positions below; raises StructureError if there is none."""
         points = [node.position for structure in self.walk() for node in structure.nodes.values()]
         if not points:
             raise StructureError("a structure without nodes has no centroid", where=where)
