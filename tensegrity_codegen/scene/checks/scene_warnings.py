@@ -149,7 +149,7 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
 
     Doubts: extension above 50 % at the start (wrong units suspected), loads and force inputs that only
     push on anchors, members between anchored nodes, damping of rigid bars, several unconnected pieces;
-    sizes (see plausible_sizes), forces (see plausible_forces), ranges and limits, a structure on its
+    sizes and forces (see plausible_sizes), ranges and limits, a structure on its
     side, and a start without prestress, with bars that cross or buckle (see plausible_start). The structure
     is taken as sound (see `check_structure`).
     """
