@@ -25,10 +25,7 @@ ABSENT, CONSTANT, ARGUMENT = 0, 1, 2
 
 @dataclass(frozen=True)
 class MemberClass:
-    """The law of some members, and where its values come from: ABSENT, CONSTANT or ARGUMENT.
-
-    n_inputs: number of inputs that change the rest length of each of them.
-    """
+    """The law of some members, the sources of its values (ABSENT, ...), and their number of inputs."""
 
     tension_only: bool
     spring_constant: int
@@ -65,10 +62,7 @@ class MemberClass:
 
 @dataclass(frozen=True)
 class MemberGroup:
-    """Members that one loop works through, in its order.
-
-    is_interior: whether all their nodes are free on all modelled axes.
-    """
+    """Members of one loop, in its order; is_interior: whether all their nodes are free on all axes."""
 
     member_class: MemberClass
     member: IntArray

@@ -259,10 +259,7 @@ class BodySystem(WithMemberLaws, Summarised):
 
     @property
     def bar_pairs(self) -> NDArray[np.int64]:
-        """(n_bar_pairs, 2): bodies whose distance is watched.
-
-        Those of `interference`, or all pairs of bars that have a radius and share no joint.
-        """
+        """(n_bar_pairs, 2): bodies of `interference`, or all bars with a radius that share no joint."""
         if self.interference is not None:
             return np.array(self.interference, dtype=np.int64).reshape(-1, 2)
         round_bars = [k for k, bar in enumerate(self.bodies) if isinstance(bar, Bar) and bar.radius > 0]

@@ -8,10 +8,7 @@ import numpy as np
 
 
 def freeze_fields(instance: Any) -> None:
-    """Replace the arrays of a frozen dataclass by read-only copies in C order, its dicts by read-only views.
-
-    For its `__post_init__`; the caller's arrays and dicts stay as they are.
-    """
+    """Replace arrays of a frozen dataclass by read-only copies in C order, dicts by read-only views."""
     for field in fields(instance):
         value = getattr(instance, field.name)
         if isinstance(value, np.ndarray):

@@ -58,10 +58,7 @@ def require_no_ground(subject: Any, what: str) -> None:
 
 
 def check_ground(subject: Any, request: ModelRequest) -> None:
-    """Raise FormulationError for a request that a structure on the ground cannot serve.
-
-    subject: the structure or body system; nothing is refused where it has no ground.
-    """
+    """Raise FormulationError for a request that a structure or body system on the ground cannot serve."""
     ground = getattr(subject, "ground", None)
     if ground is None:
         return

@@ -43,10 +43,7 @@ def bar_direction(bar: Bar, polar: Scalar, azimuth: Scalar, trig: Any = math) ->
 
 
 class Kinematics:
-    """Directions, rotations and positions of one system at `coordinate` (n_coordinates,), numbers or symbols.
-
-    The bodies must not be anchored in a circle; the scene is checked for that.
-    """
+    """Directions, rotations and positions of a system without circles at `coordinate`, numbers or symbols."""
 
     def __init__(self, system: BodySystem, coordinate: Sequence[Scalar], trig: Any = math) -> None:
         self.system = system

@@ -96,10 +96,7 @@ def name_internal_states(structure: Any) -> Names:
 
 
 def find_start(structure: Any) -> FloatArray:
-    """Return what internal states start from unless told otherwise, (n_internal,).
-
-    Zero, and of viscous members what they come to where they stand in the scene.
-    """
+    """Return the start of internal states, (n_internal,): zero, of viscous members that of the scene."""
     start = dict.fromkeys(name_internal_states(structure), 0.0)
     x = structure.member_length() - structure.rest_length
     x = np.where(structure.tension_only, np.maximum(x, 0.0), x)

@@ -53,10 +53,7 @@ def _list_foreign(request: ModelRequest) -> dict[str, bool]:
 
 
 def check_memory(subject: Any, request: ModelRequest) -> None:
-    """Raise FormulationError for a request that members with memory or lagging motors cannot serve.
-
-    subject: the structure or body system; nothing is refused where it has neither.
-    """
+    """Raise FormulationError for a request that members with memory or lagging motors cannot serve."""
     for feature, is_wanted in _list_foreign(request).items():
         if is_wanted:
             require_no_lag(subject, feature)

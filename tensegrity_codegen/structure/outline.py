@@ -16,10 +16,7 @@ MOST_CORNERS = 4  # of a rigid body whose points are joined pair by pair; more a
 
 
 def outline_tendons(subject: Structure | BodySystem) -> Structure:
-    """Return the nodes and tendons of a body system as a structure; a structure as it is.
-
-    Points of fixed bodies are anchored, and no node has a mass: the result serves tables and drawings.
-    """
+    """Return the nodes and tendons of a body system as a structure without masses; a structure as it is."""
     if isinstance(subject, Structure):
         return subject
     position = compute_node_position(subject)
@@ -207,10 +204,7 @@ PARALLEL = 1e-12  # of the product of squared lengths, below which two lines cou
 
 
 def compute_bar_distance(subject: Structure | BodySystem) -> tuple[tuple[tuple[str, str], ...], FloatArray]:
-    """Return the names of the pairs of bars and the distances [m] of their surfaces, bars with round ends.
-
-    The pairs are those of `bar_pairs`; the distance of bars that overlap is negative.
-    """
+    """Return the names of `bar_pairs` and the distances [m] of their round surfaces, negative in overlap."""
     pairs = subject.bar_pairs
     if isinstance(subject, Structure):
         name, position = subject.member_name, subject.node_position

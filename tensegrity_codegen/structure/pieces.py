@@ -32,10 +32,7 @@ STRAIGHT = 1e-9  # distance from the chord, as a part of the cable, up to which 
 
 
 def find_chains(structure: Structure) -> dict[str, list[int]]:
-    """Return the groups that are cables in segments.
-
-    Their members are cables with mass, NAME_1 and so on, each from the end of the one before.
-    """
+    """Return the groups that are cables in segments: with mass, NAME_1 and so on, end to end."""
     heavy, (start, second) = ~structure.is_bar & (structure.member_mass > 0), structure.connectivity.T
     groups = {name: list(rows) for name, rows in structure.groups.items() if len(rows) > 1}
     return {

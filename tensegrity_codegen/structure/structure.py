@@ -280,10 +280,7 @@ class Structure(WithMemberLaws, Summarised):
 
     @property
     def bar_pairs(self) -> NDArray[np.int64]:
-        """(n_bar_pairs, 2): members whose distance is watched.
-
-        Those of `interference`, or all pairs of bars that have a radius and share no node.
-        """
+        """(n_bar_pairs, 2): members of `interference`, or all bars with a radius that share no node."""
         if self.interference is not None:
             return np.array(self.interference, dtype=np.int64).reshape(-1, 2)
         round_bar = np.flatnonzero(self.is_bar & (self.radius > 0))

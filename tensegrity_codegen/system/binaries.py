@@ -15,10 +15,7 @@ MEMBER_HEADER = 60  # bytes, before each file in an archive
 
 
 def describe_binary(data: bytes) -> str:
-    """Return the format and the processor of a library, as "ELF for aarch64"; empty if it is none.
-
-    Of an archive the first object file counts.
-    """
+    """Return format and processor of a library or of the first object of an archive, "" of others."""
     try:
         if data[:4] == b"\x7fELF":
             order = "<" if data[5] == 1 else ">"

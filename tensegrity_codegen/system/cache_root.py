@@ -69,10 +69,7 @@ HAS_OWNERS = hasattr(os, "geteuid")
 
 
 def check_private(path: Path, root: Path) -> None:
-    """Raise UnsafeCacheError unless `path` is absent, or a folder or file of this user alone.
-
-    root: the cache that it belongs to, for the message.
-    """
+    """Raise UnsafeCacheError unless `path`, of the cache `root`, is absent or of this user alone."""
     with suppress(FileNotFoundError, NotADirectoryError):
         problem = _find_problem(os.lstat(path))
         if problem:
@@ -101,10 +98,7 @@ def check_parents(root: Path) -> None:
 
 
 def make_private(folder: Path, root: Path) -> None:
-    """Make a folder below or at `root`, with its parents, for this user alone; raises OSError.
-
-    A folder that is there already is checked as by check_private.
-    """
+    """Make a folder below or at `root`, with parents, for this user alone, or check the one that exists."""
     missing = []
     path = folder
     while not os.path.lexists(path) and path != path.parent:
@@ -119,10 +113,7 @@ def make_private(folder: Path, root: Path) -> None:
 
 
 def make_cache_folder(name: str) -> Path | None:
-    """Return a private folder of the cache, made if need be; None if it cannot be written or is not private.
-
-    What is in it is not looked at: check_entry does that.
-    """
+    """Return a private folder of the cache, made if need be, unchecked inside; None if it cannot be."""
     root = find_cache_root()
     folder = root / name
     try:

@@ -44,11 +44,7 @@ def find_kind(path: str | Path) -> str:
 
 
 def check_output(path: str | Path, *, inputs: Iterable[Path] = (), overwrite: bool = False) -> Path:
-    """Return the file that `path` leads to, links followed.
-
-    For long work: that its result has a place is known before it starts. Folders, devices and pipes are
-    refused.
-    """
+    """Return the regular file that `path` leads to, so that long work knows before it starts."""
     check_path(path, "path")
     target = Path(os.path.realpath(path))
     try:

@@ -48,10 +48,7 @@ class Resumption:
         }
 
     def describe(self, now: float) -> str:
-        """Return one sentence: "prism: 12 of 40 cases taken from the unfinished run of 19:40".
-
-        now: as time.time() has it [s]; a run of another day has its date too.
-        """
+        """Return one sentence: "prism: 12 of 40 cases taken from the unfinished run of 19:40"; now [s]."""
         if self.is_stale:
             return (
                 f"{self.subject}: results of the run{self._name_time(now)} are not used: "

@@ -63,11 +63,7 @@ class PinnedFile:
         )
 
     def find(self, file: str | Path | None = None) -> bytes:
-        """Return the content of the file.
-
-        file: the file; by default the copy in the cache of this package, else pip downloads it from the index
-        that pip is configured for, and it is kept in the cache.
-        """
+        """Return the content of `file`, by default of the copy in the cache or of a download by pip."""
         if file is not None:
             return self._read_file(Path(file))
         root = find_cache_root()

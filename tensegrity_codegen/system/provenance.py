@@ -23,10 +23,7 @@ def name_processor() -> str:
 
 
 def describe_provenance() -> tuple[str, str]:
-    """Return two sentences: versions; day and machine.
-
-    The day is that of SOURCE_DATE_EPOCH [s] where this variable of the environment is a number of seconds.
-    """
+    """Return two sentences: versions; day (that of SOURCE_DATE_EPOCH [s] if it is set) and machine."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     day = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)
     return (

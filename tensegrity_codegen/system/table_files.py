@@ -49,10 +49,7 @@ def write_parquet(
 
 
 def write_mat(path: str | Path, variables: Mapping[str, Any], *, overwrite: bool) -> None:
-    """Write variables as a MATLAB file (level 5): arrays, sparse matrices, texts; lists of texts are cells.
-
-    Vectors become columns.
-    """
+    """Write variables as a MATLAB file (level 5): vectors are columns, lists of texts cells."""
     from scipy.io import savemat
 
     check_ending(path, ".mat")

@@ -110,10 +110,7 @@ def name_owner() -> str:
 
 
 def remove_abandoned(parent: Path, before: str = PREFIX, after: str = "") -> None:
-    """Remove the files that ended processes of this machine left in a folder.
-
-    before, after: what stands in the names before and after that of the owner.
-    """
+    """Remove files of ended processes of this machine, named `before` OWNER `after`, from a folder."""
     pattern = rf"{re.escape(before)}{_name_machine()}-(\d+)-[0-9a-f]{{12}}{re.escape(after)}"
     with suppress(OSError), os.scandir(parent) as entries:
         for entry in entries:
