@@ -75,15 +75,11 @@ def find_parts(subject: Structure | BodySystem) -> tuple[list[RigidPart], dict[s
         if held[node]:
             fixed[name] = position
         elif node not in carried:
-            rigid_parts.append(_build_point(name, position, mass))
+            # A point mass: a free part with an inertia that is next to none.
+            unit, points = THIN_INERTIA_RATIO * mass * np.eye(3), {name: np.zeros(3)}
+            frame = (position, np.eye(3), mass, np.zeros(3), unit, points)
+            rigid_parts.append(RigidPart(f"{name}.body", "floating", WORLD, *frame))
     return [rigid_part for rigid_part in rigid_parts if rigid_part.joint], fixed
-
-
-def _build_point(name: str, place: FloatArray, mass: float) -> RigidPart:
-    """Return a point mass as a free part with an inertia that is next to none."""
-    unit = THIN_INERTIA_RATIO * mass * np.eye(3)
-    points = {name: np.zeros(3)}
-    return RigidPart(f"{name}.body", "floating", WORLD, place, np.eye(3), mass, np.zeros(3), unit, points)
 
 
 def _check(structure: Structure) -> None:

@@ -194,7 +194,14 @@ def collect_parts(
     check_motion(described, motion)
     mpc, regulator = (gains, gains.gains) if isinstance(gains, Mpc) else (None, gains)
     check_parts(manifest, motion, regulator, estimator, distribution)
-    _check_mpc(mpc, distribution)
+    if mpc is not None and distribution is not None:
+        raise InvalidValueError(
+            "model-predictive control keeps least tensions itself",
+            where="distribution",
+            given="a distribution of tensions after an Mpc",
+            allowed="an Mpc alone, or gains with a distribution",
+            hint="design_mpc(..., least_tension=...)",
+        )
     check_same_motion(distribution, motion)
     if mpc is not None or estimator is not None:
         check_still_feet(described, motion, "a controller that predicts")
@@ -219,18 +226,6 @@ def collect_parts(
     )
     check_start(parts)
     return parts
-
-
-def _check_mpc(mpc: Mpc | None, distribution: TensionDistribution | None) -> None:
-    """Raise InvalidValueError for a distribution of tensions after model-predictive control."""
-    if mpc is not None and distribution is not None:
-        raise InvalidValueError(
-            "model-predictive control keeps least tensions itself",
-            where="distribution",
-            given="a distribution of tensions after an Mpc",
-            allowed="an Mpc alone, or gains with a distribution",
-            hint="design_mpc(..., least_tension=...)",
-        )
 
 
 def _check_gains(structure: Subject) -> None:

@@ -1,12 +1,17 @@
 """C text of the numbers of model-predictive control: sizes, weights, limits, places of derivatives."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from tensegrity_codegen.control.embedded.parts import ControllerParts, limit_iterations
-from tensegrity_codegen.control.embedded.tables import Table, TablePrinter, find_places, tabulate_lists
+from tensegrity_codegen.control.embedded.tables import (
+    ProgramTables,
+    Table,
+    TablePrinter,
+    find_places,
+    tabulate_lists,
+)
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
 from tensegrity_codegen.control.feedback.mpc import Mpc
 from tensegrity_codegen.control.feedback.study.tuning import find_angles
@@ -18,18 +23,9 @@ from tensegrity_codegen.tables.precision import Precision
 ROOT_TOLERANCE = 1e-14  # of the largest eigenvalue of a weight, below which it is zero
 
 
-@dataclass(frozen=True)
-class PredictionTables:
-    """Sizes and tables of model-predictive control."""
-
-    sizes: dict[str, int]  # sizes that the header states, by their names in C
-    constants: dict[str, int]  # enumerators of the source alone
-    tables: list[Table]  # constant arrays
-
-
 def build_prediction_tables(
     parts: ControllerParts, mpc: Mpc, model: Manifest, precision: Precision
-) -> PredictionTables:
+) -> ProgramTables:
     """Return the numbers of model-predictive control as the C of a controller needs them."""
     printer = TablePrinter(precision)
     functions = {spec.quantity: spec for spec in model.functions}
@@ -77,7 +73,7 @@ def build_prediction_tables(
     n_blocks, n_soft = len(mpc.blocks), len(mpc.blocks) * (len(limited) + len(bounded))
     variables, set_size = n_blocks * m, n_blocks * m + n_soft + 1
     n_rows = (n_blocks - 1) * m + n_soft
-    return PredictionTables(
+    return ProgramTables(
         {
             "N_HORIZON": mpc.horizon,
             "N_STAGES": mpc.horizon + int(count.max()),

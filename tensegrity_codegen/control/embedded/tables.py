@@ -164,17 +164,19 @@ def _tabulate_actuators(parts: ControllerParts, printer: TablePrinter) -> list[T
     ]
 
 
-# C text of the numbers of a distribution of tensions: sizes, members, pulls, bounds.
+# C text of the numbers of a quadratic program: sizes, members, pulls, bounds.
 
 
 @dataclass(frozen=True)
-class DistributionTables:
-    """Sizes and tables of a distribution."""
+class ProgramTables:
+    """Sizes and tables of the quadratic program of a distribution, or of model-predictive control."""
 
     sizes: dict[str, int]  # sizes that the header states, by their names in C
     constants: dict[str, int]  # enumerators of the source alone
     tables: list[Table]  # constant arrays
-    has_others: bool  # whether inputs that are not the actuators' change rest lengths of driven members
+    has_others: bool = (
+        False  # whether inputs that are not the actuators' change rest lengths of driven members
+    )
 
 
 def build_distribution_tables(
@@ -184,7 +186,7 @@ def build_distribution_tables(
     precision: Precision,
     *,
     iterations: int | None = None,
-) -> DistributionTables:
+) -> ProgramTables:
     """Return the numbers of a distribution as the C of a controller needs them."""
     # Driven members, by which actuators, with which limits and preferred tensions.
     cables, driven = distribution.cables, distribution.cables.driven
@@ -224,7 +226,7 @@ def build_distribution_tables(
         "QP_ITERATIONS": limit_iterations(iterations, sizes["N_BOUNDS"]),
         "QP_PASSES": 1 if cables.is_one_to_one else PASSES,
     }
-    return DistributionTables(sizes, constants, tables, bool(others.any()))
+    return ProgramTables(sizes, constants, tables, bool(others.any()))
 
 
 def _find_sizes(

@@ -17,9 +17,8 @@ from tensegrity_codegen.codegen.print.render import BANNER, render, wrap_lines
 from tensegrity_codegen.control.embedded.daqp_source import emit_daqp, find_daqp_archive, read_daqp_licence
 from tensegrity_codegen.control.embedded.loaded import ControllerDescription
 from tensegrity_codegen.control.embedded.parts import CONTROL_STATUS, ControllerParts, find_quantities
-from tensegrity_codegen.control.embedded.prediction import PredictionTables, build_prediction_tables
+from tensegrity_codegen.control.embedded.prediction import build_prediction_tables
 from tensegrity_codegen.control.embedded.tables import (
-    DistributionTables,
     build_distribution_tables,
     build_tables,
     count_knots,
@@ -173,8 +172,15 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
     """Return what the templates of a controller need; model: None where the controller calls none."""
     measured = find_measured(parts.sensors, parts.manifest)
     calls = write_calls(model, measured, precision)
-    name, tensions = precision.name, _distribute(parts, model, precision)
-    predicted = _predict(parts, model, precision)
+    name, tensions, predicted = precision.name, None, None
+    # The numbers of a distribution of tensions, or of model-predictive control.
+    if parts.distribution is not None and model is not None:
+        matrix = next(spec for spec in model.functions if spec.quantity == "equilibrium_matrix")
+        tensions = build_distribution_tables(
+            parts.distribution, parts.motion, matrix, precision, iterations=parts.qp_iterations
+        )
+    if parts.mpc is not None and model is not None:
+        predicted = build_prediction_tables(parts, parts.mpc, model, precision)
     sizes = find_sizes(parts, calls) | ({} if predicted is None else predicted.sizes)
     return {
         "banner": BANNER,
@@ -211,25 +217,6 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
         "is_length": [int(number.is_length) for number in measured],
         "start": _print_start(parts, precision),
     }
-
-
-def _distribute(
-    parts: ControllerParts, model: Manifest | None, precision: Precision
-) -> DistributionTables | None:
-    """Return the numbers of the distribution of tensions, None without one."""
-    if parts.distribution is None or model is None:
-        return None
-    matrix = next(spec for spec in model.functions if spec.quantity == "equilibrium_matrix")
-    return build_distribution_tables(
-        parts.distribution, parts.motion, matrix, precision, iterations=parts.qp_iterations
-    )
-
-
-def _predict(parts: ControllerParts, model: Manifest | None, precision: Precision) -> PredictionTables | None:
-    """Return the numbers of model-predictive control, None without it."""
-    if parts.mpc is None or model is None:
-        return None
-    return build_prediction_tables(parts, parts.mpc, model, precision)
 
 
 def _write_daqp(parts: ControllerParts, precision: Precision) -> dict[str, str]:

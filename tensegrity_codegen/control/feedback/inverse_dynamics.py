@@ -72,8 +72,7 @@ class InverseDynamics:
 
     def __init__(self, plan_model: PlanModel, coordinate: FloatArray) -> None:
         _check_quantities(plan_model.model)
-        structure = plan_model.model.structure
-        assert structure is not None  # it has the actuators
+        structure = plan_model.structure
         self.plan_model, self.model = plan_model, plan_model.model
         driven = plan_model.incidence.any(axis=1)
         self.bar = np.flatnonzero(np.asarray(structure.is_bar) & ~driven)

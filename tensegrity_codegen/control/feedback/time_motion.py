@@ -199,7 +199,7 @@ def remove_momentum(plan_model: PlanModel, knots: PathKnots, path: SmoothPath) -
     With positions x_i (from the centre of mass) and masses m_ij of the path over progress, the angular
     velocity W in the path's axes follows from sum m_ij x_i x (x_j' + W x x_j) = 0; R' = R [W].
     """
-    structure, model = plan_model.model.structure, plan_model.model
+    structure, model = plan_model.structure, plan_model.model
     if not isinstance(structure, Structure) or not model.has("mass_matrix"):
         return path
     axes = list(structure.axes)

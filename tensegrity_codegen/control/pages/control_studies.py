@@ -34,7 +34,7 @@ STEP_NAMES = {
 
 def describe_study(study: ControlStudy) -> dict[str, Any]:
     """Return a study as one JSON-ready object."""
-    tuning, gains = study.tuning, study.gains
+    tuning, gains, mpc = study.tuning, study.gains, study.mpc
     return {
         "status": study.status,
         "message": study.message,
@@ -69,7 +69,9 @@ def describe_study(study: ControlStudy) -> dict[str, Any]:
         },
         "noise": find_noise_errors(study),
         "estimator": _describe_estimator(study),
-        "mpc": _describe_mpc(study),
+        "mpc": None
+        if mpc is None
+        else {"horizon": mpc.horizon, "blocks": list(mpc.blocks), "substeps": mpc.substeps},
         "least_tension": _describe_distribution(study),
         "errors": _describe_errors(study),
         "loops": {
@@ -98,7 +100,8 @@ def errors_table(study: ControlStudy, name: str) -> Table:
     table.add_section()
     add_row(table, "whole time", *("" for _ in loops))
     add_row(table, "error [mm]", *(_range(1000 * loop.peak_error) for loop in loops.values()))
-    add_row(table, "commands cut", *(_describe_cut(loop) for loop in loops.values()))
+    cut = [1.0 - loop.steps.get("ok", 0) / max(sum(loop.steps.values()), 1) for loop in loops.values()]
+    add_row(table, "commands cut", *(f"{fraction:.1%}" for fraction in cut))
     return table
 
 
@@ -280,12 +283,6 @@ def _describe_estimator(study: ControlStudy) -> dict[str, Any] | None:
     }
 
 
-def _describe_mpc(study: ControlStudy) -> dict[str, Any] | None:
-    if study.mpc is None:
-        return None
-    return {"horizon": study.mpc.horizon, "blocks": list(study.mpc.blocks), "substeps": study.mpc.substeps}
-
-
 def _describe_distribution(study: ControlStudy) -> dict[str, float] | None:
     stated = study.mpc or study.distribution
     if stated is None:
@@ -322,11 +319,6 @@ def _describe_words(study: ControlStudy) -> str:
     if study.estimator is not None:
         clauses.append("noise of the sensors")
     return ", ".join(clauses) or "none"
-
-
-def _describe_cut(loop: LoopResult) -> str:
-    steps = loop.steps
-    return f"{1.0 - steps.get('ok', 0) / max(sum(steps.values()), 1):.1%}"
 
 
 def has_limits(study: ControlStudy) -> bool:

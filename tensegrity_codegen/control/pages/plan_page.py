@@ -73,10 +73,12 @@ def build_plan_page(plan: PlanResult, structure: Structure, limits: Limits, comm
 
 
 def _outcome(plan: PlanResult) -> Section:
+    has_path = len(plan.target) > 0
     rows = tuple(
         (
             text_cell(name),
-            *(number_cell(value, ".6g") for value in (*_ends(plan, k), float(plan.goal[k]))),
+            *(number_cell(float(plan.target[row, k]) if has_path else None, ".6g") for row in (0, -1)),
+            number_cell(float(plan.goal[k]), ".6g"),
             text_cell(plan.target_unit[k]),
         )
         for k, name in enumerate(plan.target_name)
@@ -89,12 +91,6 @@ def _outcome(plan: PlanResult) -> Section:
     if plan.time is not None and plan.n_steps:
         blocks.append(Paragraph(f"The plan takes {format_short(float(plan.time[-1]))} s."))
     return Section("outcome", "all", "Outcome", "plain", STATUS[plan.status], tuple(blocks))
-
-
-def _ends(plan: PlanResult, row: int) -> tuple[float | None, float | None]:
-    if not len(plan.target):
-        return None, None
-    return float(plan.target[0, row]), float(plan.target[-1, row])
 
 
 def _shapes(plan: PlanResult, structure: Structure) -> Section:

@@ -299,7 +299,7 @@ def find_cover(
     Returns: None where the proof is not found. It needs linear elastic members, constant loads, and cables
         with a least tension above 0.
     """
-    structure, at = plan_model.model.structure, path[0]
+    structure, at = plan_model.structure, path[0]
     if (
         not isinstance(structure, Structure)
         or bool(structure.law_parameter or structure.sliding or structure.ground or structure.collision)

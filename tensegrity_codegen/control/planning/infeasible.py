@@ -5,6 +5,7 @@ By targets that limits of one member contradict, and by shapes at which no tensi
 
 import math
 import re
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ def find_contradiction(
     plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
 ) -> Contradiction | None:
     """Return a target that limits of one member contradict, whatever the path; None without one."""
-    manifest = plan_model.model.manifest
+    manifest, members = plan_model.model.manifest, _MemberLimits(plan_model, limits, start)
     for target in targets.parts:
         expression, value = target.text.strip(), float(target.goal[0])
         match, name = MEMBER_TARGET.fullmatch(expression), "the top"
@@ -60,7 +61,7 @@ def find_contradiction(
             quantity, member = match[1], match[2].strip()
             names = manifest.member_name if quantity != "bar_distance" else manifest.bar_pair_name
             index = int(member) % len(names) if re.fullmatch(r"-?\d+", member) else names.index(member)
-            excess, name = _compare(plan_model, limits, start, quantity, index, value), names[index]
+            excess, name = members.compare(quantity, index, value), names[index]
         if excess is not None:
             return _describe(expression, f"{expression} = {value:.6g}", name, excess)
     return None
@@ -70,7 +71,7 @@ def find_unreachable_place(
     plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
 ) -> Contradiction | None:
     """Return a member whose length targets of node positions make impossible; None without one."""
-    structure = plan_model.model.structure
+    structure = plan_model.structure
     if not isinstance(structure, Structure):
         return None
     position = np.where(structure.node_anchored, start.position, np.nan)
@@ -83,13 +84,14 @@ def find_unreachable_place(
             node, value = structure.node_name.index(match[1]), float(target.goal[0])
             position[node, "xyz".index(match[2])] = value
             goals.setdefault(node, []).append(f"{target.text.strip()} = {value:.6g}")
+    members = _MemberLimits(plan_model, limits, start)
     for index, ends in enumerate(structure.connectivity.tolist()):
         requested = ", ".join(goal for node in ends for goal in goals.get(node, []))
         between = position[ends[1]] - position[ends[0]]
         length, is_exact = float(np.linalg.norm(np.nan_to_num(between))), bool(np.isfinite(between).all())
         if not requested or structure.passes_rings[index]:
             continue
-        excess = _compare_length(plan_model, limits, start, index, length, is_exact)
+        excess = members.compare_length(index, length, is_exact)
         if excess is not None:
             return _describe(requested, requested, structure.member_name[index], excess, length, is_exact)
     return None
@@ -108,127 +110,110 @@ def _describe(
     return Contradiction(target, name, limit, float(necessary), float(allowed), unit, message)
 
 
-def _compare(
-    plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, quantity: str, index: int, value: float
-) -> Excess | None:
-    """Return limit, what is necessary, what is allowed, and the unit, where they exclude each other."""
-    structure = plan_model.model.structure
-    assert structure is not None
-    if quantity == "bar_distance":
-        return _below("clearance", value, limits.clearance, "m")
-    if quantity == "member_tension":
-        lower = 0.0 if structure.tension_only[index] else -math.inf
-        return _below("least_value", value, lower, "N") or _compare_tension(limits, index, value, value)
-    low, high = _rest_lengths(plan_model, limits, index)
-    if quantity == "rest_length":
-        return _below("range", value, low, "m") or _above("range", value, high, "m")
-    return _below("least_value", value, 0.0, "m") or _compare_length(
-        plan_model, limits, start, index, value, True
-    )
+@dataclass(frozen=True)
+class _MemberLimits:
+    """The limits of the members of a plan, with the ranges of their rest lengths and the start."""
 
+    plan_model: PlanModel
+    limits: PlanLimits
+    start: PlanPoint
 
-def _compare_length(
-    plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, index: int, length: float, is_exact: bool
-) -> Excess | None:
-    """Return the limit that a member of a length exceeds, or of this length at least."""
-    structure = plan_model.model.structure
-    assert structure is not None
-    low, high = _rest_lengths(plan_model, limits, index)
-    if structure.mu[index] == 0.0:  # a rigid bar
-        return _above("range", length, high, "m") or (_below("range", length, low, "m") if is_exact else None)
-    lowest, highest = (_tension(plan_model, index, length, rest_length) for rest_length in (high, low))
-    highest = highest if is_exact else math.inf
-    load = limits.buckling[index] / length / length if length > 0 else math.inf
-    excess = _compare_tension(limits, index, lowest, highest, load)
-    if excess is not None and excess[0] == "least_tension" and length < low:
-        return "range", length, low, "m"  # too short for every rest length of the range
-    balance = _find_balance(plan_model, limits, start, index)
-    return excess or _above("balance", lowest, balance, "N") or _below("balance", highest, -balance, "N")
+    def compare(self, quantity: str, index: int, value: float) -> Excess | None:
+        """Return limit, what is necessary, what is allowed, and the unit, where they exclude each other."""
+        if quantity == "bar_distance":
+            return _below("clearance", value, self.limits.clearance, "m")
+        if quantity == "member_tension":
+            lower = 0.0 if self.plan_model.structure.tension_only[index] else -math.inf
+            return _below("least_value", value, lower, "N") or self.compare_tension(index, value, value)
+        low, high = self.rest_lengths(index)
+        if quantity == "rest_length":
+            return _below("range", value, low, "m") or _above("range", value, high, "m")
+        return _below("least_value", value, 0.0, "m") or self.compare_length(index, value, True)
 
+    def compare_length(self, index: int, length: float, is_exact: bool) -> Excess | None:
+        """Return the limit that a member of a length exceeds, or of this length at least."""
+        low, high = self.rest_lengths(index)
+        if self.plan_model.structure.mu[index] == 0.0:  # a rigid bar
+            below = _below("range", length, low, "m") if is_exact else None
+            return _above("range", length, high, "m") or below
+        lowest, highest = self.tension(index, length, high), self.tension(index, length, low)
+        highest = highest if is_exact else math.inf
+        load = self.limits.buckling[index] / length / length if length > 0 else math.inf
+        excess = self.compare_tension(index, lowest, highest, load)
+        if excess is not None and excess[0] == "least_tension" and length < low:
+            return "range", length, low, "m"  # too short for every rest length of the range
+        balance = self.find_balance(index)
+        pull = _above("balance", lowest, balance, "N")
+        return excess or pull or _below("balance", highest, -balance, "N")
 
-def _compare_tension(
-    limits: PlanLimits, index: int, lowest: float, highest: float, load: float = math.inf
-) -> Excess | None:
-    """Return the limit that all tensions from `lowest` to `highest` exceed; load: that of buckling [N]."""
-    return (
-        _below("least_tension", highest, limits.least_tension[index], "N")
-        or _above("most_tension", lowest, limits.most_tension[index], "N")
-        or _above("yield_stress", lowest, limits.yield_force[index], "N")
-        or _below("yield_stress", highest, -limits.yield_force[index], "N")
-        or _below("buckling", highest, -load, "N")
-    )
+    def compare_tension(
+        self, index: int, lowest: float, highest: float, load: float = math.inf
+    ) -> Excess | None:
+        """Return the limit that all tensions from `lowest` to `highest` exceed; load: of buckling [N]."""
+        return (
+            _below("least_tension", highest, self.limits.least_tension[index], "N")
+            or _above("most_tension", lowest, self.limits.most_tension[index], "N")
+            or _above("yield_stress", lowest, self.limits.yield_force[index], "N")
+            or _below("yield_stress", highest, -self.limits.yield_force[index], "N")
+            or _below("buckling", highest, -load, "N")
+        )
 
+    def find_balance(self, index: int) -> float:
+        """Return the largest force of a member that others balance at a free end [N]; infinite at supports.
 
-def _find_balance(plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, index: int) -> float:
-    """Return the largest force of a member that others balance at a free end [N]; infinite at supports.
-
-    Loads are at most the sum of the forces at the start. Actuators may shorten members to a fifth.
-    """
-    structure = plan_model.model.structure
-    if not isinstance(structure, Structure):
-        return math.inf
-    length = structure.strands.lengths(start.position)
-    free = [
-        node
-        for node in structure.connectivity[index].tolist()
-        if not structure.node_anchored[node, list(structure.axes)].any()
-    ]
-    return min(
-        (_sum_largest_forces(plan_model, limits, start, index, node, length) for node in free),
-        default=math.inf,
-    )
-
-
-def _sum_largest_forces(
-    plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, index: int, node: int, length: FloatArray
-) -> float:
-    """Return the sum of the largest forces of the other members at a node, and of the loads on it [N]."""
-    structure = plan_model.model.structure
-    assert isinstance(structure, Structure)
-    strands = structure.strands
-    # The members at the node; twice where a cable passes a ring.
-    adjacent = strands.member[(strands.ends == node).any(axis=1)].tolist()
-    total = float(np.abs(start.tension)[adjacent].sum())
-    for member in adjacent:
-        if structure.is_rigid[member]:
+        Loads are at most the sum of the forces at the start. Actuators may shorten members to a fifth.
+        """
+        structure = self.plan_model.structure
+        if not isinstance(structure, Structure):
             return math.inf
-        rest_length = float(structure.rest_length[member])
-        longest = MAX_CHANGE * max(rest_length, float(length[member]))
-        least_rest = max(rest_length / MAX_CHANGE, _rest_lengths(plan_model, limits, member)[0])
-        force = _tension(plan_model, member, longest, least_rest) if member != index else 0.0
-        total += force if structure.is_bar[member] else min(force, float(limits.most_tension[member]))
-    return total
+        ends = structure.connectivity[index].tolist()
+        free = [node for node in ends if not structure.node_anchored[node, list(structure.axes)].any()]
+        return min((self._sum_largest_forces(structure, index, node) for node in free), default=math.inf)
 
+    def _sum_largest_forces(self, structure: Structure, index: int, node: int) -> float:
+        """Return the sum of the largest forces of the other members at a node, and of the loads on it [N]."""
+        strands = structure.strands
+        length = strands.lengths(self.start.position)
+        # The members at the node; twice where a cable passes a ring.
+        adjacent = strands.member[(strands.ends == node).any(axis=1)].tolist()
+        total = float(np.abs(self.start.tension)[adjacent].sum())
+        for member in adjacent:
+            if structure.is_rigid[member]:
+                return math.inf
+            rest_length = float(structure.rest_length[member])
+            longest = MAX_CHANGE * max(rest_length, float(length[member]))
+            least_rest = max(rest_length / MAX_CHANGE, self.rest_lengths(member)[0])
+            force = self.tension(member, longest, least_rest) if member != index else 0.0
+            largest = float(self.limits.most_tension[member])
+            total += force if structure.is_bar[member] else min(force, largest)
+        return total
 
-def _rest_lengths(plan_model: PlanModel, limits: PlanLimits, index: int) -> tuple[float, float]:
-    """Return the least and the largest rest length that the actuators of a plan give a member [m]."""
-    structure = plan_model.model.structure
-    assert structure is not None
-    moving = np.flatnonzero(plan_model.incidence[index])
-    rest_length = float(structure.rest_length[index])
-    for scene_input in structure.inputs:  # those that the plan holds
-        if scene_input.name not in plan_model.columns:
-            value = plan_model.base[plan_model.model.manifest.input_name.index(scene_input.name)]
-            rest_length += scene_input.rest_length_gain.get(index, 0.0) * float(value)
-    low, high = limits.ranges.of_member(index)
-    return (
-        max(rest_length + float(limits.least_change[moving].sum()), low),
-        min(rest_length + float(limits.most_change[moving].sum()), high),
-    )
+    def rest_lengths(self, index: int) -> tuple[float, float]:
+        """Return the least and the largest rest length that the actuators of a plan give a member [m]."""
+        plan_model, limits = self.plan_model, self.limits
+        moving = np.flatnonzero(plan_model.incidence[index])
+        rest_length = float(plan_model.structure.rest_length[index])
+        for scene_input in plan_model.structure.inputs:  # those that the plan holds
+            if scene_input.name not in plan_model.columns:
+                value = plan_model.base[plan_model.model.manifest.input_name.index(scene_input.name)]
+                rest_length += scene_input.rest_length_gain.get(index, 0.0) * float(value)
+        low, high = limits.ranges.of_member(index)
+        return (
+            max(rest_length + float(limits.least_change[moving].sum()), low),
+            min(rest_length + float(limits.most_change[moving].sum()), high),
+        )
 
-
-def _tension(plan_model: PlanModel, index: int, length: float, rest_length: float) -> float:
-    """Return the tension of a member of that length and rest length [N]; infinite at the ends of no limit."""
-    structure = plan_model.model.structure
-    assert structure is not None
-    if not math.isfinite(rest_length):
-        return 0.0 if structure.tension_only[index] else -math.inf
-    if rest_length <= 0.0:
-        return math.inf
-    lengths = np.array(structure.rest_length)
-    lengths[index] = rest_length
-    changed = structure.with_changes(rest_length=lengths)
-    return float(changed.compute_static_tension(np.full(len(lengths), length))[index])
+    def tension(self, index: int, length: float, rest_length: float) -> float:
+        """Return the tension of a member of a length and rest length [N]; infinite without a rest length."""
+        structure = self.plan_model.structure
+        if not math.isfinite(rest_length):
+            return 0.0 if structure.tension_only[index] else -math.inf
+        if rest_length <= 0.0:
+            return math.inf
+        lengths = np.array(structure.rest_length)
+        lengths[index] = rest_length
+        changed = structure.with_changes(rest_length=lengths)
+        return float(changed.compute_static_tension(np.full(len(lengths), length))[index])
 
 
 def _below(limit: str, necessary: float, allowed: float, unit: str) -> Excess | None:

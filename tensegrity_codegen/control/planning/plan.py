@@ -157,8 +157,7 @@ def plan(
     if start.certificate is not None:
         return record_infeasible(plan_model, bound, start.at, start.certificate, start.message, start.shape)
     _check_start(plan_model, bounds, start.at)
-    assert model.structure is not None
-    bounds = keep_taut(bounds, start.at, np.asarray(model.structure.tension_only))
+    bounds = keep_taut(bounds, start.at, np.asarray(plan_model.structure.tension_only))
     _check_held(plan_model, bound, start.at)
     # The proof that there is no plan, or a path and its times.
     proof = _find_proof(plan_model, bounds, bound, start.at)
@@ -368,8 +367,7 @@ def _find_required(
     plan_model: PlanModel, problem: StaticProblem, stated: FloatArray, limits: PlanLimits
 ) -> NDArray[np.bool_]:
     """Return which members must be in tension: with a least tension, or cables that are not slack."""
-    structure = plan_model.model.structure
-    assert structure is not None
+    structure = plan_model.structure
     length = np.asarray(problem.compute("member_length", stated)).ravel()
     _, tension = problem.forces(stated)
     inputs = zip(plan_model.model.manifest.input_name, plan_model.base.ravel().tolist(), strict=True)

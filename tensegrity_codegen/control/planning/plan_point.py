@@ -197,11 +197,11 @@ class PlanModel:
             for name, value in zip(model.manifest.input_name, self.base, strict=True)
             if name not in self.columns
         }
-        structure = model.structure
-        assert structure is not None  # find_actuation refuses models without
-        self.ranges = find_member_ranges(structure, self.incidence, held)
+        assert model.structure is not None  # find_actuation refuses models without
+        self.structure = model.structure
+        self.ranges = find_member_ranges(self.structure, self.incidence, held)
         pulled = [actuator.members[0] for actuator in actuation.actuators]
-        self._held_rest = add_inputs_to_rest_length(structure, held)[pulled]
+        self._held_rest = add_inputs_to_rest_length(self.structure, held)[pulled]
         self._pull = self.incidence[pulled]
 
     def rest_length(self, change: FloatArray) -> FloatArray:

@@ -101,8 +101,6 @@ def record_path(
 def _describe_points(plan_model: PlanModel, targets: Targets, points: Sequence[PlanPoint]) -> dict[str, Any]:
     """Return the names and the arrays of a record that points alone determine."""
     manifest, change = plan_model.model.manifest, np.array([at.change for at in points])
-    structure = plan_model.model.structure
-    assert structure is not None  # it has the actuators
     lowest = [float(at.eigenvalue[0]) if len(at.eigenvalue) else np.inf for at in points]
     return {
         "target_name": targets.names,
@@ -113,14 +111,14 @@ def _describe_points(plan_model: PlanModel, targets: Targets, points: Sequence[P
         "node_name": manifest.node_name,
         "member_name": manifest.member_name,
         "bar_pair_name": manifest.bar_pair_name,
-        "is_cable": ~np.asarray(structure.is_bar),
+        "is_cable": ~np.asarray(plan_model.structure.is_bar),
         "node_position": np.array([at.position for at in points]),
         "member_tension": np.array([at.tension for at in points]),
         "bar_distance": np.array([at.distance for at in points]),
         "smallest_eigenvalue": np.array(lowest),
         "residual": np.array([at.point.node_force for at in points]),
         "coordinate": np.array([at.model_coordinate for at in points]),
-        "structure": structure,
+        "structure": plan_model.structure,
     }
 
 

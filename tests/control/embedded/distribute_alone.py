@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.print.render import paste_text, plain_c_folder, template_folder
 from tensegrity_codegen.control.embedded.tables import (
-    DistributionTables,
+    ProgramTables,
     Table,
     build_distribution_tables,
 )
@@ -94,7 +94,7 @@ static int control_geometry(const real *coordinate, real *length, real *entry)
 
 
 def write_source(
-    tables: DistributionTables,
+    tables: ProgramTables,
     n_coordinates: int,
     n_actuators: int,
     geometry: str,

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, solve_discrete_are
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -179,7 +178,12 @@ def _test(a: FloatArray, c: FloatArray) -> list[HiddenMode]:
     values = np.linalg.eigvals(a)
     chosen = values[(np.abs(values) >= UNSTABLE) & (values.imag >= 0.0)]
     chosen[np.abs(chosen - 1.0) < NEAR_ONE] = 1.0  # rounding splits the double eigenvalue of a free motion
-    for value in _distinct(chosen):
+    # Of eigenvalues that differ by rounding only one.
+    distinct: list[complex] = []
+    for value in chosen.tolist():
+        if all(abs(value - previous) > 1e-6 for previous in distinct):
+            distinct.append(value)
+    for value in distinct:
         matrix = np.vstack([value * np.eye(n) - a, rows])
         _, singular, right = np.linalg.svd(matrix)
         rank = int((singular > RANK * singular[0]).sum())
@@ -188,15 +192,6 @@ def _test(a: FloatArray, c: FloatArray) -> list[HiddenMode]:
             half = pair[:n] if np.linalg.norm(pair[:n]) >= np.linalg.norm(pair[n:]) else pair[n:]
             modes.append(HiddenMode(complex(value), half / np.linalg.norm(half), rank, n))
     return modes
-
-
-def _distinct(values: NDArray[np.complex128]) -> list[complex]:
-    """Return the values, of those that differ by rounding only one."""
-    distinct: list[complex] = []
-    for value in values.tolist():
-        if all(abs(value - previous) > 1e-6 for previous in distinct):
-            distinct.append(value)
-    return distinct
 
 
 # Rigid motions of a whole structure that its actuators cannot change.
