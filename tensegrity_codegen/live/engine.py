@@ -295,6 +295,9 @@ def _bound_frequency(structure: Structure, chosen: NDArray[np.bool_] | None = No
     return float(np.sqrt((total[moving] / mass[moving]).max(initial=0.0)))
 
 
+# A net whose force densities are moved by sliders.
+
+
 def add_forming(scene: LiveScene, form: Form, density: Mapping[str, float]) -> LiveScene:
     """Return a live scene of a shape whose force densities, loads and heights of supports have sliders."""
     structure = form.structure

@@ -96,6 +96,9 @@ def _compress(data: bytes) -> str:
     return base64.b64encode(gzip.compress(data, compresslevel=9, mtime=0)).decode("ascii")
 
 
+# The content of a page.
+
+
 def compute_uses(
     subject: Structure | BodySystem, structure: Structure, position: FloatArray, tension: FloatArray
 ) -> FloatArray | None:

@@ -358,6 +358,9 @@ def _tabulate_loads(model: CompiledModel, draw: LoopStart) -> tuple[FloatArray, 
     return np.array(times, dtype=float), np.array([draw.gusts.at(middle) for middle in middles])
 
 
+# One motion and controller, many draws of errors.
+
+
 @with_moved(**MOVED_TO_CODE, **MOVED_TO_LIMITS)
 def simulate_control_batch(
     model: CompiledModel,

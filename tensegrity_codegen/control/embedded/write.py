@@ -154,6 +154,9 @@ def write_measure(
     return lines
 
 
+# The texts of all files.
+
+
 def write_controller(context: dict[str, Any]) -> dict[str, str]:
     """Return file name -> text of all files of a controller but those of its model and its manifest."""
     name = context["name"]

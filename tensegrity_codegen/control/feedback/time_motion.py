@@ -253,6 +253,9 @@ def _turn(path: SmoothPath, mass: FloatArray, order: NDArray[np.int64], axes: li
     return np.array([position[:, axes].ravel() for position in placed])
 
 
+# Simulated motions as motions that feedback follows, through contacts with the ground too.
+
+
 def record_motion(model: CompiledModel, run: Trajectory) -> Motion:
     """Return a simulated motion as one that `design_lqr` and `simulate_control` follow.
 

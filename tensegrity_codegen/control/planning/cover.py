@@ -19,9 +19,9 @@ import numpy as np
 import scipy
 
 from tensegrity_codegen.control.planning.infeasible import MEMBER_TARGET, NODE_TARGET
-from tensegrity_codegen.control.planning.limits import MIN_SIZE, PlanLimits
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.control.planning.shape_targets import find_nodes, find_rings
+from tensegrity_codegen.control.planning.step_problem import MIN_SIZE, PlanLimits
 from tensegrity_codegen.control.planning.target_text import parse_shape
 from tensegrity_codegen.control.planning.targets import BoundTarget, Targets
 from tensegrity_codegen.runtime.model.named_inputs import INPUT

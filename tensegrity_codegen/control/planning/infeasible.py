@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.control.planning.limits import PlanLimits
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
+from tensegrity_codegen.control.planning.step_problem import PlanLimits
 from tensegrity_codegen.control.planning.target_text import parse_shape
 from tensegrity_codegen.control.planning.targets import Targets
 from tensegrity_codegen.runtime.analysis.certificate import Certificate, find_certificate

@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.control.planning.limits import LIMIT_TOLERANCE, Margins, PlanLimits, compute_margins
 from tensegrity_codegen.control.planning.plan_point import (
     PlanModel,
     PlanPoint,
@@ -25,7 +24,16 @@ from tensegrity_codegen.control.planning.plan_point import (
     compute_slopes,
     describe_immobility,
 )
-from tensegrity_codegen.control.planning.step_problem import AIMED_MARGIN, FINAL_MARGIN, Program, Step
+from tensegrity_codegen.control.planning.step_problem import (
+    AIMED_MARGIN,
+    FINAL_MARGIN,
+    LIMIT_TOLERANCE,
+    Margins,
+    PlanLimits,
+    Program,
+    Step,
+    compute_margins,
+)
 from tensegrity_codegen.control.planning.targets import Targets
 from tensegrity_codegen.runtime.records.plan_result import Branch, Cover
 from tensegrity_codegen.system.arrays import FloatArray

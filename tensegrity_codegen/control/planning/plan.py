@@ -14,13 +14,6 @@ from tensegrity_codegen.control.planning.infeasible import (
     find_shape_certificate,
     find_unreachable_place,
 )
-from tensegrity_codegen.control.planning.limits import (
-    LIMIT_TOLERANCE,
-    PlanLimits,
-    build_limits,
-    compute_margins,
-    keep_taut,
-)
 from tensegrity_codegen.control.planning.path import PlanPath, Progress, find_path
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint, find_actuation
 from tensegrity_codegen.control.planning.quadratic_program import require_solver
@@ -29,6 +22,13 @@ from tensegrity_codegen.control.planning.record_plan import (
     describe_margin,
     record_infeasible,
     record_path,
+)
+from tensegrity_codegen.control.planning.step_problem import (
+    LIMIT_TOLERANCE,
+    PlanLimits,
+    build_limits,
+    compute_margins,
+    keep_taut,
 )
 from tensegrity_codegen.control.planning.target_text import read_targets
 from tensegrity_codegen.control.planning.targets import Targets, bind_targets

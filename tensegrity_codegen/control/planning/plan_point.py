@@ -142,6 +142,9 @@ def find_member_ranges(
     )
 
 
+# Equilibria on a path, with all that limits look at.
+
+
 @dataclass(frozen=True)
 class PlanPoint:
     """An equilibrium: inputs, coordinates, what limits look at."""

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.control.planning.limits import Margins
 from tensegrity_codegen.control.planning.path import PlanPath
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
-from tensegrity_codegen.control.planning.step_problem import find_fewest_limits
+from tensegrity_codegen.control.planning.step_problem import Margins, find_fewest_limits
 from tensegrity_codegen.control.planning.targets import Targets
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.model.array_file import write_arrays

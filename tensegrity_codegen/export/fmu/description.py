@@ -188,6 +188,9 @@ def _list_events(layout: Layout) -> list[Variable]:
     return [*variables, Variable("event_count", *properties, sentence, type="integer")]
 
 
+# The model description.
+
+
 def find_exponents(unit: str) -> dict[str, int] | None:
     """Return the exponents of SI base units in a unit, {} for "1".
 

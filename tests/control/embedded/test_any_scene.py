@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.embedded.build_controller import build_controller
+from tensegrity_codegen.control.feedback.closed_loop import Controller, Filter
 from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains, find_sensing
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
@@ -18,7 +19,6 @@ from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
     DelayedInputs,
     find_bounds,
 )
-from tensegrity_codegen.control.feedback.loop.controller import Controller, Filter
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.state_names import name_states

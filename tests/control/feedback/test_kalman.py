@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from tensegrity_codegen.control.feedback.closed_loop import simulate_control
+from tensegrity_codegen.control.feedback.closed_loop import Filter, simulate_control
 from tensegrity_codegen.control.feedback.design.gains import Estimator, Gains, find_sensing
 from tensegrity_codegen.control.feedback.kalman import design_kalman, find_shown_forces
-from tensegrity_codegen.control.feedback.loop.controller import Filter
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Disturbance
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion

@@ -14,10 +14,10 @@ import pytest
 
 from tensegrity_codegen.control.pages.plans import describe_plan, describe_plan_finding
 from tensegrity_codegen.control.planning.cover import Equations, find_cover
-from tensegrity_codegen.control.planning.limits import build_limits
 from tensegrity_codegen.control.planning.path import Walk
 from tensegrity_codegen.control.planning.plan import find_start, plan
 from tensegrity_codegen.control.planning.plan_point import PlanModel, find_actuation
+from tensegrity_codegen.control.planning.step_problem import build_limits
 from tensegrity_codegen.control.planning.target_text import read_targets
 from tensegrity_codegen.control.planning.targets import Targets, bind_targets
 from tensegrity_codegen.runtime.records.plan_result import Cover

@@ -9,10 +9,9 @@ import pytest
 
 from tensegrity_codegen.control.pages.plans import describe_plan
 from tensegrity_codegen.control.planning import path as paths
-from tensegrity_codegen.control.planning.limits import Margins
 from tensegrity_codegen.control.planning.plan import plan
 from tensegrity_codegen.control.planning.plan_point import Slopes
-from tensegrity_codegen.control.planning.step_problem import Program, find_fewest_limits
+from tensegrity_codegen.control.planning.step_problem import Margins, Program, find_fewest_limits
 from tensegrity_codegen.system.errors import InvalidValueError
 from tests.cases import thorough
 from tests.control.planning.structures import (

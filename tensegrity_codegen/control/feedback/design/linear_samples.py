@@ -1,6 +1,8 @@
 """Linear models along a motion, sampled exactly: x[k+1] = A[k] x[k] + B[k] u[k] for constant inputs.
 
-With actuators that answer late, and equilibria as motions that stay there.
+With actuators that answer late, and equilibria as motions that stay there. While a foot sticks on the ground
+its bristle moves as its node does: s = F q - p is no state of its own. The point p where it sticks moves
+where the contact slips or is open; inner forces do not bring it back.
 """
 
 from collections.abc import Mapping, Sequence
@@ -91,6 +93,9 @@ def measure_slip(model: CompiledModel, state: FloatArray) -> tuple[FloatArray | 
         verb = "lifts" if (depth[:, c] <= 0.0).any() else "slips"
         reports.append(f"{names[c]} {verb}, {1000 * moved[-1, c]:.3g} mm at the end")
     return moved, f"feet do not stay where they stick: {'; '.join(reports)}" if reports else ""
+
+
+# Linear models along a motion.
 
 
 @dataclass(frozen=True)

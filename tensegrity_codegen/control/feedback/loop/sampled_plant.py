@@ -229,6 +229,9 @@ class SampledPlant:
         return self.word == "ok"
 
 
+# Parts of one loop: whether they fit each other and the motion.
+
+
 def check_parts(
     manifest: Manifest,
     motion: Motion,

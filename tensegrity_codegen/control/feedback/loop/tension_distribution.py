@@ -222,6 +222,9 @@ class TensionProgram:
         return None if solution is None else solution.x / size
 
 
+# The distribution at each sample of a motion.
+
+
 @dataclass(frozen=True)
 class Distributed:
     """The command of one sample.

@@ -189,6 +189,9 @@ class LoopResult:
         return broken
 
 
+# The record of a study.
+
+
 @dataclass(frozen=True, eq=False)
 class ControlStudy:
     """A motion under disturbances, with and without feedback.

@@ -253,6 +253,9 @@ def _show_length(length: float) -> str:
     return f"{1000 * length:.3g} mm"
 
 
+# Margins of a linear loop.
+
+
 @dataclass(frozen=True, eq=False)
 class Margins:
     """What a linear loop stands before it becomes unstable.

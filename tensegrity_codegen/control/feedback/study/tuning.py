@@ -276,6 +276,9 @@ def _choose_outputs(
     return np.hstack([rows, np.zeros_like(rows)]), np.ones(rank)
 
 
+# Feedback that keeps least tensions, as options state it.
+
+
 def read_least_tension(text: str | None) -> float | None:
     """Return the least tension [N] of an option, None for that of the scene; raises InvalidValueError."""
     if text is None or text == "scene":
