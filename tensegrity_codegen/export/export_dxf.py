@@ -30,6 +30,7 @@ def write_dxf(
     if chosen not in range(-n_samples, n_samples):
         allowed = f"0 to {n_samples - 1}, or -{n_samples} to -1 from the end"
         raise InvalidValueError("there is no such sample", where="sample", given=sample, allowed=allowed)
+    # The layer of each member, and its line.
     largest_first = sorted(structure.groups.items(), key=lambda item: -len(item[1]))
     group_of = {row: name for name, rows in largest_first if name not in COLORS for row in rows}
     document = ezdxf.new("R2010", units=METRES)

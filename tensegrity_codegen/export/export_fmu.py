@@ -201,6 +201,7 @@ def _write(
     integrator = settle_method(
         structure, request, method, rtol=rtol, t_end=t_end, compiler=compiler, may_compile=not sources_only
     )
+    # Library, layout and derivatives, from which sources and description follow.
     generated, own_request = _generate(structure, request, chosen, integrator)
     layout = Layout(generated.manifest, structure, chosen)
     length = 1.0 if "rad" in layout.coordinate_units() else find_length(generated.manifest)
@@ -209,6 +210,7 @@ def _write(
     sources = write_unit_sources(generated.files, layout, tangent, experiment)
     unit = Unit(generated.manifest.name, sources.token, sources.compiled, tangent is not None, experiment)
     variables = list_variables(layout, tangent)
+    # The archive.
     files = {f"sources/{name}": content.encode("utf-8") for name, content in sources.files.items()}
     files["modelDescription.xml"] = describe_unit(unit, variables)
     if fmi == "3.0":

@@ -345,6 +345,7 @@ def build_mjcf(
         add(option, "flag", contact="disable")
     else:
         _add_ground(model, structure.ground)
+    # Classes, bodies, tendons, actuators, and the state at the start.
     classes = add(root, "default")
     for kind in ("bar", "cable"):
         add(classes, "default", **{"class": kind})

@@ -54,6 +54,7 @@ def _add_part(root: Element, part: RigidPart, origin: FloatArray, rotation: Floa
         "xyz": numbers(rotation.T @ (part.origin - origin)),
         "rpy": numbers(_find_angles(rotation.T @ part.rotation)),
     }
+    # The joint: one of six axes, or three in place of a ball joint with links next to nothing between.
     if part.joint == "floating":
         _add_joint(root, part.name, "floating", part.parent, part.name, pose)
     else:

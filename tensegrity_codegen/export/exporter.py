@@ -110,6 +110,7 @@ def check_export(
                 given=value,
                 allowed=f"with {', '.join(having)} only",
             )
+    # The output: a file with its ending, or a folder.
     if not chosen.is_folder:
         check_ending(out, *chosen.endings)
         check_output(out, overwrite=overwrite, inputs=inputs)

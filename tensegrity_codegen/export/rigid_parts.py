@@ -129,6 +129,7 @@ def _build_rod(structure: Structure, member: int) -> RigidPart:
     middle = tips.mean(axis=0)
     origin = tips[int(held.argmax())] if held.any() else middle
     along = (tips - origin) @ direction
+    # Centre of mass on the axis, and the inertia across it about the centre.
     centre = (bar * along.mean() + point @ along) / mass if mass > 0 else float(along.mean())
     across = bar * length**2 / 12 + bar * (along.mean() - centre) ** 2 + point @ (along - centre) ** 2
     names = [structure.node_name[node] for node in ends]

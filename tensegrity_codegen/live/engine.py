@@ -234,6 +234,7 @@ def add_engine(
             "place": sum(sizes[name] for name in manifest.driven[:-1]),
         },
     }
+    # Inputs that follow a profile have no sliders.
     if profile is not None:
         inputs = [manifest.input_name.index(name) for name in profile.values]
         engine["profile"] = {
@@ -245,6 +246,7 @@ def add_engine(
         engine["sliders"] = [
             row for row in engine["sliders"] if row["argument"] != "input" or row["places"][0] not in inputs
         ]
+    # Arrays that the engine reads, and sentences on it.
     coordinates = [3 * node + axis for node, axis in manifest.coordinate_node_axis]
     channels = {name: channel for name, channel in scene.channels.items() if name not in UNSHOWN}
     channels |= {
@@ -314,6 +316,7 @@ def add_forming(scene: LiveScene, form: Form, density: Mapping[str, float]) -> L
             allowed="a force density of each member",
             hint="--density cables=100; shapes of stated forces and lengths are written as scenes (.toml)",
         )
+    # Groups of members with one force density each, and arrays for the linear equations.
     forming = {
         "groups": [{"label": name, "density": value} for name, value in density.items()],
         "document": form.document,

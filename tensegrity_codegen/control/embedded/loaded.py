@@ -88,6 +88,7 @@ class ControllerDescription:
             ) from error
         except (ValueError, UnicodeDecodeError) as error:
             raise LibraryError("the manifest is damaged", where=str(path), hint="build it again") from error
+        # Of this kind and version, with all fields.
         if not isinstance(data, dict) or data.get("kind") != KIND:
             raise LibraryError(
                 "not the manifest of a controller", where=str(path), hint="a folder of build_controller"

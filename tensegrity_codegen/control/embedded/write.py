@@ -313,6 +313,7 @@ def write_files(parts: ControllerParts, request: ModelRequest, precision: Precis
     texts = write_controller(context)
     if source is not None:
         texts |= {name: source.files[name] for name in source.files if name.startswith(parts.model_name)}
+    # The description, with declarations for cffi.
     header = texts[f"{parts.name}_control.h"]
     description = ControllerDescription(
         name=parts.name,

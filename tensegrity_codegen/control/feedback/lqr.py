@@ -267,6 +267,7 @@ def read_weight(value: ArrayLike, size: int, where: str, over: str, *, definite:
             "the weight has another size", where=where, given=weight.shape, allowed=allowed
         )
     check_finite(weight, where)
+    # Symmetric, up to rounding.
     matrix = np.diag(weight) if weight.ndim == 1 else weight
     scale = float(np.abs(matrix).max(initial=0.0))
     gap = np.abs(matrix - matrix.T)
@@ -280,6 +281,7 @@ def read_weight(value: ArrayLike, size: int, where: str, over: str, *, definite:
             hint=f"({where} + {where}.T) / 2",
         )
     matrix = 0.5 * (matrix + matrix.T)
+    # Definite by its eigenvalues.
     values = np.linalg.eigvalsh(matrix) if size else np.zeros(0)
     smallest = float(values.min(initial=np.inf))
     bound = SEMIDEFINITE * float(np.abs(values).max(initial=0.0))

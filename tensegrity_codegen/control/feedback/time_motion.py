@@ -300,6 +300,7 @@ def record_motion(model: CompiledModel, run: Trajectory) -> Motion:
             given=f"{run.status}, from {run.time[0]:g} s",
             allowed="status ok, from 0 s, with the inputs of the actuators",
         )
+    # Accelerations at the samples, and the motion that has them.
     names = ("coordinate", "velocity", INPUT, *(() if run.internal is None else ("internal",)))
     internal = np.zeros((len(run.time), 0)) if run.internal is None else run.internal
     rows = zip(run.coordinate, run.velocity, run.input, internal, strict=True)

@@ -152,6 +152,7 @@ def _rest_lengths(plan: PlanResult) -> Section:
     few = "" if len(plan.actuator_name) <= MAX_LINES else f" of the {MAX_LINES} that move most"
     caption = f"Changes of rest lengths of the actuators{few}."
     diagram = Diagram(PROGRESS, "change of rest length [mm]", series)
+    # The table of all actuators.
     rows = tuple(
         (
             text_cell(name),
@@ -272,6 +273,7 @@ def _binding(plan: PlanResult) -> Section:
     if rows:
         summary = f"limits bind in {sum(1 for bindings in plan.binding if bindings)} of {plan.n_steps} steps"
         blocks.append(Table("Limits that bind in the step to a point", columns, tuple(rows)))
+    # The limits at the end of a blocked path.
     if plan.block is not None:
         gained = tuple(
             (

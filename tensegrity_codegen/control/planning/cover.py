@@ -308,6 +308,7 @@ def find_cover(
         or np.any(structure.tension_only & ~(limits.least_tension > 0.0))
     ):
         return None
+    # Cells of half the width, until all outer ones break a limit and none has the target.
     equations = Equations(plan_model, structure, limits, at)
     residual = float(np.abs(equations.compute(equations.stated, at.change)[0]).max())
     extent, half = np.ptp([point.change for point in path], axis=0), FIRST_HALF * at.point.longest

@@ -81,6 +81,7 @@ def find_actuation(model: Described, names: Sequence[str] | None = None) -> Actu
             raise InvalidValueError(
                 "an actuator is named twice", where="actuators", given=name, allowed="each actuator once"
             )
+    # Bounds of their inputs: the range less the rest lengths in the scene.
     chosen = tuple(by_name[name] for name in selected)
     initial = [np.array([structure.rest_length[e] for e in item.members]) for item in chosen]
     return Actuation(

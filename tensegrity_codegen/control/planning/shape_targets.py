@@ -257,6 +257,7 @@ def _bind_rings(
                 hint=f'for example {call.name}([t1, t2, t3], [b1, b2, b3]) or {call.name}("t*", "b*")',
             )
         top, base = rings
+    # Sets that determine a plane, of pairs for the twist.
     for nodes in (base,) if call.name == "height" else (base, top):
         _check_extent(position[nodes], where)
     if call.name == "twist" and len(top) != len(base):

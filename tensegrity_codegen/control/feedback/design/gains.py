@@ -203,6 +203,7 @@ def find_sensing(model: CompiledModel, sensors: Sequence[Sensor] | None = None) 
             given="none",
             allowed="at least one table [[sensors]] with kind, members or nodes, and noise",
         )
+    # The quantities that they need, and name and noise of each number.
     needed: set[str] = {sensor.kind for sensor in chosen if sensor.kind in MEMBER_KINDS}
     if "member_length" in needed:
         needed.add("equilibrium_matrix")

@@ -341,6 +341,7 @@ def build_rest(
             allowed="stick and open",
             hint="more friction, or other loads",
         )
+    # Inputs and rest lengths at the equilibrium, which stay.
     check_positive(duration, "duration", "[s]")
     check_shape(equilibrium.coordinate, (len(model.manifest.coordinate_name),), "motion.coordinate")
     actuation = find_actuation(model, actuators)
