@@ -100,7 +100,7 @@ def _add_members(writer: _Writer, shapes: Shapes) -> Iterator[tuple[int, str, Fl
     structure, ends = shapes.structure, _turn(shapes.node_position)[:, shapes.structure.connectivity]
     vector = ends[:, :, 1] - ends[:, :, 0]
     length = np.linalg.norm(vector, axis=2)
-    rotation = _find_rotations(vector / np.where(length > 0, length, 1.0)[..., None])
+    rotation = _compute_rotations(vector / np.where(length > 0, length, 1.0)[..., None])
     kinds = np.where(structure.is_bar, np.where(structure.radius > 0, ROUND, "bar"), "cable").tolist()
     names = _add_meshes(writer, sorted(set(kinds)))
     for row, (name, kind) in enumerate(zip(structure.member_name, kinds, strict=True)):
@@ -157,7 +157,7 @@ def _animate(writer: _Writer, shapes: Shapes, paths: list[tuple[int, str, FloatA
         writer.content["animations"] = [animation]
 
 
-def _find_rotations(direction: FloatArray) -> FloatArray:
+def _compute_rotations(direction: FloatArray) -> FloatArray:
     """Return unit quaternions (n_t, n_members, 4), x y z w, that turn y to directions (n_t, n_members, 3).
 
     Each sample turns the one before by the shortest way, so that between samples nothing spins about itself.

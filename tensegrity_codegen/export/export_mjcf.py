@@ -237,7 +237,7 @@ def _add_rigid_bar(parts: ModelParts, member: int) -> None:
     quaternion = _turn_to(direction)
     pose = {"pos": numbers(origin), "quat": numbers(quaternion)}
     body = add(parts.world, "body", name=f"{structure.member_name[member]}.body", **pose)
-    spin = _find_spin(structure, ends, direction, length)
+    spin = _compute_spin(structure, ends, direction, length)
     local = _rotate_back(quaternion, spin)
     if not held.any():
         add(body, "freejoint", name=f"{structure.member_name[member]}.joint")
@@ -313,7 +313,7 @@ def _rotate_back(quaternion: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray(vector + 2 * (w * cross + np.cross(axis, cross)))
 
 
-def _find_spin(
+def _compute_spin(
     structure: Structure, ends: NDArray[np.int64], direction: FloatArray, length: float
 ) -> FloatArray:
     """Return the angular velocity of a rigid bar without rotation about itself (3,) [rad/s]."""

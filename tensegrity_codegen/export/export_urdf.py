@@ -52,7 +52,7 @@ def _add_part(root: Element, part: RigidPart, origin: FloatArray, rotation: Floa
         add(add(visual, "geometry"), "cylinder", **size)
     pose = {
         "xyz": numbers(rotation.T @ (part.origin - origin)),
-        "rpy": numbers(_find_angles(rotation.T @ part.rotation)),
+        "rpy": numbers(_compute_angles(rotation.T @ part.rotation)),
     }
     # The joint: one of six axes, or three in place of a ball joint with links next to nothing between.
     if part.joint == "floating":
@@ -95,7 +95,7 @@ def _add_frame(root: Element, parent: str, name: str, place: FloatArray) -> None
     _add_joint(root, f"{name}.node", "fixed", parent, f"{name}.node", {"xyz": numbers(place), "rpy": "0 0 0"})
 
 
-def _find_angles(rotation: FloatArray) -> FloatArray:
+def _compute_angles(rotation: FloatArray) -> FloatArray:
     """Return roll, pitch and yaw [rad] of a rotation: about fixed x, then y, then z."""
     pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
     if np.hypot(rotation[0, 0], rotation[1, 0]) < 1e-12:  # x points up or down: one angle of two is free

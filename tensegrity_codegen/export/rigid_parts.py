@@ -61,7 +61,7 @@ class RigidPart:
 def find_parts(subject: Structure | BodySystem) -> tuple[list[RigidPart], dict[str, FloatArray]]:
     """Return the rigid parts, parents first, and the anchored nodes with their positions (3,) [m]."""
     if isinstance(subject, BodySystem):
-        return _find_bodies(subject)
+        return _list_bodies(subject)
     structure = subject
     require_no_collision(structure, "URDF")
     _check(structure)
@@ -159,7 +159,7 @@ def _frame_along(direction: FloatArray) -> FloatArray:
     return np.array([[cy * c, -sy, cy * s], [sy * c, cy, sy * s], [-s, 0.0, c]])
 
 
-def _find_bodies(system: BodySystem) -> tuple[list[RigidPart], dict[str, FloatArray]]:
+def _list_bodies(system: BodySystem) -> tuple[list[RigidPart], dict[str, FloatArray]]:
     position = compute_node_position(system)
     rigid_parts: dict[int, RigidPart] = {}
     fixed: dict[str, FloatArray] = {}

@@ -203,7 +203,7 @@ def view(
     is_settled = check_switch(settle, "settle")
     check_follow(follow, subject)
     module, licence = find_three(three)
-    shown, motion, arrays = _find_shown(subject, is_settled)
+    shown, motion, arrays = _read_shown(subject, is_settled)
     analysis, note = None, ""
     if check_whole(modes, "modes", 0):
         _, request = find_request(shown)
@@ -212,7 +212,7 @@ def view(
     return LivePage(render_live(scene, module, licence), scene.title, height)
 
 
-def _find_shown(subject: Any, settle: bool) -> tuple[Subject, Trajectory | None, dict[str, Any]]:
+def _read_shown(subject: Any, settle: bool) -> tuple[Subject, Trajectory | None, dict[str, Any]]:
     """Return structure, motion, and tensions or rigid members, of what a page shows."""
     if settle:
         settled, equilibrium = settle_drawable(subject)

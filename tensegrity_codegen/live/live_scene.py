@@ -128,7 +128,7 @@ def choose_view(
     axes_of_scene = tuple(axes)
     if len(axes_of_scene) >= 3:
         gap = GROUND_GAP if is_supported else 0.0
-        eye = SPACE if direction is None else _find_eye(direction)
+        eye = SPACE if direction is None else _compute_eye(direction)
         is_flat = direction is not None and direction.name in NAMED_VIEWS
         return _describe(eye, 2, (0, 1), is_planar=False, gap=gap) | {"is_flat": is_flat}
     if direction is not None:
@@ -140,7 +140,7 @@ def choose_view(
     return _describe((0.0, -1.0, 0.0), 2, (0, 2), is_planar=True)
 
 
-def _find_eye(direction: Direction) -> tuple[float, float, float]:
+def _compute_eye(direction: Direction) -> tuple[float, float, float]:
     """Return the direction to the observer; one along the upward axis leans back a little."""
     azimuth, elevation = math.radians(direction.azimuth), math.radians(direction.elevation)
     flat = max(math.cos(elevation), 1e-4)

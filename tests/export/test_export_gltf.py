@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen import load_scene
-from tensegrity_codegen.export.export_gltf import _find_rotations
+from tensegrity_codegen.export.export_gltf import _compute_rotations
 from tensegrity_codegen.export.exporter import write_export
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.write import write_scene
@@ -147,7 +147,7 @@ def test_rotations_go_the_shortest_way_and_through_half_turns() -> None:
     around = np.stack([np.sin(angle), np.cos(angle), 0 * angle], axis=1)
     flips = np.array([[0, -1, 0], [0, 1, 0], [1, 0, 0], [-1, 0, 0]] * 10, dtype=float)
     direction = np.stack([around, flips, np.broadcast_to([0.0, -1.0, 0.0], (40, 3))], axis=1)
-    turned = _find_rotations(direction)
+    turned = _compute_rotations(direction)
     for k in range(3):
         found = Rotation.from_quat(turned[:, k]).apply([0.0, 1.0, 0.0])
         np.testing.assert_allclose(found, direction[:, k], atol=1e-14)

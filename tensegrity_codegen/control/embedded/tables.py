@@ -218,7 +218,7 @@ def build_distribution_tables(
         tables += tabulate_lists(
             printer, "OTHER_START", "OTHER_INPUT", others, "other inputs of each driven member"
         )
-    sizes = _find_sizes(pulls, limited, motion.coordinate.shape[1], len(cables.base), len(places))
+    sizes = _list_sizes(pulls, limited, motion.coordinate.shape[1], len(cables.base), len(places))
     constants = {
         "N_PREFERRED": len(table),
         "IS_COUPLED": int((pulls.sum(axis=1) > 1).any()),
@@ -229,7 +229,7 @@ def build_distribution_tables(
     return ProgramTables(sizes, constants, tables, bool(others.any()))
 
 
-def _find_sizes(
+def _list_sizes(
     pulls: NDArray[np.bool_], limited: NDArray[np.bool_], n_coordinates: int, n_members: int, n_entries: int
 ) -> dict[str, int]:
     """Return the sizes for members (rows) that actuators (columns) pull."""

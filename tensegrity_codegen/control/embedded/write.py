@@ -194,7 +194,7 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
         "suffix": precision.suffix,
         "precision": name,
         "made_by": ", ".join(f"{program} {release}" for program, release in find_program_versions().items()),
-        "settings": _find_settings(parts, name)
+        "settings": _list_settings(parts, name)
         | {
             "WITH_OTHERS": tensions is not None and tensions.has_others,
             "WITH_LIMITED": predicted is not None and predicted.sizes["N_LIMITED"] > 0,
@@ -231,7 +231,7 @@ def _write_daqp(parts: ControllerParts, precision: Precision) -> dict[str, str]:
     return {f"{parts.name}_control_daqp.h": source, "LICENSE-DAQP.txt": read_daqp_licence(archive)}
 
 
-def _find_settings(parts: ControllerParts, precision: str) -> dict[str, bool]:
+def _list_settings(parts: ControllerParts, precision: str) -> dict[str, bool]:
     return {
         "WITH_FLOAT": precision == "single",
         "WITH_ESTIMATOR": parts.estimator is not None,

@@ -85,7 +85,7 @@ class InverseDynamics:
         one_sided = np.asarray(structure.tension_only)
         self.least = np.where(one_sided, np.maximum(structure.limits.least_tension, 0.0), -np.inf)
         self.most = np.asarray(structure.limits.most_tension)
-        self.row = 1.0 / _find_scale(plan_model, coordinate)
+        self.row = 1.0 / _compute_scale(plan_model, coordinate)
 
     def solve(
         self, q: FloatArray, v: FloatArray, a: FloatArray, change: FloatArray, preferred: FloatArray
@@ -217,7 +217,7 @@ def _check_quantities(model: CompiledModel) -> None:
     require_quantities(model, DYNAMIC_QUANTITIES, "inverse dynamics needs")
 
 
-def _find_scale(plan_model: PlanModel, coordinate: FloatArray) -> FloatArray:
+def _compute_scale(plan_model: PlanModel, coordinate: FloatArray) -> FloatArray:
     """Return the most that a unit of each coordinate moves a node, (n_coordinates,); 1 for node positions."""
     problem = plan_model.problem(plan_model.start)
     if not isinstance(problem, BodyProblem):

@@ -313,7 +313,7 @@ def check_effects(model: CompiledModel, input_matrix: FloatArray, names: Sequenc
         return
     chosen = [names[int(k)] for k in idle]
     actuator = list_actuators(model, chosen)[0]
-    reason = _find_reason(model, actuator)
+    reason = _describe_reason(model, actuator)
     raise InvalidValueError(
         "an actuator has no effect",
         where=f"actuators.{chosen[0]}",
@@ -323,18 +323,18 @@ def check_effects(model: CompiledModel, input_matrix: FloatArray, names: Sequenc
     )
 
 
-def _find_reason(model: CompiledModel, actuator: Actuator | None) -> str:
+def _describe_reason(model: CompiledModel, actuator: Actuator | None) -> str:
     structure = model.structure
     if actuator is None or structure is None:
         return "the accelerations do not depend on it"
     names = ", ".join(structure.member_name[e] for e in actuator.members)
     ends = structure.connectivity[list(actuator.members)]
-    if _find_fixed(structure)[ends].all():
+    if _select_fixed(structure)[ends].all():
         return f"{names} connects points that cannot move"
     return f"{names} is slack during the whole motion, or its force has no component along a coordinate"
 
 
-def _find_fixed(structure: Structure | BodySystem) -> NDArray[np.bool_]:
+def _select_fixed(structure: Structure | BodySystem) -> NDArray[np.bool_]:
     """Return which nodes cannot move, (n_nodes,)."""
     if isinstance(structure, BodySystem):
         return np.array([isinstance(structure.bodies[k], FixedBody) for k in structure.node_body.tolist()])

@@ -286,7 +286,7 @@ def find_fixed_shape(
         if not _is_linear(problem, targets, start, size):
             return None
         for _ in range(MAX_ITERATIONS):
-            slope = _find_slope(problem, targets, shape, size)
+            slope = _compute_slope(problem, targets, shape, size)
             if np.linalg.matrix_rank(slope, tol=RANK * float(np.linalg.norm(slope, 2))) < free:
                 return None
             gap = goal - targets.evaluate(problem, shape)
@@ -302,18 +302,18 @@ def find_fixed_shape(
 
 def _is_linear(problem: StaticProblem, targets: Targets, start: FloatArray, size: float) -> bool:
     """Return whether the slopes of the targets are the same at the start and at two shapes far from it."""
-    start_slope = _find_slope(problem, targets, start, size)
+    start_slope = _compute_slope(problem, targets, start, size)
     largest = float(np.abs(start_slope).max(initial=0.0))
     draw = np.random.default_rng(0)
     for _ in range(2):
         shape = start + 0.3 * size * draw.uniform(-1.0, 1.0, len(start))
-        bend = np.abs(_find_slope(problem, targets, shape, size) - start_slope).max(initial=0.0)
+        bend = np.abs(_compute_slope(problem, targets, shape, size) - start_slope).max(initial=0.0)
         if not bend <= LINEAR_TOLERANCE * largest:
             return False
     return True
 
 
-def _find_slope(problem: StaticProblem, targets: Targets, shape: FloatArray, size: float) -> FloatArray:
+def _compute_slope(problem: StaticProblem, targets: Targets, shape: FloatArray, size: float) -> FloatArray:
     """Return the derivatives of the targets, (n_targets, n_coordinates)."""
     step, columns = STEP * size, []
     for unit in np.eye(len(shape)):

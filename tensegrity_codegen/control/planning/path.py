@@ -108,7 +108,7 @@ class PlanPath:
         self.most_radius = self.radius = LARGEST_CHANGE * start.point.longest / steps
         self.most_step_progress = self.step_progress = 1.0 / steps
         self.least_progress, self.preferred = least_progress, preferred
-        self.slopes = self._find_slopes(start, start)
+        self.slopes = self._compute_slopes(start, start)
         # Progress that the largest step at the start could make; and of each step, what it would make there.
         self.first_unlimited_progress: float | None = None
         self.expected_progress: list[float] = []
@@ -255,7 +255,7 @@ class PlanPath:
         if at is None:
             return None
         try:
-            self.slopes = self._find_slopes(at, here.at)
+            self.slopes = self._compute_slopes(at, here.at)
             reached = self._correct(at, progress, here, step)
         except (SingularStiffnessError, NonFiniteError):
             self.failure, reached = "a motion of the structure meets no resistance", None
@@ -311,7 +311,7 @@ class PlanPath:
             self.failure = "no equilibrium is found near the step"
         return equilibrium
 
-    def _find_slopes(self, at: PlanPoint, before: PlanPoint) -> Slopes:
+    def _compute_slopes(self, at: PlanPoint, before: PlanPoint) -> Slopes:
         return compute_slopes(self.model, at, self.targets, with_stiffness=self._is_soft(at, before))
 
     def _is_soft(self, at: PlanPoint, before: PlanPoint) -> bool:

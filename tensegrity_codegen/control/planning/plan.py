@@ -335,7 +335,7 @@ def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
     stated_point = None if point is None else plan_model.find_point(change, stated, SEARCH_RADIUS * longest)
     # Without one that is stable and taut: the proof that no tensions make them one.
     if point is not None and (stated_point is None or not _is_sound(stated_point, limits)):
-        required = _find_required(plan_model, problem, stated, limits)
+        required = _select_required(plan_model, problem, stated, limits)
         certificate, loaded = find_shape_certificate(plan_model, problem, stated, required)
         if certificate is not None and (stated_point is not None or not loaded):
             beginning = stated_point or plan_model.complete(problem, change, point)
@@ -363,7 +363,7 @@ def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
     return Start(settled, warnings=(warning, *state.warnings))
 
 
-def _find_required(
+def _select_required(
     plan_model: PlanModel, problem: StaticProblem, stated: FloatArray, limits: PlanLimits
 ) -> NDArray[np.bool_]:
     """Return which members must be in tension: with a least tension, or cables that are not slack."""

@@ -78,7 +78,7 @@ def record_path(
 ) -> PlanResult:
     """Return the record of a path, found or blocked."""
     points = path.points
-    block = None if path.is_done else _find_block(plan_model, path)
+    block = None if path.is_done else _record_block(plan_model, path)
     message = f"a path of {len(points) - 1} steps reaches the target; every point is within all limits"
     return PlanResult(
         status="found" if block is None else "blocked",
@@ -121,7 +121,7 @@ def _describe_points(plan_model: PlanModel, targets: Targets, points: Sequence[P
     }
 
 
-def _find_block(plan_model: PlanModel, path: PlanPath) -> Block:
+def _record_block(plan_model: PlanModel, path: PlanPath) -> Block:
     """Return where a path ends, with the limits that bind there by the program of most progress.
 
     Without limits where these leave a whole step, which is rejected for another reason.

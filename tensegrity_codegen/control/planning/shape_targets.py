@@ -85,13 +85,13 @@ def _build_normal(nodes: IntArray, start: FloatArray, towards: FloatArray) -> Sh
         return normal if normal @ side >= 0 else -normal
 
     initial = compute(start, towards)
-    return lambda position: compute(position, _find_rotation(start[nodes], position[nodes]).apply(initial))
+    return lambda position: compute(position, _compute_rotation(start[nodes], position[nodes]).apply(initial))
 
 
 def build_height(top: IntArray, base: IntArray, start: FloatArray) -> Shape:
     """Return the function for the distance of the centre of `top` from the plane of `base`, 0 or more [m]."""
-    normal = _build_normal(base, start, _find_centre_line(top, base, start))
-    return lambda position: np.abs([normal(position) @ _find_centre_line(top, base, position)])
+    normal = _build_normal(base, start, _compute_centre_line(top, base, start))
+    return lambda position: np.abs([normal(position) @ _compute_centre_line(top, base, position)])
 
 
 def build_twist(top: IntArray, base: IntArray, start: FloatArray) -> Shape:
@@ -100,7 +100,7 @@ def build_twist(top: IntArray, base: IntArray, start: FloatArray) -> Shape:
     Of each pair of nodes, the angle between their radii about the centres of their sets, in the plane of
     the base; the pairs count by the product of their radii.
     """
-    compute_normal = _build_normal(base, start, _find_centre_line(top, base, start))
+    compute_normal = _build_normal(base, start, _compute_centre_line(top, base, start))
 
     def twist(position: FloatArray) -> FloatArray:
         lower, upper = (position[nodes] - position[nodes].mean(axis=0) for nodes in (base, top))
@@ -118,7 +118,7 @@ def build_tilt(top: IntArray, base: IntArray, start: FloatArray) -> Shape:
     The normal of the top leans by the first angle towards the first node of the base (seen from the base's
     centre), and by the second one a right angle further, anticlockwise about the base's normal.
     """
-    line = _find_centre_line(top, base, start)
+    line = _compute_centre_line(top, base, start)
     base_normal = _build_normal(base, start, line)
     # Of two sets in one plane the centre line is perpendicular to both normals: these are on the same side.
     top_normal = _build_normal(
@@ -146,9 +146,9 @@ def build_rotation(nodes: IntArray, start: FloatArray, base: IntArray | None = N
     """
 
     def rotation(position: FloatArray) -> FloatArray:
-        turned = _find_rotation(start[nodes], position[nodes])
+        turned = _compute_rotation(start[nodes], position[nodes])
         if base is not None:
-            turned = _find_rotation(start[base], position[base]).inv() * turned
+            turned = _compute_rotation(start[base], position[base]).inv() * turned
         return np.asarray(turned.as_rotvec(degrees=True))
 
     return rotation
@@ -168,13 +168,13 @@ def build_edge_distance(
     return lambda position: sign * distance(position)
 
 
-def _find_centre_line(top: IntArray, base: IntArray, position: FloatArray) -> FloatArray:
+def _compute_centre_line(top: IntArray, base: IntArray, position: FloatArray) -> FloatArray:
     """Return the vector (3,) from the centre of `base` to that of `top` [m]."""
     line: FloatArray = position[top].mean(axis=0) - position[base].mean(axis=0)
     return line
 
 
-def _find_rotation(before: FloatArray, after: FloatArray) -> Rotation:
+def _compute_rotation(before: FloatArray, after: FloatArray) -> Rotation:
     """Return the rotation that takes points (n, 3) nearest to others, about their centres."""
     rotation, _ = Rotation.align_vectors(after - after.mean(axis=0), before - before.mean(axis=0))
     return rotation
@@ -285,7 +285,7 @@ def _bind_rotation(
 
 def _bind_centre(call: ShapeCall, where: str, model: CompiledModel) -> tuple[Shape, IntArray]:
     _check_count(call, where, 0, "no nodes")
-    weight = _find_weights(where, model)
+    weight = _compute_weights(where, model)
     return lambda position: weight @ position, np.flatnonzero(weight)
 
 
@@ -306,12 +306,12 @@ def _bind_edge(
         raise InvalidValueError(
             "the edge is vertical", where=where, given=", ".join(names), allowed="another edge"
         )
-    weight = _find_weights(where, model)
+    weight = _compute_weights(where, model)
     shape = build_edge_distance(weight, (int(edge[0]), int(edge[1])), up, position)
     return shape, np.unique([*np.flatnonzero(weight), *edge])
 
 
-def _find_weights(where: str, model: CompiledModel) -> FloatArray:
+def _compute_weights(where: str, model: CompiledModel) -> FloatArray:
     """Return the part of the mass at each node, (n_nodes,): a bar's is half at each end."""
     structure = model.structure
     mass = np.zeros(0)

@@ -136,11 +136,11 @@ def _list_derivatives(layout: Layout, tangent: Tangent | None) -> list[Variable]
         variables.append(Variable(name, *properties, state=start + k, dependencies=(velocity,)))
     for k, name in enumerate(layout.manifest.coordinate_name):
         properties = (*computed, "Acceleration.", f"{layout.coordinate_units()[k]}/s2")
-        name, needs = f"der(velocity.{quote_name(name)})", _find_dependencies(layout, tangent, k)
+        name, needs = f"der(velocity.{quote_name(name)})", _list_references(layout, tangent, k)
         variables.append(Variable(name, *properties, state=start + n + k, dependencies=needs))
     for k, name in enumerate(layout.manifest.internal_name):
         properties = (*computed, "Rate of the internal state.", "m/s")
-        name, needs = f"der(internal.{quote_name(name)})", _find_dependencies(layout, tangent, n + k)
+        name, needs = f"der(internal.{quote_name(name)})", _list_references(layout, tangent, n + k)
         variables.append(Variable(name, *properties, state=start + 2 * n + k, dependencies=needs))
     return variables
 
@@ -151,15 +151,15 @@ def _list_values(layout: Layout, tangent: Tangent | None) -> list[Variable]:
         causality = "output" if block.quantity in layout.outputs else "local"
         properties = (causality, "continuous", "calculated", block.sentence, block.unit)
         for k, names in enumerate(block.parts):
-            needs = _find_dependencies(layout, tangent, before + block.start + k)
+            needs = _list_references(layout, tangent, before + block.start + k)
             if block.spec is None:
-                needs = _find_position_dependencies(layout, k)
+                needs = _list_position_references(layout, k)
             name = join_names(block.quantity, names)
             variables.append(Variable(name, *properties, is_indicator=block.is_margin, dependencies=needs))
     return variables
 
 
-def _find_dependencies(layout: Layout, tangent: Tangent | None, row: int) -> tuple[int, ...] | None:
+def _list_references(layout: Layout, tangent: Tangent | None, row: int) -> tuple[int, ...] | None:
     """Return the value references of inputs and states that a row of the derivatives depends on."""
     if tangent is None:
         return None
@@ -168,7 +168,7 @@ def _find_dependencies(layout: Layout, tangent: Tangent | None, row: int) -> tup
     return tuple(column for column in columns if column not in parameters)
 
 
-def _find_position_dependencies(layout: Layout, k: int) -> tuple[int, ...]:
+def _list_position_references(layout: Layout, k: int) -> tuple[int, ...]:
     node, axis = divmod(k, len(layout.manifest.axes))
     coordinate = (node, layout.manifest.axes[axis])
     coordinates = layout.manifest.coordinate_node_axis

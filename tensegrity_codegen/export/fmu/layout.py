@@ -229,11 +229,11 @@ def find_tangent(layout: Layout, request: ModelRequest) -> Tangent | None:
     if layout.structure.n_members > MOST_MEMBERS:
         return None
     model = build_model(layout.structure, request)
-    names, sources = _find_arguments(layout)
+    names, sources = _list_sources(layout)
     symbols = [ca.vec(model.arguments[name].symbol) for name in names]
     seeds = [ca.SX.sym(f"seed_{name}", symbol.numel()) for name, symbol in zip(names, symbols, strict=True)]
     variables, seed = ca.vertcat(*symbols), ca.vertcat(*seeds)
-    unknowns = _find_unknowns(model, layout)
+    unknowns = _list_unknowns(model, layout)
     results = [ca.cse(ca.densify(ca.jtimes(expression, variables, seed))) for _, _, expression in unknowns]
     function = ca.Function("tangent", [*symbols, *seeds], results)
     if count_operations(function) > MAX_OPERATIONS:
@@ -247,11 +247,11 @@ def find_tangent(layout: Layout, request: ModelRequest) -> Tangent | None:
         body.lines,
         tuple(zip(labels, [*addresses, *changes], strict=True)),
         tuple((name, place) for name, place, _ in unknowns),
-        _find_pattern(layout, variables, [expression for _, _, expression in unknowns]),
+        _compute_pattern(layout, variables, [expression for _, _, expression in unknowns]),
     )
 
 
-def _find_arguments(layout: Layout) -> tuple[list[str], list[tuple[str, int]]]:
+def _list_sources(layout: Layout) -> tuple[list[str], list[tuple[str, int]]]:
     """Return the names of all arguments, and array and place of each in C."""
     n = layout.n_coordinates
     states = dict(zip(STATE, (0, n, 2 * n), strict=True))
@@ -261,7 +261,7 @@ def _find_arguments(layout: Layout) -> tuple[list[str], list[tuple[str, int]]]:
     return names, [*sources, *(("state", states[name]) for name in moving)]
 
 
-def _find_unknowns(model: SymbolicModel, layout: Layout) -> list[tuple[str, str, ca.SX]]:
+def _list_unknowns(model: SymbolicModel, layout: Layout) -> list[tuple[str, str, ca.SX]]:
     """Return name in C, place and expression (a column) of the rates behind velocities, and of each block."""
     unknowns = [("change_of_acceleration", "seed_acceleration", _column(model, "acceleration"))]
     if layout.n_internal:
@@ -278,7 +278,7 @@ def _column(model: SymbolicModel, quantity: str) -> ca.SX:
     return ca.vec(ca.densify(model.expression(quantity)))
 
 
-def _find_pattern(layout: Layout, variables: ca.SX, unknowns: list[ca.SX]) -> NDArray[np.bool_]:
+def _compute_pattern(layout: Layout, variables: ca.SX, unknowns: list[ca.SX]) -> NDArray[np.bool_]:
     """Return which accelerations, rates and values depend on which arguments and states."""
     everything = ca.vertcat(*unknowns)
     sparsity = ca.Function("values", [variables], [everything]).jac_sparsity(0, 0)

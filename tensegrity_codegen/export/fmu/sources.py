@@ -113,7 +113,7 @@ def _context(layout: Layout, tangent: Tangent | None, experiment: Experiment) ->
         "margin_kinds": [kind for _, kind in margins] or [0],
         "block_starts": [*(item.start for item in layout.blocks), layout.n_values],
         "arguments": [{"name": item.name, "place": item.place} for item in layout.arguments],
-        "least": [limit for item in layout.arguments for limit in _find_least(item)] or ["FMU_ANY"],
+        "least": [limit for item in layout.arguments for limit in _list_lower_bounds(item)] or ["FMU_ANY"],
         "acceleration": _call(layout, functions["acceleration"]),
         "internal_rate": _call(layout, functions["internal_rate"]) if layout.n_internal else None,
         "blocks": [
@@ -127,7 +127,7 @@ def _context(layout: Layout, tangent: Tangent | None, experiment: Experiment) ->
     }
 
 
-def _find_least(argument: Argument) -> list[str]:
+def _list_lower_bounds(argument: Argument) -> list[str]:
     """Return what each value of an argument is at least; a value of the scene itself is always allowed."""
     limit = f"FMU_{argument.least.upper()}"
     is_positive = [limit != "FMU_ABOVE_ZERO" or value > 0 for value in np.ravel(argument.spec.nominal)]

@@ -224,13 +224,13 @@ def compare_with_open_loop(
         return run
     position = place_nodes(model, motion.coordinate[0])
     tolerance = MIN_WORSE * float(np.ptp(position, axis=0).max(initial=0.0))
-    error = _find_end_error(model, run)
+    error = _compute_end_error(model, run)
     if error <= tolerance:
         return run
     open_run = run_open()
     if open_run.status != "ok":
         return run
-    without = _find_end_error(model, open_run)
+    without = _compute_end_error(model, open_run)
     message = (
         f"{run.message}; at the end {1000 * error:.3g} mm from the motion, {1000 * without:.3g} mm without "
         "feedback"
@@ -252,6 +252,6 @@ def find_displacement(model: CompiledModel, run: ControlRun, since: float = 0.0)
     return np.array(away)
 
 
-def _find_end_error(model: CompiledModel, run: ControlRun) -> float:
+def _compute_end_error(model: CompiledModel, run: ControlRun) -> float:
     """Return the largest distance of a node from the motion at the end [m]."""
     return float(find_displacement(model, run, (1.0 - COMPARED_PART) * float(run.time[-1])).max())

@@ -331,11 +331,11 @@ def read_disturbance(
     check_arguments(model.manifest, arguments)
     if model.manifest.internal_name:
         arguments["internal"] = motion.at(0.0).internal
-    start = _find_state(motion, stated)
+    start = _build_state(motion, stated)
     return LoopStart(start, arguments, bind_gust(model, stated.gust, arguments.get(NODE_LOAD)), seed)
 
 
-def _find_state(motion: Motion, stated: Disturbance) -> FloatArray:
+def _build_state(motion: Motion, stated: Disturbance) -> FloatArray:
     """Return the state of the motion at its start, with errors."""
     point = motion.at(0.0)
     state = np.concatenate([point.coordinate, point.velocity])

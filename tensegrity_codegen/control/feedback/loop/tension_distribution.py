@@ -301,11 +301,11 @@ class TensionDistribution(Summarised):
         length = np.asarray(self.model.compute("member_length", **at))
         matrix = to_dense(self.model.compute("equilibrium_matrix", **at))
         others, driven, cables = self.motion.at(time).input, self.cables.driven, self.cables
-        top, yielding = self._find_upper_bounds(others, length, low)
+        top, yielding = self._compute_upper_bounds(others, length, low)
         upper, shared = self._apply_upper_bounds(top, high), np.isin(cables.limited, cables.shared)
         # Tensions that feedback asks for, and those preferred.
         requested = cables.tension(length, cables.rest_length(others, wanted))[driven]
-        preferred, command = self._find_preferred(time)[driven], np.clip(wanted, low, upper)
+        preferred, command = self._interpolate_preferred(time)[driven], np.clip(wanted, low, upper)
         a = matrix[:, driven]
         # Newton's method: a program about each command, with tensions as straight lines.
         for _ in range(1 if cables.is_one_to_one else PASSES):
@@ -332,7 +332,7 @@ class TensionDistribution(Summarised):
         reached = cables.tension(length, cables.rest_length(others, command))[driven]
         missed = float(np.abs(a @ (reached - requested)).max())
         scale = float(np.abs(matrix).max()) * float(np.abs(requested).max(initial=0.0))
-        status = self._find_status(
+        status = self._judge_status(
             command, low, high, missed <= FORCE_TOLERANCE * scale, bool(yielding.any())
         )
         return Distributed(command, status, yielding)
@@ -345,7 +345,7 @@ class TensionDistribution(Summarised):
                 upper[row > 0.0] = np.minimum(upper[row > 0.0], bound)
         return upper
 
-    def _find_upper_bounds(
+    def _compute_upper_bounds(
         self, others: FloatArray, length: FloatArray, low: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return bounds of the inputs of limited members [m], and which members cannot meet them."""
@@ -357,14 +357,14 @@ class TensionDistribution(Summarised):
         yielding[rows] = top < lower - ROUNDING
         return np.maximum(top, lower), yielding
 
-    def _find_preferred(self, time: float) -> FloatArray:
+    def _interpolate_preferred(self, time: float) -> FloatArray:
         if self.preferred is not None:
             return self.preferred
         motion = self.motion
         columns = [np.interp(time, motion.time, column) for column in motion.member_tension.T]
         return np.array(columns)
 
-    def _find_status(
+    def _judge_status(
         self, command: FloatArray, low: FloatArray, high: FloatArray, is_met: bool, yields: bool
     ) -> str:
         if yields:

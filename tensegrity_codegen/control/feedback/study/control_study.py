@@ -84,7 +84,7 @@ def measure_run(model: CompiledModel, run: ControlRun, last: float) -> RunMeasur
         end_rms=dict(
             zip(model.manifest.node_name, np.sqrt((away[ending] ** 2).mean(axis=0)).tolist(), strict=True)
         ),
-        broken=_find_broken(model, run, ending),
+        broken=_list_broken(model, run, ending),
         steps=dict(Counter(run.step_status)),
     )
 
@@ -96,7 +96,7 @@ def find_cables(model: CompiledModel) -> NDArray[np.int64]:
     return np.flatnonzero(is_cable).astype(np.int64)
 
 
-def _find_broken(model: CompiledModel, run: ControlRun, ending: BoolArray) -> dict[str, tuple[str, ...]]:
+def _list_broken(model: CompiledModel, run: ControlRun, ending: BoolArray) -> dict[str, tuple[str, ...]]:
     """Return the limits of tensions and clearance that are exceeded at the end."""
     structure = model.structure
     if structure is None:
@@ -280,10 +280,10 @@ class ControlStudy:
             *find_warnings(self.loops, self.tuning.tolerance),
             *find_margin_warnings(self.margins, self.bounds, self.gains.sample),
             *find_low_tensions(self.loops, self.limits),
-            *self._find_slow_errors(),
+            *self._describe_slow_errors(),
         )
 
-    def _find_slow_errors(self) -> list[str]:
+    def _describe_slow_errors(self) -> list[str]:
         """Return a sentence where errors are compared before the slowest one has decayed."""
         slowest = max(find_time_constants(self.gains, self.estimator))
         needed = find_needed_time(self.motion, slowest)

@@ -148,7 +148,7 @@ def check_errors(model: CompiledModel, stated: StatedErrors) -> None:
         check_span(gust.start, gust.duration)
         if isinstance(gust, RandomGust):
             check_instance(gust.nodes, str, "gust.node", "the name or pattern of nodes")
-            _find_nodes(model, gust)
+            _select_nodes(model, gust)
             sizes = to_doubles(gust.force, "gust.force", "a finite number, or three [N]")
             if sizes.shape not in ((), (3,)) or not np.isfinite(sizes).all():
                 raise InvalidValueError(
@@ -200,7 +200,7 @@ def _draw_stiffness(
 def _draw_gust(model: CompiledModel, gust: Gust | RandomGust, rng: np.random.Generator) -> Gust:
     if isinstance(gust, Gust):
         return gust
-    node = str(rng.choice(_find_nodes(model, gust)))
+    node = str(rng.choice(_select_nodes(model, gust)))
     axes = list(model.manifest.axes)
     drawn = rng.normal(size=len(axes))
     force = np.zeros(3)
@@ -212,7 +212,7 @@ def _draw_gust(model: CompiledModel, gust: Gust | RandomGust, rng: np.random.Gen
     return Gust(node, (x, y, z), gust.start, gust.duration)
 
 
-def _find_nodes(model: CompiledModel, gust: RandomGust) -> list[str]:
+def _select_nodes(model: CompiledModel, gust: RandomGust) -> list[str]:
     """Return the nodes of a pattern whose loads can change and that are not anchored."""
     manifest = model.manifest
     spec = next((argument for argument in manifest.arguments if argument.name == NODE_LOAD), None)

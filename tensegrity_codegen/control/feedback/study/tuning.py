@@ -66,7 +66,7 @@ def find_scales(model: CompiledModel, motion: Motion, arguments: Mapping[str, An
     position = place_nodes(model, q, arguments=_without_input(arguments))
     size = float(np.ptp(position, axis=0).max(initial=0.0))
     is_angle = find_angles(model.manifest)
-    lever = np.array([_find_lever(model, q, k, arguments) if is_angle[k] else 1.0 for k in range(n)])
+    lever = np.array([_compute_lever(model, q, k, arguments) if is_angle[k] else 1.0 for k in range(n)])
     lever[lever < NO_STIFFNESS * size] = size  # a coordinate that moves no node
     state_matrix, input_matrix = linearise(model, motion, motion.duration, motion.actuators, arguments)
     stiffness, push = -state_matrix[n:, :n], input_matrix[n:]
@@ -85,7 +85,7 @@ def find_angles(manifest: Manifest) -> BoolArray:
     return np.array([name.rpartition("_")[2] not in ("x", "y", "z") for name in manifest.coordinate_name])
 
 
-def _find_lever(model: CompiledModel, q: FloatArray, k: int, arguments: Mapping[str, Any]) -> float:
+def _compute_lever(model: CompiledModel, q: FloatArray, k: int, arguments: Mapping[str, Any]) -> float:
     ends = []
     for step in (STEP, -STEP):
         moved = q.copy()
@@ -212,7 +212,7 @@ def choose_weights(
     period = 1.0 / scales.frequency if scales.frequency > 0.0 else np.inf
     usual = float(max(min(period, LONGEST_RESPONSE * motion.duration), SHORTEST_RESPONSE * step))
     time = _read_positive(response_time, "response_time", "s") or usual
-    inputs = _find_efforts(model, motion, _read_positive(effort, "effort", "m"), d, time)
+    inputs = _compute_efforts(model, motion, _read_positive(effort, "effort", "m"), d, time)
     outputs, reach = _choose_outputs(model, scales, inputs, integral_action)
     # Each weight is 1 over the square of such a value.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
@@ -244,7 +244,7 @@ def _read_positive(value: float | None, where: str, unit: str) -> float | None:
     return check_positive(value, where, f"[{unit}]")
 
 
-def _find_efforts(
+def _compute_efforts(
     model: CompiledModel, motion: Motion, effort: float | None, tolerance: float, time: float
 ) -> FloatArray:
     """Return the changes of the actuators' inputs that are accepted, (n_actuators,) [m]."""
