@@ -93,11 +93,7 @@ def needed_stiffness(structure: Subject, request: ModelRequest) -> tuple[str, ..
 def build_derivatives(
     model: EmittedModel, request: ModelRequest, functions: Sequence[WantedFunction]
 ) -> Derivatives:
-    """Return the derivatives that the interfaces of a request ask for.
-
-    Together with the functions they have at most as many operations as unrolled functions may have; what does
-    not fit is listed. First derivatives come first.
-    """
+    """Return the derivatives that the interfaces of a request ask for."""
     if not set(request.interfaces).intersection(CASADI_INTERFACES):
         return NO_DERIVATIVES
     requested = _list_wanted(functions, "casadi_hessian" in request.interfaces)

@@ -78,8 +78,6 @@ def emit(
     the emitter `table`, whose code compiles quickest, goes before the choice of `auto` where it serves all.
     object_size: bytes of object code of some sources; with it, what was left out is compiled too and its
     bytes are measured instead of estimated.
-    Raises FormulationError for what formulation, emitter or precision cannot serve, InvalidValueError for
-    numbers too large for single precision.
     """
     plan = (quick and _plan_loops(structure, request)) or check_request(structure, request)
     _checked.clear()

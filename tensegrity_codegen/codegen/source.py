@@ -44,11 +44,7 @@ INDEX = {"format": "[%d]", "value": "@"}
 
 
 def label_entries(manifest: Manifest, spec: FunctionSpec) -> Mapping[str, Any]:
-    """Return how C prints the place of an entry of a result.
-
-    Each label has the `format` of printf and the `value` that it takes, with @ for the index. A matrix has
-    the labels `rows` and `columns`, any other result has `entries`.
-    """
+    """Return how C prints the place of an entry of a result."""
     sizes = {kind: len(names) for kind, names in _indices(manifest).items()}
     shape = QUANTITIES[spec.quantity].shape
     if spec.pattern is not None:
@@ -119,11 +115,7 @@ def write_sources(
     lanes: Mapping[str, PrintedLanes] = MappingProxyType({}),
     derivatives: Derivatives = NO_DERIVATIVES,
 ) -> tuple[Manifest, dict[str, str]]:
-    """Return the manifest with the declarations of the header, and file name -> text of all files.
-
-    Files are header, source, example, Makefile and manifest. lanes: bodies over lanes of the functions that
-    have one, for a batch; the others run one by one there. derivatives: those of CasADi's interface.
-    """
+    """Return the manifest with the declarations of the header, and file name -> text of all files."""
     context = _context(manifest, functions, bodies, lanes)
     if manifest.interfaces:
         with_casadi = bool(set(manifest.interfaces).intersection(CASADI_INTERFACES))

@@ -30,11 +30,7 @@ def describe_analysis(
     sizes = ("rank", "largest_rank", "n_coordinates", "n_members", "gap", "tolerance", "rounding", "warning")
     return {
         **_pick(analysis, "status", "message", "n_selfstress", "n_rigid_motions", "n_mechanisms", "parts"),
-        "rank": {
-            **_pick(rank, *sizes, "singular_value"),
-            "above_gap": rank.above,
-            "below_gap": rank.below,
-        },
+        "rank": {**_pick(rank, *sizes, "singular_value"), "above_gap": rank.above, "below_gap": rank.below},
         "prestress": _describe_prestress(analysis.prestress, member_name),
         "load_prestress": _describe_prestress(analysis.load_prestress, member_name),
         "certificate": _describe_certificate(
@@ -56,12 +52,7 @@ def describe_analysis(
 
 
 def write_analysis(
-    analysis: Analysis,
-    path: Path,
-    member_name: Sequence[str],
-    node_name: Sequence[str],
-    *,
-    overwrite: bool,
+    analysis: Analysis, path: Path, member_name: Sequence[str], node_name: Sequence[str], *, overwrite: bool
 ) -> None:
     """Write the arrays of an analysis to an .npz file, whole or not at all; OutputError."""
     arrays: dict[str, Any] = {
@@ -101,10 +92,7 @@ def _describe_prestress(prestress: Prestress | None, member_name: Sequence[str])
 
 
 def _describe_certificate(
-    proof: Certificate | None,
-    motion: FloatArray | None,
-    member_name: Sequence[str],
-    node_name: Sequence[str],
+    proof: Certificate | None, motion: FloatArray | None, member_name: Sequence[str], node_name: Sequence[str]
 ) -> dict[str, Any] | None:
     if proof is None or motion is None:
         return None

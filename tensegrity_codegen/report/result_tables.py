@@ -112,10 +112,7 @@ def write_path(columns: dict[str, FloatArray], path: LoadPath, file: Path, *, ov
 
 
 def events_table(events: Sequence[PathEvent], all_names: bool = True, digits: int = 10) -> LongTable:
-    """Return a table of the events in order; all_names: or the first ones of many.
-
-    digits: of load factors.
-    """
+    """Return a table of the events in order; all_names: or the first ones of many."""
     limit = max(4, 30 // max(len(events), 1))
 
     def describe(k: int) -> tuple[str, ...]:

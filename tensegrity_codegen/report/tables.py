@@ -73,10 +73,7 @@ def describe_parts(manifest: Manifest) -> str:
 
 
 def left_out_table(manifest: Manifest) -> Table:
-    """Return a table of what the library leaves out, with the reason below it, and what each omission saved.
-
-    Object bytes are marked with "~" where they were estimated from the operations.
-    """
+    """Return a table of what the library leaves out, with the reason below it, and the savings."""
     table = new_table(
         f"{manifest.name}: left out", "what, and why",
         functions="right", arguments="right", operations="right", object_bytes="right",
@@ -101,10 +98,7 @@ def memory_table(code_bytes: int | None, stack_bytes: Mapping[str, int]) -> Tabl
 
 
 def nodes_table(structure: Structure, node_position: FloatArray) -> LongTable:
-    """Return a table of the nodes at node_position (n_nodes, 3) [m] with their held axes.
-
-    The distance moved counts from the structure's stated positions.
-    """
+    """Return a table of the nodes at node_position (n_nodes, 3) [m] with their held axes."""
     letters = ["xyz"[axis] for axis in structure.axes]
     moved = np.linalg.norm(node_position - structure.node_position, axis=1)
 

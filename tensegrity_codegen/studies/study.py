@@ -37,10 +37,7 @@ def hash_run(*texts: str) -> str:
 
 
 def hash_study(structure: Structure, compiler: str | None, flags: str, *texts: str) -> str:
-    """Return the sha256 of a study of a structure by compiled models; words: its options.
-
-    Raises CompilerMissingError, or UnknownNameError for unknown flags.
-    """
+    """Return the sha256 of a study of a structure by compiled models; words: its options."""
     toolchain = describe_toolchain(find_compiler(compiler), find_flags(flags))
     return hash_run(hash_scene(structure, ModelRequest(())), toolchain, *texts)
 
@@ -48,11 +45,7 @@ def hash_study(structure: Structure, compiler: str | None, flags: str, *texts: s
 def prepare_study(
     structures: Sequence[Structure], t_end: float, folder: Path, names: Sequence[str], *, overwrite: bool
 ) -> None:
-    """Check the time [s], names of scenes and files of a study, and make its folder before the long work.
-
-    Raises InvalidValueError, DuplicateNameError for two scenes of one name, or OutputError for a folder that
-    cannot be written or, without `overwrite`, holds these files.
-    """
+    """Check the time [s], names of scenes and files of a study, and make its folder before the long work."""
     check_positive(t_end, "t_end", "[s]")
     for structure in structures:
         require_no_collision(structure, "a comparison of methods and programs")

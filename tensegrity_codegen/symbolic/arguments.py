@@ -177,10 +177,7 @@ def check_parameters(parameters: Mapping[str, tuple[int, ...]]) -> None:
     for name in parameters:
         if name not in PARAMETERS:
             raise FormulationError(
-                "unknown run-time parameter",
-                where="parameters",
-                given=name,
-                hint=suggest(name, PARAMETERS),
+                "unknown run-time parameter", where="parameters", given=name, hint=suggest(name, PARAMETERS)
             )
 
 

@@ -22,11 +22,7 @@ STARTS = STATE[:2]  # what motions are differentiated to at their start
 def add_derivatives(
     model: SymbolicModel, request: ModelRequest, build: Callable[[Any, ModelRequest], SymbolicModel]
 ) -> None:
-    """Add the derivatives of motions that a request asks for: columns beside the motion, and adjoints.
-
-    build: of the model. Raises FormulationError or UnknownNameError for derivatives of motions that no
-    library integrates.
-    """
+    """Add the derivatives of motions that a request asks for: columns beside the motion, and adjoints."""
     check_columns(model, request)
     if request.has_adjoint:
         _add_adjoint(model)

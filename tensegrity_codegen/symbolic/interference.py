@@ -212,10 +212,7 @@ def build_bar_quantities(
 
 
 def pair_members(structure: Structure, position: Sequence[Vector], origin: Vector | None = None) -> BarPairs:
-    """Return the pairs of a structure whose nodes are at `position`, n_nodes vectors [m] from `origin`.
-
-    Raises FormulationError if there are none, or too many.
-    """
+    """Return the pairs of a structure whose nodes are at `position`, n_nodes vectors [m] from `origin`."""
     check_bar_pairs(structure.n_bar_pairs, structure.name)
     chosen = [(int(i), int(j)) for i, j in structure.bar_pairs]
     bars = sorted({bar for pair in chosen for bar in pair})
@@ -252,9 +249,7 @@ def _case(feet: tuple[Scalar, Scalar], s: Scalar, t: Scalar) -> Scalar:
     second_outside = ca.if_else(first_inner, 4, 5)
     both_outside = ca.if_else(second_inner, 6, ca.if_else(first_inner, 7, 8))
     return ca.if_else(
-        on_first,
-        ca.if_else(on_second, 1, second_outside),
-        ca.if_else(on_second, first_outside, both_outside),
+        on_first, ca.if_else(on_second, 1, second_outside), ca.if_else(on_second, first_outside, both_outside)
     )
 
 

@@ -21,10 +21,7 @@ def by_inputs(acceleration: Matrix, arguments: SymbolicArguments) -> Matrix:
 
 
 def by_parameters(slopes: Matrix, arguments: SymbolicArguments) -> Matrix:
-    """Return dx'/dp to all run-time parameters, sparse (n_states, n_parameters); slopes: (q'', z').
-
-    Raises FormulationError if the scene keeps none.
-    """
+    """Return dx'/dp to all run-time parameters, sparse (n_states, n_parameters); slopes: (q'', z')."""
     stacked = arguments.parameter_symbols()
     if stacked.numel() == 0:
         raise FormulationError(

@@ -134,11 +134,7 @@ class SymbolicModel:
         self._builders = {**self._builders, **builders}
 
     def expression(self, quantity: str) -> ca.SX:
-        """Return the expression of `quantity`.
-
-        Raises UnknownNameError for a word that is no quantity, FormulationError for one that this
-        formulation does not have.
-        """
+        """Return the expression of `quantity`."""
         find_quantity(quantity)
         if quantity not in self._builders:
             raise FormulationError(

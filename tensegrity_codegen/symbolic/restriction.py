@@ -77,11 +77,7 @@ class RestrictedBodies:
     """
 
     def __init__(
-        self,
-        system: BodySystem,
-        parameter: Sequence[str],
-        family: Family,
-        group: Mapping[str, Sequence[int]],
+        self, system: BodySystem, parameter: Sequence[str], family: Family, group: Mapping[str, Sequence[int]]
     ) -> None:
         self.system, self.parameter = system, tuple(parameter)
         self.group = {name: tuple(members) for name, members in group.items()}

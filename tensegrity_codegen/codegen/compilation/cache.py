@@ -200,7 +200,6 @@ class Cache:
 
         scene: hash of what the library is made from, kept in the entry; check: called with the folder of the
         files before they take their place; what it raises goes through, and nothing is stored.
-        Raises OutputError if it cannot be written, ValueError for a file name that is no plain name.
         """
         folder = self._library(key)
         with self.lock(key):
@@ -243,7 +242,7 @@ class Cache:
     def lock(self, key: str, *, timeout: float = LOCK_TIMEOUT) -> Iterator[None]:
         """Hold the lock of one key against other processes and threads; may be nested in one thread.
 
-        timeout: how long to wait for it [s]. Raises OutputError if it cannot be made or does not get free.
+        timeout: how long to wait for it [s].
         """
         path = self.root / "locks" / f"{_checked(key)}.lock"
         with self._explain(path):

@@ -47,7 +47,7 @@ def run_limited(
 
     memory_limit bounds the address space of each process of the command; it has no effect on Windows and
     macOS. If anything interrupts the wait (Ctrl-C), or this process dies, the command and all of its children
-    are killed. Raises OSError if the command cannot be started.
+    are killed.
     """
     return run_several(
         [command], folder=folder, environment=environment, timeout=timeout, memory_limit=memory_limit
@@ -63,10 +63,7 @@ def run_several(
     memory_limit: int | None = None,
     workers: int = 1,
 ) -> list[ChildOutcome]:
-    """Run commands that do not wait for each other, `workers` at a time; limits and errors as in run_limited.
-
-    timeout: for each command [s]. Where processes cannot be watched (Windows), one runs after the other.
-    """
+    """Run commands side by side, `workers` at a time (on Windows one); limits as in run_limited."""
     settings = (folder, dict(environment), timeout, memory_limit)
     if os.name != "posix" or not sys.executable:
         return [_run_alone(list(command), *settings) for command in commands]

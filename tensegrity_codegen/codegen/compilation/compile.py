@@ -124,10 +124,7 @@ def _text(data: bytes, start: int, size: int | None = None) -> str:
 
 
 def read_stack_use(text: str) -> dict[str, int]:
-    """Return the bytes of each function in what gcc and clang write with -fstack-usage.
-
-    A line is "file:line:column:function", bytes and a kind, apart by tabs.
-    """
+    """Return the bytes of each function in what gcc and clang write with -fstack-usage."""
     rows = (line.split("\t") for line in text.splitlines())
     return {row[0].rpartition(":")[2]: int(row[1]) for row in rows if len(row) == 3 and row[1].isdigit()}
 
@@ -172,11 +169,9 @@ def compile_library(
 ) -> CompiledArtifact:
     """Compile sources (file name -> text; every .c is compiled, every .h can be included) into one library.
 
-    name: C identifier that names the library; target: machine to compile for, this one by default;
-    timeout [s]; memory_limit: address space of each process of the compiler [byte], None for no limit, no
-    effect on Windows and macOS. Raises InvalidNameError, InvalidValueError (no .c file), and CompileError
-    with the compiler's log if it fails or meets a limit.
-    Ctrl-C kills the compiler with all its children and removes all files.
+    name: C identifier that names the library; target: machine to compile for, this one by default; timeout
+    [s]; memory_limit: address space of each process of the compiler [byte], None for no limit, no effect on
+    Windows and macOS. Ctrl-C kills the compiler with all its children and removes all files.
     """
     if not NAME.fullmatch(name):
         raise InvalidNameError(

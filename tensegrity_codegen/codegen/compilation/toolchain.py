@@ -50,8 +50,7 @@ def find_compilers() -> tuple[Compiler, ...]:
 def find_compiler(requested: str | None = None) -> Compiler:
     """Return the compiler to use: the first one found, or the one that is requested.
 
-    requested: "gcc", "clang" or "zig", or a command such as "cc", "/usr/bin/gcc-12" or "ccache gcc". Raises
-    CompilerMissingError if there is none, or if $CC (without a request) or `requested` does not work.
+    requested: "gcc", "clang" or "zig", or a command such as "cc", "/usr/bin/gcc-12" or "ccache gcc".
     """
     if requested is None:
         return _choose_first()

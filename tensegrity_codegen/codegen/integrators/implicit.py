@@ -72,11 +72,7 @@ def build_saddle_pattern(
     couplings: Iterable[tuple[int, int]],
     multipliers: Sequence[Sequence[int]],
 ) -> SaddlePattern:
-    """Return the pattern of the factors.
-
-    blocks: coordinates that are eliminated together, all of them once; couplings: pairs of coordinates
-    whose entry of A is not zero; multipliers: the coordinates that enter each row of G.
-    """
+    """Return the pattern of the factors."""
     size = n_coordinates + len(multipliers)
     # Entries off the diagonal, as pairs of unknowns: of A, then of G.
     pairs = {(max(a, b), min(a, b)) for a, b in couplings if a != b}

@@ -49,12 +49,7 @@ def integrator_spec(
     keep: tuple[str, ...] = (),
     driven: tuple[str, ...] = (),
 ) -> IntegratorSpec:
-    """Return what a library says of an integrator that watches these kinds of events, if it can.
-
-    driven: the arguments that can change with time, see find_driven.
-
-    Raises FormulationError for an unknown one, and for a model that lacks the acceleration.
-    """
+    """Return what a library says of an integrator that watches these kinds of events, if it can."""
     if name not in INTEGRATORS:
         raise FormulationError(
             "unknown integrator", where="model.integrators", given=name, hint=suggest(name, INTEGRATORS)
@@ -264,10 +259,7 @@ def _method_settings(spec: IntegratorSpec, row: Integrator, keeps_constraints: b
 
 
 def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
-    """Return what decides between the branches of the plain C files that integrators share.
-
-    context: see integrator_context.
-    """
+    """Return what decides between the branches of the plain C files that integrators share."""
     explicit, events, keeper = context["explicit"] or {}, context["events"] or {}, context["keeper"] or {}
     columns = context["columns"] or {}
     has_jumps = bool(columns and events and columns["has_jumps"])

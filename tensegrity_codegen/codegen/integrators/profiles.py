@@ -22,7 +22,7 @@ def find_driven(
     """Return the arguments that profiles can change, in the order of C signatures, and the pull if requested.
 
     None where no function that a motion follows depends on inputs, and no pull is requested: such a library
-    holds nothing for profiles. Raises FormulationError for a pull without the loads of all nodes.
+    holds nothing for profiles.
     """
     loads = len(request.parameters.get("node_load", ()))
     if request.driven and (request.driven != (PULL,) or loads < model.subject.n_nodes):
@@ -70,11 +70,7 @@ def list_derivative_quantities(arguments: Container[str]) -> tuple[str, ...]:
 
 
 def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> None:
-    """Raise FormulationError where derivatives would miss jumps of forces, since no event finds them.
-
-    A cable with damping, in the scene or at run time, pulls with a jump as it becomes taut. events: the kinds
-    that integrators watch.
-    """
+    """Raise FormulationError where derivatives would miss jumps of forces, since no event finds them."""
     if not request.differentiates_motions or "cable" in events:
         return
     if jumping := list_jumping(subject, request):
@@ -89,10 +85,7 @@ def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> N
 
 
 def columns_context(manifest: Manifest, is_dense: bool) -> dict[str, Any] | None:
-    """Return sizes, and the row in a direction of each number that can change with time; None if none.
-
-    is_dense: whether an integrator has dense output of its own.
-    """
+    """Return sizes, and the row in a direction of each number that can change with time; None if none."""
     functions = {function.quantity: function for function in manifest.functions}
     has_adjoint = "adjoint_rate" in functions
     if not manifest.column_name and not has_adjoint:

@@ -23,11 +23,7 @@ FORCES = ("node_residual", "coordinate_force")  # what formulations call -dU/dq
 
 
 def solver_spec(model: EmittedModel, name: str, functions: tuple[FunctionSpec, ...]) -> SolverSpec:
-    """Return what a library says of a solver.
-
-    Raises FormulationError for an unknown one, for a model that lacks a function it needs, that is too large
-    for a dense Hessian, or whose loads have no potential.
-    """
+    """Return what a library says of a solver."""
     if name not in SOLVERS:
         raise FormulationError(
             "unknown solver", where="model.solvers", given=name, hint=suggest(name, SOLVERS)
@@ -107,10 +103,7 @@ def _find_tension(
 
 
 def _member_context(manifest: Manifest, still: int) -> dict[str, Any]:
-    """Return the members as tables: coordinates of their ends, entries of arguments, and fixed places.
-
-    still: size of the arguments that are zero.
-    """
+    """Return the members as tables: coordinates of their ends, entries of arguments, and fixed places."""
     n_coordinates, shape = len(manifest.coordinate_name), (len(manifest.node_name), 3)
     number, anchor, fixed = np.full(shape, n_coordinates), np.full(shape, -1), manifest.stated_position.copy()
     moved = next((argument for argument in manifest.arguments if argument.name == "anchor_position"), None)

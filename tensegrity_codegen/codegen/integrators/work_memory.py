@@ -100,10 +100,7 @@ def count_batch_work(
     width: int,
     precision: Precision,
 ) -> int:
-    """Return how many numbers of work memory integrator `name` takes over `width` states.
-
-    n_internal: internal states of each; argument_sizes: numbers in each argument that it passes on.
-    """
+    """Return how many numbers of work memory integrator `name` takes over `width` states."""
     line, n, n_states = count_line(precision), n_coordinates, 2 * n_coordinates + n_internal
     table = INTEGRATORS[name].tableau
     # Lanes: state, trial, acceleration, stages. Row: old and new (q, v, a), spare.
@@ -124,10 +121,7 @@ def with_batch(
     width: int,
     precision: Precision,
 ) -> IntegratorSpec:
-    """Return the integrator with the memory of its batch function, if the library has batches and it one.
-
-    Fixed steps have none with internal states.
-    """
+    """Return the integrator with the memory of its batch function, if the library has batches and it one."""
     row = INTEGRATORS[spec.name]
     if not width or not row.in_batches or (n_internal and row.kind == "fixed"):
         return spec

@@ -143,10 +143,7 @@ MAX_EXTERNAL_FORCE = 1e290  # N
 
 
 def can_check_by_sums(model: NodePosition, arguments: Sequence[str]) -> bool:
-    """Return whether a function of these arguments can be checked by sums over the members.
-
-    It takes coordinates alone, each of a node that has a member, and external forces are numbers, not huge.
-    """
+    """Return whether a function of these arguments can be checked by sums over the members."""
     if list(arguments) != ["coordinate"]:
         return False
     joined = set(np.unique(model.structure.connectivity).tolist())

@@ -34,8 +34,7 @@ def _print_packs(
 ) -> list[str]:
     """Return the statements over packs that evaluate an SX function.
 
-    inputs: names of its arguments; put: (entry, value) -> the statement that hands a result out. Raises
-    FormulationError for an operation that has no form here.
+    inputs: names of its arguments; put: (entry, value) -> the statement that hands a result out.
     """
     lines: list[str] = []
     work: list[str] = []

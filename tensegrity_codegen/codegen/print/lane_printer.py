@@ -58,12 +58,7 @@ class PrintedLanes:
 def print_lanes(
     function: ca.Function, inputs: Sequence[str], output: str, precision: Precision = PRECISIONS["double"]
 ) -> PrintedLanes:
-    """Return the statements that evaluate an SX function for as many lanes as a wide has.
-
-    inputs: names of its C arrays, non-zeros `stride` apart; output: of the array of results, see put_results,
-    which also adds up `probe`. A square root is printed as WIDE_ROOT(root, a), a quotient by one as
-    WIDE_OVER(a, root), which may know its inverse. Raises what print_body raises.
-    """
+    """Return the statements that evaluate an SX function for as many lanes as a wide has."""
     return _Lanes(read_instructions(function), inputs, output, precision, function).print()
 
 

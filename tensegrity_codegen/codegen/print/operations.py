@@ -45,47 +45,21 @@ class Text:
         return self.text if self.precedence >= precedence else f"({self.text})"
 
 
+# Operations that C has functions for, by the name that both share; of one and of two operands.
+UNARY_FUNCTIONS = (
+    *("sqrt", "exp", "log", "log1p", "expm1", "erf", "fabs", "floor", "ceil"),
+    *("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
+)
+BINARY_FUNCTIONS = ("pow", "hypot", "atan2", "fmod", "remainder", "fmin", "fmax", "copysign")
+
 # Operands a and b; f is what literals and functions of the precision end in. CasADi's meaning of NaN is kept.
-OPERATIONS: dict[int, str] = {
-    ca.OP_ASSIGN: "{a}",
-    ca.OP_ADD: "{a} + {b}",
-    ca.OP_SUB: "{a} - {b}",
-    ca.OP_MUL: "{a} * {b}",
-    ca.OP_DIV: "{a} / {b}",
-    ca.OP_NEG: "-{a}",
-    ca.OP_TWICE: "2.0{f} * {a}",
-    ca.OP_SQ: "{a} * {a}",
-    ca.OP_INV: "1.0{f} / {a}",
-    ca.OP_SQRT: "sqrt{f}({a})",
-    ca.OP_EXP: "exp{f}({a})",
-    ca.OP_LOG: "log{f}({a})",
-    ca.OP_LOG1P: "log1p{f}({a})",
-    ca.OP_EXPM1: "expm1{f}({a})",
-    ca.OP_POW: "pow{f}({a}, {b})",
+OPERATIONS: dict[int, str] = ARITHMETIC | {
+    **{getattr(ca, f"OP_{name.upper()}"): f"{name}{{f}}({{a}})" for name in UNARY_FUNCTIONS},
+    **{getattr(ca, f"OP_{name.upper()}"): f"{name}{{f}}({{a}}, {{b}})" for name in BINARY_FUNCTIONS},
     ca.OP_CONSTPOW: "pow{f}({a}, {b})",
-    ca.OP_HYPOT: "hypot{f}({a}, {b})",
-    ca.OP_SIN: "sin{f}({a})",
-    ca.OP_COS: "cos{f}({a})",
-    ca.OP_TAN: "tan{f}({a})",
-    ca.OP_ASIN: "asin{f}({a})",
-    ca.OP_ACOS: "acos{f}({a})",
-    ca.OP_ATAN: "atan{f}({a})",
-    ca.OP_ATAN2: "atan2{f}({a}, {b})",
-    ca.OP_SINH: "sinh{f}({a})",
-    ca.OP_COSH: "cosh{f}({a})",
-    ca.OP_TANH: "tanh{f}({a})",
-    ca.OP_ASINH: "asinh{f}({a})",
-    ca.OP_ACOSH: "acosh{f}({a})",
-    ca.OP_ATANH: "atanh{f}({a})",
-    ca.OP_ERF: "erf{f}({a})",
-    ca.OP_FABS: "fabs{f}({a})",
-    ca.OP_FLOOR: "floor{f}({a})",
-    ca.OP_CEIL: "ceil{f}({a})",
-    ca.OP_FMOD: "fmod{f}({a}, {b})",
-    ca.OP_REMAINDER: "remainder{f}({a}, {b})",
-    ca.OP_FMIN: "fmin{f}({a}, {b})",
-    ca.OP_FMAX: "fmax{f}({a}, {b})",
-    ca.OP_COPYSIGN: "copysign{f}({a}, {b})",
+    ca.OP_ASSIGN: "{a}",
+    ca.OP_TWICE: "2.0{f} * {a}",
+    ca.OP_INV: "1.0{f} / {a}",
     ca.OP_SIGN: "({a} < 0.0{f}) ? -1.0{f} : (({a} > 0.0{f}) ? 1.0{f} : {a})",
     ca.OP_LT: "{a} < {b}",
     ca.OP_LE: "{a} <= {b}",

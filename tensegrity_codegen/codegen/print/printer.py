@@ -104,10 +104,7 @@ class PrintedBody:
 
 
 def print_number(value: float, precision: Precision = DOUBLE, where: str = "") -> str:
-    """Return `value` as a C literal that reads back bit-equal, in single precision rounded first.
-
-    Raises InvalidValueError for a number too large for the precision; `where` names it.
-    """
+    """Return `value` as a C literal that reads back bit-equal, in single precision rounded first."""
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):
@@ -137,8 +134,6 @@ def print_body(
 
     function: the SX function; inputs, outputs: names of its C arrays, of non-zeros in CasADi's column order,
     in that precision; place: how entry k of such an array is written; annotations: names and comments.
-    Raises FormulationError for an operation that has no C form here, InvalidValueError for a constant too
-    large for the precision.
     """
     instructions = read_instructions(function)
     where, uses = f"a constant of {function.name()}", _uses(instructions)
@@ -155,7 +150,7 @@ def print_columns(
 
     Inputs named in `seeds`, and the output behind its first `before` entries, which depend on none of these,
     are arrays of rows with N_COLUMNS numbers each. What does not depend on seeds is computed once, before a
-    loop over as many columns as a column_lanes has. Raises what print_body raises.
+    loop over as many columns as a column_lanes has.
     """
 
     def place(name: str, k: int) -> str:

@@ -85,10 +85,7 @@ def write_gif(path: Path, images: Iterator[Image], counts: Sequence[int], fps: f
 
 
 def write_mp4(ffmpeg: str, path: Path, images: Iterator[Image], counts: Sequence[int], fps: float) -> None:
-    """Write pictures (height, width, 3) of even size, held for `counts` frames each, as H.264 in MP4.
-
-    Raises OutputError with what ffmpeg wrote if it fails.
-    """
+    """Write pictures (height, width, 3) of even size, held for `counts` frames each, as H.264 in MP4."""
     opening = next(images)
     height, width = opening.shape[:2]
     command = [
@@ -148,9 +145,7 @@ def write_animation(
 
     fps: frames a second; slow_down: seconds of film for a simulated second; progress: called with the
     fraction done; choices: view, size, names and so on; subject: what the structure is the outline of. Each
-    frame shows the nearest sample, the last one the last sample. Raises InvalidValueError for another suffix,
-    an fps or slow_down out of range, or too long a film; OutputError for a file that cannot be written, or
-    exists (without `overwrite`); MissingExtraError without matplotlib, Pillow or, for .mp4, ffmpeg.
+    frame shows the nearest sample, the last one the last sample.
     """
     target = Path(path)
     suffix = check_suffix(target, FILM_SUFFIXES)
@@ -186,7 +181,7 @@ def write_animation(
 def find_frames(time: FloatArray, fps: float, slow_down: float) -> IntArray:
     """Return the sample that each frame shows: the nearest to k / (fps slow_down), at last the last one.
 
-    time (n_t,) [s], increasing. Raises InvalidValueError for more than MOST_FRAMES frames.
+    time (n_t,) [s], increasing.
     """
     elapsed = time - time[0]
     count = np.floor(float(elapsed[-1]) * slow_down * fps * (1 + 1e-12) + 1e-9) + 1

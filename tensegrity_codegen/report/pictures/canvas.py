@@ -82,8 +82,7 @@ def check_suffix(path: Path, allowed: Iterable[str], where: str = "") -> str:
 def new_figure(width: float, height: float, dpi: float = PICTURE_DPI, *, compress: bool = False) -> "Figure":
     """Return an empty white figure of width x height [in] on an Agg canvas, laid out by constraints.
 
-    compress: what stands beside axes of equal scales keeps close to them. Raises MissingExtraError
-    where matplotlib is not installed.
+    compress: what stands beside axes of equal scales keeps close to them.
     """
     import_extra("matplotlib")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -112,10 +111,7 @@ def _figure_class() -> "type[Figure]":
 
 
 def save_figure(figure: "Figure", path: Path, *, overwrite: bool) -> None:
-    """Write the figure, whole or not at all, in the format of the path's suffix.
-
-    Raises OutputError where it cannot be written, or exists (without `overwrite`).
-    """
+    """Write the figure, whole or not at all, in the format of the path's suffix."""
     kind = path.suffix.lower().removeprefix(".")
     # Without the date, and with a fixed salt for the names in it, the same picture has the same bytes.
     known: dict[str, dict[str, str | None]] = {

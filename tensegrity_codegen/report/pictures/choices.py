@@ -79,7 +79,6 @@ def read_view(text: str | tuple[float, float] | None) -> Direction | None:
 
     text: ``"iso"``, ``"front"`` (along y), ``"side"`` (along x), ``"top"`` (along z), ``"AZIMUTH,ELEVATION"``
     or these two numbers [deg].
-    Raises InvalidValueError: no such view.
     """
     if text is None:
         return None
@@ -98,10 +97,7 @@ def read_view(text: str | tuple[float, float] | None) -> Direction | None:
 
 
 def read_size(text: str | tuple[int, int] | None) -> Size | None:
-    """Return width and height in pixels of ``"1200x900"`` or (1200, 900); None for None.
-
-    Raises InvalidValueError for another text, or a side out of range.
-    """
+    """Return width and height in pixels of ``"1200x900"`` or (1200, 900); None for None."""
     if text is None:
         return None
     if isinstance(text, str):
@@ -127,7 +123,6 @@ def read_labels(labels: Labels) -> tuple[str, ...]:
     """Return which names are written, of LABELS.
 
     given: true: both; False or ``"none"``: no names; ``"nodes"``, ``"members"``, several separated by commas.
-    Raises InvalidValueError: another word, or ``"none"`` with others.
     """
     if isinstance(labels, bool):
         return LABELS if labels else ()
@@ -149,10 +144,7 @@ LARGEST = 1e30  # whose squares and cubes are far from overflow, in single preci
 
 
 def check_array(name: str, value: ArrayLike, shape: tuple[int, ...], over: str) -> NDArray[np.float64]:
-    """Return `value` as numbers of `shape` up to LARGEST; `over` says what it runs over.
-
-    Raises InvalidValueError for another shape, NonFiniteError for larger numbers, NaN or an infinity.
-    """
+    """Return `value` as numbers of `shape` up to LARGEST; `over` says what it runs over."""
     array: NDArray[Any] = np.array(value, dtype=float)
     if array.shape != shape:
         raise InvalidValueError(
@@ -173,16 +165,9 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int, ...], over: str) 
 
 
 def check_tension(
-    value: ArrayLike,
-    shape: tuple[int, ...],
-    structure: Structure,
-    over: str,
-    name: str = "member_tension",
+    value: ArrayLike, shape: tuple[int, ...], structure: Structure, over: str, name: str = "member_tension"
 ) -> NDArray[np.float64]:
-    """Return member tensions [N] of `shape`, members last; NaN, unknown, in bars and rigid members alone.
-
-    Raises what check_array raises.
-    """
+    """Return member tensions [N] of `shape`, members last; NaN, unknown, in bars and rigid members alone."""
     array: NDArray[np.float64] = np.array(value, dtype=float)
     unknown = (
         np.isnan(array) & (structure.is_rigid | structure.is_bar)

@@ -125,11 +125,7 @@ def pad_tension(tension: FloatArray, structure: Structure) -> FloatArray:
 
 
 def find_shot(subject: Any, time: float | None = None, sample: int | None = None) -> Shot:
-    """Return what a picture of `subject` shows.
-
-    subject: what is drawn; time, sample: which sample of a motion or plan. Raises InvalidValueError:
-    something else, a sample that does not exist, or a result without structure.
-    """
+    """Return what a picture of `subject` shows."""
     if isinstance(subject, Trajectory | PlanResult):
         return _find_sample(subject, time, sample)
     if time is not None or sample is not None:

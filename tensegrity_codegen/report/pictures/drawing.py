@@ -158,9 +158,7 @@ class StructureDrawing:
         for is_dashed in dashed:
             styles += [solid, DASHES, DASHES] if is_dashed else [solid, solid, solid]
         self._lines.set(
-            linewidths=widths[order].ravel(),
-            linestyles=styles,
-            colors=colors[order].reshape(-1, 4),
+            linewidths=widths[order].ravel(), linestyles=styles, colors=colors[order].reshape(-1, 4)
         )
         self._faces.set_verts(list(projected[self._parts.faces]))
         order = np.argsort(depth, kind="stable")

@@ -87,10 +87,7 @@ class Setting:
 
 
 def set_up(shown: Shown, choices: PictureChoices) -> Setting:
-    """Return axes, view, arrows and colours of a picture.
-
-    Raises what choose_view and compute_colors raise.
-    """
+    """Return axes, view, arrows and colours of a picture."""
     structure, position = shown.structure, shown.position
     color = compute_colors(shown, choices.color)
     arrows = []

@@ -45,10 +45,7 @@ MOST_GROUPS = len(SEQUENCE)
 
 
 def draw_energies(axes: "Axes", trajectory: Trajectory) -> None:
-    """Draw kinetic, potential and total energy [J] over time [s].
-
-    The potential energy counts from its least value in the run, so that its exchange with the kinetic shows.
-    """
+    """Draw kinetic, potential and total energy [J] over time [s]."""
     kinetic = trajectory.kinetic_energy
     lowest = float(np.min(trajectory.total_energy - kinetic))
     total = trajectory.total_energy - lowest
@@ -193,9 +190,7 @@ def plot_trajectory(
     """Draw a motion into a PNG, SVG or PDF file and return its path.
 
     Left: the first and the last shape with the paths of the nodes; right: energies, member tensions and
-    energy drift over time. subject: what the structure is the outline of. Raises
-    InvalidValueError for another suffix or structure, NonFiniteError, OutputError for a file that cannot be
-    written or exists (without `overwrite`), MissingExtraError without matplotlib.
+    energy drift over time. subject: what the structure is the outline of.
     """
     target = Path(path)
     suffix = check_suffix(target, PICTURE_SUFFIXES)

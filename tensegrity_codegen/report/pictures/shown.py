@@ -141,10 +141,7 @@ def show_motion(
 
 
 def compute_colors(shown: Shown, name: str) -> FloatArray | None:
-    """Return the values (n_t, n_members) that colours show, NaN where unknown; None for colours by kind.
-
-    Raises InvalidValueError for stresses of a structure whose members have no radius.
-    """
+    """Return the values (n_t, n_members) that colours show, NaN where unknown; None for colours by kind."""
     structure, tension = shown.structure, shown.tension
     if tension is None or name == "kind":
         return None

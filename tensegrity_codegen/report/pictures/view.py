@@ -201,10 +201,7 @@ def check_planar_direction(axes: Sequence[int], direction: Direction) -> None:
 def choose_view(
     structure: Structure, box: Box, node_position: FloatArray, direction: Direction | None
 ) -> View:
-    """Return the view of a structure from a direction, or that of `fit_view`.
-
-    Raises InvalidValueError for a planar scene that is seen from elsewhere than along its normal.
-    """
+    """Return the view of a structure from a direction, or that of `fit_view`."""
     if direction is None:
         return fit_view(structure, box, node_position)
     if len(structure.axes) < 3:

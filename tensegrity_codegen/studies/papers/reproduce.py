@@ -97,9 +97,7 @@ def reproduce(
     papers: names of PAPERS, or "all"; quick: smaller sizes and shorter times; progress is called with the
     fraction done. Both files are written after all studies are done, or neither. Sections go into a journal
     in the folder as soon as they are done; the same call again, with the same code on the same machine, takes
-    them from there, unless `fresh`; `notice` is called with what is taken. Raises UnknownNameError,
-    OutputError for a folder that cannot be written or, without `overwrite`, holds these files,
-    MissingExtraError without matplotlib, and what a study raises, with its name.
+    them from there, unless `fresh`; `notice` is called with what is taken.
     """
     names = choose_papers(papers)
     require_plot()

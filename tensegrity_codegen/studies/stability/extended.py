@@ -74,10 +74,7 @@ class ExtendedMotion:
         return float(np.sqrt(columns[0])), columns[1]
 
     def run(self, sample_time: FloatArray, steps: int, deadline: float) -> LongArray | None:
-        """Return the states (n_t, 2n) at times [s] from 0 up; None if they are not finite or time is up.
-
-        steps: between two samples; deadline: of time.process_time().
-        """
+        """Return the states (n_t, 2n) at times [s] from 0 up; None if they are not finite or time is up."""
         node, axis = self.places.T
         position = np.ascontiguousarray(self.structure.node_position.astype(np.longdouble))
         speed = np.ascontiguousarray(np.zeros_like(position))

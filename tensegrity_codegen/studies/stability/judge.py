@@ -211,10 +211,7 @@ def _judge_tension(
 
 
 def judge_peer(case: Case, ending: Ending, truth: Truth | None) -> Judgement:
-    """Judge coordinates alone, by ten times the tolerance or a hundredth of the mean member length.
-
-    The larger counts: tolerances of other programs bound the error of each step, or they have none.
-    """
+    """Judge coordinates alone, by ten times the tolerance or a hundredth of the mean member length."""
     verdict = _judge_status(case, ending)
     if verdict is not None:
         return Judgement(verdict)

@@ -239,10 +239,7 @@ WAITING = 5.0  # times its limit by the clock, for a peer that waits or shares i
 
 
 def list_peers(case: Case) -> tuple[str, ...]:
-    """Return the names of the peers of a case, none where processes cannot be made as they need them.
-
-    Of a case about the step those that take one.
-    """
+    """Return the names of the peers of a case, none where processes cannot be made as they need them."""
     if not can_fork():
         return ()
     names = tuple(name for name, _ in peer_contenders(_problem(case), usual=True))

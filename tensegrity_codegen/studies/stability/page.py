@@ -177,10 +177,7 @@ MIN_DRAWN_ERROR = 1e-8  # errors over tolerance below are drawn here
 
 
 def draw_errors(rows: Sequence[Outcome], scene: str, name: str) -> Iterator[Figure]:
-    """Yield the diagram of outcomes that have an error; nothing where pictures cannot be drawn.
-
-    Cases stand from left to right in the order in which they are made; `name` is unique on the page.
-    """
+    """Yield the diagram of outcomes that have an error; nothing where pictures cannot be drawn."""
     try:
         require_plot()
     except MissingExtraError:

@@ -270,11 +270,8 @@ def write_stability(
 
     Finished cases go into a journal in the folder at once. The same call again takes them from there, if
     code, scene, options and machine are the same, and runs the others; with `fresh` it runs all. `notice` is
-    called with what is taken. All scenes share limits.total: each
-    has an equal part of the time that is left when it begins.
-
-    Raises InvalidValueError for a time out of range; DuplicateNameError for two scenes of one name;
-    OutputError for a folder that cannot be written, or that holds these files, without `overwrite`.
+    called with what is taken. All scenes share limits.total: each has an equal part of the time that is left
+    when it begins.
     """
     limits.check()
     for structure in structures:

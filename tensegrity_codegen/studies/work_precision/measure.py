@@ -209,7 +209,6 @@ def certify(contenders: list[Contender], progress: Callable[[float], None] | Non
     """Return the pair of results of different methods that agree best, found from the tightest setting up.
 
     Only contenders of the exact physics are asked: bars taken as rigid though they are not are left out.
-    Raises ConvergenceError where no two methods come to an end.
     """
     runs: list[tuple[str, FloatArray]] = []
     for number, contender in enumerate(contenders):

@@ -69,10 +69,7 @@ VARIANTS: Mapping[str, Variant] = {
 def own_contenders(
     problem: MotionProblem, *, flags: str, compiler: str | None, extra_methods: tuple[str, ...] = ()
 ) -> Iterator[tuple[str, Callable[[], Contender]]]:
-    """Yield name and maker of each of our contenders; makers raise Unavailable for what does not apply.
-
-    extra_methods: methods for node coordinates besides the usual ones.
-    """
+    """Yield name and maker of each of our contenders; makers raise Unavailable for what does not apply."""
     for title, variant in VARIANTS.items():
         for method in (*variant.methods, *(extra_methods if title == "node_position" else ())):
             yield f"{title}, {method}", partial(_make, problem, title, method, flags, compiler)

@@ -287,10 +287,7 @@ def write_report(
     """Measure the motions of some structures and write report.html, .csv and .json into `folder`.
 
     Rows go into a journal in the folder as soon as they are measured; a report that was interrupted and is
-    asked for again goes on from there, unless `fresh`; `notice` is called with what is taken. Raises
-    InvalidValueError for a time or number of samples out of range, DuplicateNameError for two scenes of one
-    name, MissingExtraError without matplotlib, ConvergenceError where nothing certifies a reference,
-    OutputError where files cannot be written or, without `overwrite`, exist.
+    asked for again goes on from there, unless `fresh`; `notice` is called with what is taken.
     """
     if not 2 <= samples <= MOST_SAMPLES:
         raise InvalidValueError(

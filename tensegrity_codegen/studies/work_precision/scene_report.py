@@ -129,10 +129,7 @@ def open_journal(
 def report_scene(
     problem: MotionProblem, options: Options, journal: Journal, progress: Progress | None = None
 ) -> SceneReport:
-    """Measure every contender at every setting, unless the journal has it.
-
-    Raises ConvergenceError where no reference can be certified.
-    """
+    """Measure every contender at every setting, unless the journal has it."""
     contenders, absent = _gather(problem, options, part_of(progress, 0.0, BUILDING))
     reference = _find_reference(problem, contenders, journal, part_of(progress, BUILDING, CERTIFYING))
     move = part_of(progress, BEFORE, 1.0 - BEFORE) or (lambda fraction: None)
@@ -178,10 +175,7 @@ class _Measured:
         return tuple(found)
 
     def _follow(
-        self,
-        contender: Contender,
-        rivals: Sequence[Row],
-        get: Callable[[Contender, float], Row | None],
+        self, contender: Contender, rivals: Sequence[Row], get: Callable[[Contender, float], Row | None]
     ) -> tuple[list[Row], int]:
         """Return the rows of a contender up to that which ends it, and how many are left after a missing one.
 

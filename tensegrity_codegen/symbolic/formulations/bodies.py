@@ -68,10 +68,7 @@ WORDS = {
 
 
 def build_bodies(system: BodySystem, request: ModelRequest) -> SymbolicModel:
-    """Return the symbolic model of bodies and tendons in minimal coordinates.
-
-    Raises FormulationError for a body without inertia and for a run-time parameter that bodies do not have.
-    """
+    """Return the symbolic model of bodies and tendons in minimal coordinates."""
     _check_inertia(system)
     expressions = _Bodies(BodyArguments(system, request.parameters))
     builders = expressions.node_quantities() | {name: getattr(expressions, name) for name in QUANTITIES}

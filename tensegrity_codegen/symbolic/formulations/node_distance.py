@@ -41,8 +41,6 @@ def build_node_distance(structure: Structure, request: ModelRequest) -> Symbolic
     """Return the symbolic model of `structure` in node distances.
 
     Options: pairs "connected" or "full"; order "uvec321" or "uvec123"; basis "cycles" or "orthonormal".
-    Raises FormulationError for rigid bars and for anchors that may move at run time, UnknownKeyError or
-    UnknownNameError for options that there are not.
     """
     check_no_rigid_bar(structure, "node_distance")
     _check_anchors_stay(structure, request)

@@ -25,10 +25,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 
 def build_node_position(structure: Structure, request: ModelRequest) -> SymbolicModel:
-    """Return the symbolic model of `structure` in node positions.
-
-    Raises FormulationError for rigid bars, which this formulation does not have.
-    """
+    """Return the symbolic model of `structure` in node positions."""
     check_no_rigid_bar(structure, "node_position")
     expressions = _NodePosition(structure, SymbolicArguments(structure, request.parameters))
     arguments = expressions.arguments.ordered()

@@ -34,8 +34,7 @@ def build_rigid_bar(structure: Structure, request: ModelRequest) -> SymbolicMode
     """Return the symbolic model of `structure` with rigid bars.
 
     Options: bars "without_stiffness" or "all"; correction "none" or "first_order" (of bars that have a
-    stiffness). Raises FormulationError where no bar is rigid, where bars' lengths contradict or repeat each
-    other, or where the stiffness of a rigid bar shall change at run time.
+    stiffness).
     """
     options = complete_options("rigid_bar", request.options)
     rigid = find_rigid_bars(structure, request)
@@ -145,9 +144,7 @@ class _RigidBar(NodeCoordinates):
         bar_length = dict(zip(self.bars, self.lengths, strict=True))
         rest_length = self.arguments.rest_length
         laws = [(e, bar_length.get(e, rest_length[e])) for e in range(len(self.ends))]
-        return {
-            "member_law": lambda: ca.horzcat(*[self._law(e, length) for e, length in laws]),
-        }
+        return {"member_law": lambda: ca.horzcat(*[self._law(e, length) for e, length in laws])}
 
     def statics(self) -> dict[str, Any]:
         """Return what an equilibrium takes: springs alone, since the bars only keep their lengths."""

@@ -66,11 +66,7 @@ def follow_load(
 
 
 def find_load_events(
-    *,
-    tension_only: bool = False,
-    top: int = 3,
-    direction: str = "-z",
-    control: StepControl = CONTROL,
+    *, tension_only: bool = False, top: int = 3, direction: str = "-z", control: StepControl = CONTROL
 ) -> dict[str, Any]:
     """Return the loads [N] of the first slack spring, the first contact and the first limit point.
 
@@ -241,8 +237,8 @@ def compare_stiffness(
 
     factor (n,): of the printed spring constant; spring_constant (n,) [N/m]; descent (m,) [m]; descent_10: how
     far the printed springs let B_3 down at 10 N [m]. By subset "all", "side", "top": force (n, m) [N] that
-    brings B_3 down by each descent; force_10 (n,), by descent_10; maximum (n,), the load at the first
-    contact of bars or limit point; because (n,), which of them. Raises ConvergenceError.
+    brings B_3 down by each descent; force_10 (n,), by descent_10; maximum (n,), the load at the first contact
+    of bars or limit point; because (n,), which of them.
     """
     model = compile_prism()
     printed = model.nominal("spring_constant")
@@ -269,7 +265,6 @@ def find_force(model: CompiledModel, descent: float, spring_constant: FloatArray
     """Return the downward force [N] on B_3 that brings it `descent` [m] below where it is without load.
 
     spring_constant (6,) [N/m]. Newton's method with dz/dF = -e J K^-1 J^T e, e the direction of the force.
-    Raises ConvergenceError where there is no such force before the configuration turns unstable.
     """
     solver = EquilibriumSolver(model)
     at = solver.find(tolerance=1e-11, spring_constant=spring_constant).check().coordinate[0]

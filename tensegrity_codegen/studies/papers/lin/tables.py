@@ -67,10 +67,7 @@ def place_load(top: int, force: Any) -> FloatArray:
 
 
 def settle(model: CompiledModel, loads: FloatArray, **arguments: Any) -> SolvedPath:
-    """Return the equilibria under loads (n, 3, 3) [N], found in C one from the other, beginning without load.
-
-    Raises ConvergenceError where there is none.
-    """
+    """Return the equilibria under loads (n, 3, 3) [N], found in C one from the other."""
     solver = EquilibriumSolver(model)
     start = solver.find(tolerance=1e-11, **arguments).check()
     return solver.follow(loads, start.coordinate[0], tolerance=1e-11, **arguments).check()
@@ -115,7 +112,7 @@ def compare_tables() -> dict[str, Any]:
     load (11,) [N]; measured, paper, ours (11, 6) [mm], columns named by the ends of the springs; differences
     ours - paper and ours - measured; error_paper, error_ours (11, 6): (computed - measured) / computed in
     magnitude, the definition below (30) of the paper; error_printed: Table 3 as printed; mean errors of all
-    66 entries. Raises ConvergenceError where an equilibrium is not found.
+    66 entries.
     """
     printed = read_tables()
     ours = compute_extensions(printed["load"])

@@ -79,10 +79,7 @@ def map_regions(
     alpha_deg: FloatArray | None = None,
     delta_deg: FloatArray | None = None,
 ) -> RegionMap:
-    """Return the map at a height [m] under F_3 = `force` [N], not zero; by default in steps of 1 degree.
-
-    Raises InvalidValueError for a force of zero, a height that is not positive, or an empty or huge grid.
-    """
+    """Return the map at a height [m] under F_3 = `force` [N], not zero; by default in steps of 1 degree."""
     alpha = np.arange(0.0, 361.0) if alpha_deg is None else np.asarray(alpha_deg, dtype=np.float64)
     delta = np.arange(1.0, 90.0) if delta_deg is None else np.asarray(delta_deg, dtype=np.float64)
     _check_map(height, force, alpha, delta)
@@ -104,7 +101,6 @@ def find_prestressable(tower: SymmetricTower, delta: float, height: float) -> tu
 
     The azimuths are roots of det(A_r), looked for in steps of 1 degree; those are kept whose null vector has
     one sign.
-    Raises InvalidValueError for a declination or height outside the bounds of SCS 4.
     """
     tower.check_pose(SymmetricPose(0.0, delta, height), "prestressable configuration")
     azimuth = np.radians(np.arange(0.5, 361.5))
@@ -228,10 +224,7 @@ def compute_paper_maps(
 def compare_tracking(
     tower: SymmetricTower, *, rtol: float = 1e-10, samples: int = 101
 ) -> list[dict[str, Any]]:
-    """Return how the full model in C follows each motion, by our controls and by (34) as printed.
-
-    A row has motion, controls ("ours" or "as printed") and what Tracking.summary gives.
-    """
+    """Return how the full model in C follows each motion, by our controls and by (34) as printed."""
     model, rows = compile_tower(tower), []
     for name, plan in plan_paper_motions(tower).items():
         for controls, schedule in (("ours", None), ("as printed", drive_as_printed(plan))):
@@ -309,10 +302,7 @@ def _matrix(tower: SymmetricTower, s: FloatArray, rate: FloatArray, change: Floa
 
 
 def _height(tower: SymmetricTower, s: FloatArray, rate: FloatArray, change: FloatArray) -> FloatArray:
-    """Return d/dt(Z' sin(delta)) and Z'' sin(delta), times m l / 2, less what the full model leaves over.
-
-    What is left over is the difference of the equations of delta between the upper and the lower stage.
-    """
+    """Return d/dt(Z' sin(delta)) and Z'' sin(delta), times m l / 2, less what the full model leaves over."""
     own_force = tower.restricted.balance(s, rate, change).own_force
     names = tower.system.coordinate_name
     lower, upper = (own_force[names.index(f"bar{stage}_declination")] for stage in ("11", "12"))

@@ -242,7 +242,7 @@ def track(
     """Return how the full model follows the plan, from rest at its start, driven by `schedule` alone.
 
     schedule: `drive(plan)` if not given; model: `compile_tower(plan.tower)` if not given; t_end [s]: the
-    plan's duration if not given. Raises UnstableError if the simulation does not reach its end.
+    plan's duration if not given.
     """
     restricted = plan.tower.restricted
     start = restricted.coordinate(plan.path.at(0.0).s)

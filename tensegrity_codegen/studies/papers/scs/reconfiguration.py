@@ -90,10 +90,7 @@ class TorqueFreePath:
     def of(
         cls, tower: SymmetricTower, start: SymmetricPose, alpha_end: float, duration: float
     ) -> "TorqueFreePath":
-        """Return the path of a tower from `start` to an azimuth [rad] in `duration` [s].
-
-        Raises InfeasibleError if (48) has no solution somewhere on the way.
-        """
+        """Return the path of a tower from `start` to an azimuth [rad] in `duration` [s]."""
         spin = 3.0 * tower.bar_inertia * math.sin(start.delta)
         path = cls(start, alpha_end, duration, spin, tower.bar_moment * tower.side / math.sqrt(3.0))
         path._check()
@@ -179,10 +176,7 @@ class ReconfigurationRecord:
     residual: FloatArray
 
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the arrays to an .npz file, whole or not at all.
-
-        Raises OutputError if it cannot be written, or exists (without `overwrite`).
-        """
+        """Write the arrays to an .npz file, whole or not at all."""
         write_arrays(path, {"tendon_class": np.array(GROUPS), **vars(self)}, overwrite=overwrite)
 
 
@@ -261,8 +255,6 @@ def plan_reconfiguration(
     """Return the motion from `start` to `end` in `duration` [s] under F_3 = `force` [N], or the scene's.
 
     end: a configuration; with zero_torque an azimuth [rad], from which its declination follows (48).
-    Raises InvalidValueError for configurations outside their bounds, other heights or a wrong duration;
-    InfeasibleError where tendons would have to push, A_r is singular, or (48) has no solution.
     """
     check_positive(duration, "duration")
     load = tower.scene_force if force is None else force

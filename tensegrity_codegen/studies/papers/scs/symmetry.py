@@ -224,8 +224,8 @@ class SymmetricTower:
     ) -> Control:
         """Return tensions (saddle, vertical, diagonal) and inputs (M1 to F3) at s, s', s'', each (3,).
 
-        force: F_3 [N]. All inputs but F_3 are found, so that a motion that is not symmetrical by itself
-        shows in M_1, M_2, F_1, F_2 (SCS 20) or in the residual. Raises InfeasibleError where A_r is singular.
+        force: F_3 [N]. All inputs but F_3 are found, so that a motion that is not symmetrical by itself shows
+        in M_1, M_2, F_1, F_2 (SCS 20) or in the residual.
         """
         inputs = np.array([0.0, 0.0, 0.0, 0.0, 0.0, force])
         control = self.restricted.find_control(s, rate, change, inputs, range(5))

@@ -54,7 +54,7 @@ def evaluate_in(
     """Return the entries of a quantity, column by column, computed in the type `number`.
 
     number: np.float32, np.float64 or np.longdouble; arguments: name -> values, in the shape of the argument.
-    Divisions by zero give infinities and NaN. Raises FormulationError for an operation that it does not know.
+    Divisions by zero give infinities and NaN.
     """
     code = function.function
     inputs = [np.ravel(np.asarray(arguments[name], dtype=number)) for name in function.arguments]

@@ -16,12 +16,7 @@ def peer_contenders(
     compiler: str | None = None,
     usual: bool = False,
 ) -> Iterator[tuple[str, Callable[[], Contender]]]:
-    """Yield name and maker of each peer; makers raise Unavailable where it is not installed or not able.
-
-    A name begins with that of the program. compiled: makes the motion that peers run which call our compiled
-    accelerations; compiled for the problem if not given. compiler: of what is compiled for peers. usual: one
-    setting of each method, that which the program has by itself, in place of all.
-    """
+    """Yield name and maker of each peer; makers raise Unavailable where it is not installed or not able."""
     makers = chain(
         mujoco_tendons.contenders(problem, usual=usual),
         () if usual else cvode.contenders(problem, compiler),

@@ -168,10 +168,7 @@ def _point(structure: Structure, node: int, inner: str) -> str:
 def _rod(
     structure: Structure, member: int, ends: tuple[int, int], carried: list[int], at: FloatArray, inner: str
 ) -> str:
-    """Return a body: a uniform rod with the point masses of the nodes that it carries, its first end `at`.
-
-    inner: its joints, and the bodies that hang on it.
-    """
+    """Return a body: a uniform rod with the point masses of the nodes that it carries, its first end `at`."""
     points = structure.node_position[carried] - structure.node_position[ends[0]]
     along = structure.node_position[ends[1]] - structure.node_position[ends[0]]
     own_mass, masses = float(structure.member_mass[member]), structure.node_mass[carried]
