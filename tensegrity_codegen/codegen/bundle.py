@@ -45,13 +45,15 @@ def name_package(scene: str) -> str:
 def emit_bundle(manifest: Manifest, sources: Iterable[str], library: str) -> dict[str, str]:
     """Return the files for other programs, name -> text."""
     package, name = name_package(manifest.name), manifest.name
+    nodes, members = len(manifest.node_name), len(manifest.member_name)
+    counts = f"{describe_count(nodes, 'node')} and {describe_count(members, 'member')}"
     context = {
         "banner": BANNER,
         "name": name,
         "NAME": name.upper(),
         "package": package,
         "c_api_version": C_API_VERSION,
-        "description": _describe(manifest),
+        "description": f"Tensegrity structure {name}: {counts}, {manifest.precision} precision",
         "sources": list(sources),
         "library": library,
         "library_word": PurePath(library).stem.removeprefix("lib"),
@@ -102,10 +104,3 @@ def _describe_state(manifest: Manifest) -> dict[str, Any]:
         "control": ", ".join(f"`{name}`" for name in manifest.input_name) or "empty",
         "constants": [sizes[name] for name in PARAMETERS if name in sizes],
     }
-
-
-def _describe(manifest: Manifest) -> str:
-    """Return one line that says what the library is of."""
-    nodes, members = len(manifest.node_name), len(manifest.member_name)
-    counts = f"{describe_count(nodes, 'node')} and {describe_count(members, 'member')}"
-    return f"Tensegrity structure {manifest.name}: {counts}, {manifest.precision} precision"

@@ -32,12 +32,12 @@ PACKAGES = ("casadi", "matplotlib", "mujoco", "numpy", "scikit-sundae", "scipy")
 
 
 def hash_run(*texts: str) -> str:
-    """Return the sha256 of `words` with the source code, the packages in use and the machine."""
+    """Return the sha256 of `texts` with the source code, the packages in use and the machine."""
     return hash_text(*_surroundings(), *texts)
 
 
 def hash_study(structure: Structure, compiler: str | None, flags: str, *texts: str) -> str:
-    """Return the sha256 of a study of a structure by compiled models; words: its options."""
+    """Return the sha256 of a study of a structure by compiled models; texts: its options."""
     toolchain = describe_toolchain(find_compiler(compiler), find_flags(flags))
     return hash_run(hash_scene(structure, ModelRequest(())), toolchain, *texts)
 

@@ -58,7 +58,12 @@ class SymbolicArguments:
         self.node_load = self._vectors("node_load", structure.node_load[:, axes])
         self.gravity = self._gravity(structure.gravity[axes])
         self.ground = self._ground()
-        self.position = self._positions(self._vectors("anchor_position", structure.node_position[:, axes]))
+        fixed = self._vectors("anchor_position", structure.node_position[:, axes])
+        column = {axis: position for position, axis in enumerate(self.structure.axes)}
+        result = [list(row) for row in fixed]
+        for index, (node, axis) in enumerate(self.free):
+            result[node][column[axis]] = self.symbols["coordinate"][index]
+        self.position = result
         self.velocity = self._velocities()
         self.rest_rate: dict[int, Scalar] = {}  # of rest lengths that motors change, by member
         self.add_inputs()
@@ -156,13 +161,6 @@ class SymbolicArguments:
         chosen = self.parameters.get("ground", ())
         symbol = self._symbol("ground", len(chosen)) if chosen else None
         return {CHANGEABLE[k]: symbol[i] for i, k in enumerate(chosen) if symbol is not None}
-
-    def _positions(self, fixed: list[list[Scalar]]) -> list[list[Scalar]]:
-        column = {axis: position for position, axis in enumerate(self.structure.axes)}
-        result = [list(row) for row in fixed]
-        for index, (node, axis) in enumerate(self.free):
-            result[node][column[axis]] = self.symbols["coordinate"][index]
-        return result
 
     def _velocities(self) -> list[list[Scalar]]:
         column = {axis: position for position, axis in enumerate(self.structure.axes)}

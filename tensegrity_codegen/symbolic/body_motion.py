@@ -63,7 +63,13 @@ class BodyArguments:
         self.axial_stiffness = self._scalars("axial_stiffness")
         self.damping = self._scalars("damping")
         self.law_parameter = {name: self._scalars(name) for name in LAW_PARAMETERS}
-        self.node_load = self._loads()
+        result = [[ca.SX(float(value)) for value in row] for row in self.system.node_load]
+        if "node_load" in self.parameters:
+            # Columns are nodes, so that the bytes are those of a C-ordered (k, 3) array.
+            symbol = self._symbol("node_load", 3, len(self.parameters["node_load"]))
+            for position, index in enumerate(self.parameters["node_load"]):
+                result[index] = [symbol[row, position] for row in range(3)]
+        self.node_load = result
         self.gravity = self._gravity()
         self._add_inputs()
 
@@ -91,15 +97,6 @@ class BodyArguments:
             symbol = self._symbol(name, len(self.parameters[name]))
             for position, index in enumerate(self.parameters[name]):
                 result[index] = symbol[position]
-        return result
-
-    def _loads(self) -> list[list[Scalar]]:
-        result = [[ca.SX(float(value)) for value in row] for row in self.system.node_load]
-        if "node_load" in self.parameters:
-            # Columns are nodes, so that the bytes are those of a C-ordered (k, 3) array.
-            symbol = self._symbol("node_load", 3, len(self.parameters["node_load"]))
-            for position, index in enumerate(self.parameters["node_load"]):
-                result[index] = [symbol[row, position] for row in range(3)]
         return result
 
     def _gravity(self) -> list[Scalar]:

@@ -77,7 +77,7 @@ class BarContact:
 def build_bar_contact(a: Vector, b: Vector, c: Vector, d: Vector, radii: Scalar = 0.0) -> BarContact:
     """Return the contact of the bars a-b and c-d, points of 1 to 3 components [m]; radii: R1 + R2 [m]."""
     count = len(a)
-    a, b, c, d = (_in_space(point) for point in (a, b, c, d))
+    a, b, c, d = ([*point, *[ca.SX(0.0)] * (3 - len(point))] for point in (a, b, c, d))
     u, v, w = _minus(b, a), _minus(d, c), _minus(c, a)
     uu, vv = dot(u, u), dot(v, v)
     n = _cross(u, v)
@@ -274,10 +274,6 @@ def _over(x: Scalar, y: Scalar) -> Scalar:
     """Return x / y, and zero where y is zero or not a number."""
     usable = y > 0
     return ca.if_else(usable, x / ca.if_else(usable, y, 1), 0)
-
-
-def _in_space(point: Vector) -> Vector:
-    return [*point, *[ca.SX(0.0)] * (3 - len(point))]
 
 
 def _minus(x: Vector, y: Vector) -> Vector:

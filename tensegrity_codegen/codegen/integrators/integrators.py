@@ -316,10 +316,8 @@ def _context(
             "saddle": implicit_context(spec, manifest, functions),
             "batch_work_size": 0,
         }
-    kernel, keeps_constraints = (
-        functions["acceleration"].arguments,
-        all(name in functions for name in PROJECTION),
-    )
+    kernel = functions["acceleration"].arguments
+    keeps_constraints = all(name in functions for name in PROJECTION)
     return {
         "name": spec.name,
         "title": row.title[0].upper() + row.title[1:],

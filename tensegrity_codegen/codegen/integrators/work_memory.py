@@ -55,14 +55,12 @@ def _read_fields(path: Path, struct: str) -> tuple[tuple[tuple[str, str], tuple[
         elif word:
             match = FIELD.fullmatch(word)
             assert match is not None, f"{path.name}: {word}"
-            counts = tuple(_read_field(declarator.strip()) for declarator in match[2].split(","))
-            fields.append(((condition, match[1]), counts))
+            counts = []
+            for declarator in match[2].split(","):
+                length = re.search(r"\[(.*)\]", declarator)
+                counts.append((declarator.strip().startswith("*"), length[1] if length else "1"))
+            fields.append(((condition, match[1]), tuple(counts)))
     return tuple(fields)
-
-
-def _read_field(text: str) -> tuple[bool, str]:
-    length = re.search(r"\[(.*)\]", text)
-    return text.startswith("*"), length[1] if length else "1"
 
 
 def _evaluate(text: str, sizes: Mapping[str, int]) -> int:

@@ -14,6 +14,7 @@ from tensegrity_codegen.codegen.table.members.access import MemberAccess, OfFree
 from tensegrity_codegen.codegen.table.members.block_pattern import (
     AddBlocks,
     BlockPattern,
+    ColumnPattern,
     MassGroups,
     MemberColumns,
     StoreColumns,
@@ -37,7 +38,7 @@ def input_jacobian(model: TableModel) -> Recipe:
     """Return how dx'/du comes about: constant forces, then pulls by rest lengths, all over masses."""
     check_mass(model)
     name, count, groups = "input_jacobian", model.n_coordinates, find_groups(model)
-    columns = InputColumns(model, groups)
+    columns = InputColumns(model, groups=groups)
     shape = (2 * count, len(model.structure.inputs))
     stages: tuple[Stage, ...] = (
         FillPushes(name, columns),
@@ -58,14 +59,13 @@ def input_jacobian(model: TableModel) -> Recipe:
 
 
 @dataclass(frozen=True)
-class InputColumns:
-    """Pattern with the free coordinates that input k acts on in column k.
+class InputColumns(ColumnPattern):
+    """Pattern with the free coordinates that input k acts on in column k."""
 
-    groups: of coupled nodes whose rows are filled where a node is in one of them, for a product with H^-1.
-    """
-
-    model: TableModel
-    groups: MassGroups | None = None
+    @property
+    def n_columns(self) -> int:
+        """One column an input."""
+        return len(self.model.structure.inputs)
 
     @cached_property
     def pushed(self) -> tuple[IntArray, FloatArray]:
@@ -83,11 +83,6 @@ class InputColumns:
         )
 
     @cached_property
-    def flat_index(self) -> IntArray:
-        """(nnz,): input times n_coordinates plus row of each entry, column by column."""
-        return self.own_flat_index if self.groups is None else self.groups.expand(self.own_flat_index)
-
-    @cached_property
     def own_flat_index(self) -> IntArray:
         """(n,): the same of the components that inputs act on themselves."""
         member, number, _ = self.model.rest_inputs
@@ -95,21 +90,9 @@ class InputColumns:
         keys = (number[:, None] * self.model.n_coordinates + coordinate)[coordinate >= 0]
         return np.unique(np.concatenate([self.pushed[0], keys]))
 
-    @cached_property
-    def start(self) -> IntArray:
-        """(n_inputs + 1,): first entry of each column."""
-        count = len(self.model.structure.inputs)
-        return np.searchsorted(self.flat_index, np.arange(count + 1) * self.model.n_coordinates)
-
-    def at(self, row: IntArray, number: IntArray) -> IntArray:
-        """Return the entries at rows and columns."""
-        return np.searchsorted(self.flat_index, number * self.model.n_coordinates + row)
-
     def entry(self, coordinate: IntArray, number: IntArray) -> IntArray:
         """Return the entries at coordinates (n, ...) and inputs (n,), -1 where a coordinate is held."""
-        shaped = number.reshape(-1, *(1,) * (coordinate.ndim - 1))
-        entries = np.searchsorted(self.flat_index, shaped * self.model.n_coordinates + coordinate)
-        return np.where(coordinate >= 0, entries, -1)
+        return self.at(coordinate, number.reshape(-1, *(1,) * (coordinate.ndim - 1)))
 
 
 @dataclass(frozen=True)
@@ -186,8 +169,8 @@ class ClearBlocks:
         count, size = len(pattern.flat_index), range(pattern.model.n_axes)
         node = np.unique(pattern.model.ends[self.written])
         coordinates = coordinate[node, 0]
-        length = np.diff(pattern.column_start)[coordinates]
-        start = pattern.entry(coordinates, coordinates)
+        length = np.diff(pattern.start)[coordinates]
+        start = pattern.at(coordinates, coordinates)
         remaining = self._left(np.concatenate([start + r + c * length for c in size for r in size]))
         if 2 * len(remaining) > count:
             return loop("k", count, [f"{target}[k] = {zero};"])
@@ -213,7 +196,7 @@ class ClearBlocks:
         is_left[cleared] = False
         coordinate = pattern.model.coordinate
         for row, column in pattern.block_nodes(self.written)[1::2]:
-            is_left[pattern.entry(coordinate[row][:, None, :], coordinate[column][:, :, None])] = False
+            is_left[pattern.at(coordinate[row][:, None, :], coordinate[column][:, :, None])] = False
         return np.flatnonzero(is_left)
 
 
@@ -253,7 +236,7 @@ def _member_matrix(quantity: str, kernel: str, damped: bool = False) -> Callable
             (ClearBlocks(sink, tuple(loops)), *loops, _is_finite(quantity, pattern)),
             before=("@REAL@ size = @ZERO@;",),
             is_checked=True,
-            find_pattern=lambda: make_pattern((count, count), pattern.row, pattern.column_start),
+            find_pattern=lambda: make_pattern((count, count), pattern.row, pattern.start),
             is_empty=not loops,
         )
 
@@ -269,7 +252,7 @@ def _equilibrium_matrix(model: TableModel) -> Recipe:
 def _rest_length_jacobian(model: TableModel) -> Recipe:
     check_mass(model)
     name, count, groups = "rest_length_jacobian", model.n_coordinates, find_groups(model)
-    columns = MemberColumns(model, groups)
+    columns = MemberColumns(model, groups=groups)
     loops = member_loops(model, "rest_pull", StoreColumns(name, columns))
     shape = (2 * count, model.structure.n_members)
     stages: tuple[Stage, ...] = (*loops, ScaleRows(model, name, (0, shape[1])))
@@ -300,16 +283,16 @@ def _mass_matrix(model: TableModel) -> Recipe:
 def _state_jacobian(model: TableModel) -> Recipe:
     check_mass(model)
     name, count, groups = "state_jacobian", model.n_coordinates, find_groups(model)
-    stiff = BlockPattern(model, model.plan.member, groups)
-    damped = BlockPattern(model, _damped(model), groups)
+    stiff = BlockPattern(model, model.plan.member, groups=groups)
+    damped = BlockPattern(model, _damped(model), groups=groups)
     added, rates = AddBlocks(name, stiff), AddBlocks(name, damped, before=stiff)
     if groups is not None:
         check_entries(model, name, len(stiff.flat_index) + len(damped.flat_index))
 
     def pattern() -> Pattern:
-        identity = np.insert(damped.row + count, damped.column_start[:-1], np.arange(count))
-        late = len(stiff.flat_index) + damped.column_start + np.arange(count + 1)
-        start = np.concatenate([stiff.column_start[:-1], late])
+        identity = np.insert(damped.row + count, damped.start[:-1], np.arange(count))
+        late = len(stiff.flat_index) + damped.start + np.arange(count + 1)
+        start = np.concatenate([stiff.start[:-1], late])
         return make_pattern((2 * count, 2 * count), np.concatenate([stiff.row + count, identity]), start)
 
     one = f"{name}[{model.name}_{name}_column_start[{count} + k]] = @ONE@;"

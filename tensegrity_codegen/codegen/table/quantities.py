@@ -310,26 +310,18 @@ class ExternalWork:
         return loop("n", len(self.node), [*lines, f"{self.target} += {terms};"])
 
 
-def _member_builder(kernel: str, quantity: str, rows: int = 1) -> Callable[[TableModel], Recipe]:
-    """Return the builder of a quantity with one value for each member, or with one vector (rows = 0)."""
+def _member_builder(
+    kernel: str, quantity: str, record: MemberQuantity | None = None
+) -> Callable[[TableModel], Recipe]:
+    """Return the builder of a quantity of every member; its record checks the structure's values."""
 
     def build(model: TableModel) -> Recipe:
+        if record is not None:
+            check_values(record, model.structure)
         count = model.structure.n_members
-        return Recipe(
-            (count, 1) if rows == 1 else (model.n_axes, count),
-            tuple(member_loops(model, kernel, StoreForMembers(quantity))),
-        )
-
-    return build
-
-
-def _record_builder(record: MemberQuantity) -> Callable[[TableModel], Recipe]:
-    """Return the builder of a quantity of members from its record; it checks the structure's values."""
-
-    def build(model: TableModel) -> Recipe:
-        check_values(record, model.structure)
-        store_values = _member_builder(record.kernel, record.name, 0 if record.is_vector else 1)
-        return store_values(model)
+        is_vector = record is not None and record.is_vector
+        loops = member_loops(model, kernel, StoreForMembers(quantity))
+        return Recipe((model.n_axes, count) if is_vector else (count, 1), tuple(loops))
 
     return build
 
@@ -399,7 +391,7 @@ ENERGY_STAGES: Mapping[str, Callable[[TableModel], list[Stage]]] = {
 }
 
 BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
-    **{record.name: _record_builder(record) for record in MEMBER_QUANTITIES},
+    **{record.name: _member_builder(record.kernel, record.name, record) for record in MEMBER_QUANTITIES},
     "spring_tension": _member_builder("static_tension", "spring_tension"),
     **node_builders(),
     **contact_builders(),

@@ -149,7 +149,16 @@ def write_animation(
     """
     target = Path(path)
     suffix = check_suffix(target, FILM_SUFFIXES)
-    _check_speed(fps, slow_down, FASTEST[suffix])
+    fastest = FASTEST[suffix]
+    if not 0 < fps <= fastest:
+        raise InvalidValueError(
+            "fps is out of range", where="fps", given=fps, allowed=f"0 < fps <= {fastest:g}"
+        )
+    if not 0 < slow_down < np.inf:
+        raise InvalidValueError(
+            "slow_down is out of range", where="slow_down", given=slow_down, allowed="a finite number > 0",
+            hint="10 shows a simulated second in ten",
+        )  # fmt: skip
     # The coder of this kind of film wants even numbers
     if suffix == ".mp4" and choices.size is not None and any(side % 2 for side in choices.size):
         raise InvalidValueError(
@@ -205,18 +214,6 @@ def find_frames(time: FloatArray, fps: float, slow_down: float) -> IntArray:
         nearest = np.append(nearest, end)
     chosen: IntArray = nearest.astype(np.int64)
     return chosen
-
-
-def _check_speed(fps: float, slow_down: float, fastest: float) -> None:
-    if not 0 < fps <= fastest:
-        raise InvalidValueError(
-            "fps is out of range", where="fps", given=fps, allowed=f"0 < fps <= {fastest:g}"
-        )
-    if not 0 < slow_down < np.inf:
-        raise InvalidValueError(
-            "slow_down is out of range", where="slow_down", given=slow_down, allowed="a finite number > 0",
-            hint="10 shows a simulated second in ten",
-        )  # fmt: skip
 
 
 class _Stage:

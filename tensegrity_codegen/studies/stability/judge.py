@@ -56,7 +56,7 @@ def tension_tolerance(
 
 
 def _of_nodes(structure: Structure, values: FloatArray, fill: FloatArray | float = 0.0) -> FloatArray:
-    """Return values (n_t, n_coordinates) as (n_t, n_nodes, 3), those of anchored axes as in `others`."""
+    """Return values (n_t, n_coordinates) as (n_t, n_nodes, 3), those of anchored axes as in `fill`."""
     node, axis = structure.coordinate_node_axis.T
     nodes = np.zeros((len(values), structure.n_nodes, 3))
     nodes += fill

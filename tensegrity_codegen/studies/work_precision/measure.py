@@ -312,7 +312,7 @@ def is_clearly_slower(row: Row, rows: Sequence[Row]) -> bool:
 def find_fastest(
     rows: Sequence[Row], max_error: float, group: str, replaces_bars: bool | None = None
 ) -> Row | None:
-    """Return the fastest row of a group with an error of at most `wanted` [m]; of all equations if None."""
+    """Return the fastest row of a group of at most `max_error` [m]; of all equations if None."""
     good = [row for row in rows if row.group == group and row.is_good and row.error <= max_error]
     good = [row for row in good if replaces_bars in (None, row.replaces_bars)]
     return min(good, key=lambda row: row.seconds, default=None)

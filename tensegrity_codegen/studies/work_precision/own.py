@@ -19,6 +19,7 @@ from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Row, Run, Unavailable
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import TensegrityError
@@ -88,9 +89,7 @@ def _make_simulate(problem: MotionProblem, flags: str, compiler: str | None) -> 
         trajectory = simulate(
             model, problem.t_end, samples=problem.sample_time, rtol=setting, stepping=stepping
         )
-        drift = None if trajectory.energy_drift is None else float(np.ptp(trajectory.total_energy))
-        counts = (trajectory.n_steps, trajectory.n_evaluations)
-        return partial(Run, trajectory.node_position, trajectory.status, trajectory.message, *counts, drift)
+        return partial(_look, trajectory)
 
     return Contender("simulate, auto", "own", title, AUTO, "tolerance", TOLERANCES, run)
 
@@ -135,24 +134,18 @@ def _make(problem: MotionProblem, title: str, method: str, flags: str, compiler:
         if fixed:
             options = RunOptions(method, step=setting * problem.t_end)
         raw = integrate_once(Motion(model, state, problem.sample_time), options)
-        return lambda: _look(model, raw)
+        return lambda: _look(evaluate_trajectory(model, raw, {}))
 
     settings = STEPS if fixed else IMPLICIT_TOLERANCES if method in IMPLICIT else TOLERANCES
     kind = "step" if fixed else "tolerance"
     return Contender(f"{title}, {method}", "own", title, method, kind, settings, run)
 
 
-def _look(model: CompiledModel, raw: RawTrajectory) -> Run:
+def _look(trajectory: Trajectory) -> Run:
     """Return a run with the status that a simulation gives it, which looks at the energy too."""
-    trajectory = evaluate_trajectory(model, raw, {})
-    return Run(
-        node_position=trajectory.node_position,
-        status=trajectory.status,
-        message=trajectory.message,
-        n_steps=raw.n_steps,
-        n_evaluations=raw.n_evaluations,
-        energy_drift=None if trajectory.energy_drift is None else float(np.ptp(trajectory.total_energy)),
-    )
+    drift = None if trajectory.energy_drift is None else float(np.ptp(trajectory.total_energy))
+    counts = (trajectory.n_steps, trajectory.n_evaluations)
+    return Run(trajectory.node_position, trajectory.status, trajectory.message, *counts, drift)
 
 
 def describe_simulation(row: Row, t_end: float, flags: str) -> str:

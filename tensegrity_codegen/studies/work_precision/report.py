@@ -79,7 +79,7 @@ def build_page(reports: Sequence[SceneReport]) -> Page:
 
 
 def say_recommendation(max_error: float, row: Row | None, t_end: float) -> str:
-    """Return one plain sentence: what to use for an error of `wanted` [m]."""
+    """Return one plain sentence: what to use for an error of `max_error` [m]."""
     if row is None:
         return f"for {max_error:.0e} m: no method reaches it"
     name = "step" if row.kind == "step" else "rtol"

@@ -305,7 +305,7 @@ class Comparison:
 
 
 def compare_scene(report: SceneReport, max_error: float = HEADLINE_ERROR) -> Comparison:
-    """Return the comparison at the error next to `wanted` [m] that both reach, or else our methods alone."""
+    """Return the comparison at the error next to `max_error` [m] that both reach, or else ours alone."""
     recommendations = report.recommendations
     nearest = sorted(recommendations, key=lambda error: abs(math.log(error / max_error)))
     reached = [error for error in nearest if recommendations[error] is not None]

@@ -43,19 +43,6 @@ def build_node_distance(structure: Structure, request: ModelRequest) -> Symbolic
     Options: pairs "connected" or "full"; order "uvec321" or "uvec123"; basis "cycles" or "orthonormal".
     """
     check_no_rigid_bar(structure, "node_distance")
-    _check_anchors_stay(structure, request)
-    options = complete_options("node_distance", request.options)
-    expressions = _NodeDistance(structure, SymbolicArguments(structure, request.parameters), options)
-    return SymbolicModel(
-        "node_distance",
-        structure,
-        expressions.frame(),
-        expressions.ordered_arguments(),
-        expressions.builders(),
-    )
-
-
-def _check_anchors_stay(structure: Structure, request: ModelRequest) -> None:
     if "anchor_position" in request.parameters:
         raise FormulationError(
             "formulation 'node_distance' has no anchor positions at run time: where the anchors are is part "
@@ -65,6 +52,15 @@ def _check_anchors_stay(structure: Structure, request: ModelRequest) -> None:
             allowed="any other run-time parameter",
             hint='formulation = "node_position", or other coordinates at the start of a simulation',
         ).unless_chosen_otherwise()
+    options = complete_options("node_distance", request.options)
+    expressions = _NodeDistance(structure, SymbolicArguments(structure, request.parameters), options)
+    return SymbolicModel(
+        "node_distance",
+        structure,
+        expressions.frame(),
+        expressions.ordered_arguments(),
+        expressions.builders(),
+    )
 
 
 class _NodeDistance:

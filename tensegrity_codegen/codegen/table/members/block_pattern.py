@@ -5,8 +5,9 @@ accelerates both. Nodes joined by such bars form groups, whose rows H^-1 couples
 are pairs.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
@@ -139,28 +140,66 @@ def unique_sorted(values: IntArray) -> IntArray:
 
 
 @dataclass(frozen=True)
-class BlockPattern:
-    """Pattern of a sum of [S -S; -S S] over members: every free row and column of both nodes, no holes.
+class ColumnPattern(ABC):
+    """Entries of a sparse matrix whose rows are free coordinates, column by column, rising.
 
-    member: members whose blocks are added.
-    groups: coordinates that the mass matrix couples; where a block has one of its rows, all of its rows
-        are entries, for a product with H^-1.
-    Blocks are numbered (i, i), (j, i), (j, j), (i, j), as rows and columns of the nodes: the order in which
-    the ends of a member add them.
+    groups: of coupled nodes; where a column has one of their rows, all of them are entries, for a product
+    with H^-1.
     """
 
     model: TableModel
-    member: IntArray
-    groups: MassGroups | None = None
+    groups: MassGroups | None = field(default=None, kw_only=True)
+
+    @property
+    @abstractmethod
+    def n_columns(self) -> int:
+        """Number of columns."""
+
+    @property
+    @abstractmethod
+    def own_flat_index(self) -> IntArray:
+        """(n,): column times n_coordinates plus row of each entry that no group adds, rising."""
 
     @cached_property
     def flat_index(self) -> IntArray:
-        """(nnz,): place of each entry in the dense matrix, column times n_coordinates plus row, rising."""
+        """(nnz,): the same of all entries."""
         return self.own_flat_index if self.groups is None else self.groups.expand(self.own_flat_index)
 
     @cached_property
+    def row(self) -> IntArray:
+        """(nnz,): row of each entry."""
+        return self.flat_index % max(self.model.n_coordinates, 1)
+
+    @cached_property
+    def start(self) -> IntArray:
+        """(n_columns + 1,): first entry of each column."""
+        return np.searchsorted(self.flat_index, np.arange(self.n_columns + 1) * self.model.n_coordinates)
+
+    def at(self, row: IntArray, column: IntArray) -> IntArray:
+        """Return the entries at rows and columns, -1 where either is -1."""
+        row, column = np.broadcast_arrays(row, column)
+        entries = np.searchsorted(self.flat_index, column * self.model.n_coordinates + row)
+        return np.where((row >= 0) & (column >= 0), entries, -1)
+
+
+@dataclass(frozen=True)
+class BlockPattern(ColumnPattern):
+    """Pattern of a sum of [S -S; -S S] over members: every free row and column of both nodes, no holes.
+
+    member: members whose blocks are added. Blocks are numbered (i, i), (j, i), (j, j), (i, j), as rows and
+    columns of the nodes: the order in which the ends of a member add them.
+    """
+
+    member: IntArray
+
+    @property
+    def n_columns(self) -> int:
+        """One column a free coordinate."""
+        return self.model.n_coordinates
+
+    @cached_property
     def own_flat_index(self) -> IntArray:
-        """(n,): the same of the entries of blocks of members alone, without those that groups add."""
+        """(n,): see ColumnPattern; of the entries of blocks of members alone."""
         ends = self.model.ends[self.member]
         count = self.model.structure.n_nodes
         nodes = np.concatenate([ends[:, c] * count + ends[:, r] for c in (0, 1) for r in (0, 1)])
@@ -179,23 +218,6 @@ class BlockPattern:
         is_first = np.zeros(len(self.model.ends), dtype=bool)
         is_first[self.member[np.unique(pair, return_index=True)[1]]] = True
         return is_first
-
-    @cached_property
-    def row(self) -> IntArray:
-        """(nnz,): row of each entry."""
-        return self.flat_index % max(self.model.n_coordinates, 1)
-
-    @cached_property
-    def column_start(self) -> IntArray:
-        """(n_coordinates + 1,): first entry of each column."""
-        count = self.model.n_coordinates
-        return np.searchsorted(self.flat_index, np.arange(count + 1) * count)
-
-    def entry(self, row: IntArray, column: IntArray) -> IntArray:
-        """Return the entries at rows and columns, -1 where either is -1."""
-        row, column = np.broadcast_arrays(row, column)
-        entries = np.searchsorted(self.flat_index, column * self.model.n_coordinates + row)
-        return np.where((row >= 0) & (column >= 0), entries, -1)
 
     def block_nodes(self, member: IntArray) -> list[tuple[IntArray, IntArray]]:
         """Return row node and column node of the four blocks of some members."""
@@ -248,7 +270,7 @@ class AddBlocks(OfFreeMembers):
 
     def entry(self, row: IntArray, column: IntArray) -> IntArray:
         """Return the entry of `target` at rows and columns of coordinates, -1 where there is none."""
-        entry = self.pattern.entry(row, column)
+        entry = self.pattern.at(row, column)
         if self.before is None:
             return entry
         return np.where(entry >= 0, entry + len(self.before.flat_index) + column + 1, -1)
@@ -267,7 +289,7 @@ class AddBlocks(OfFreeMembers):
             )
             for block, (row, column) in enumerate(pattern.block_nodes(access.member))
         ]
-        length = np.diff(pattern.column_start) + (self.before is not None)
+        length = np.diff(pattern.start) + (self.before is not None)
         columns = [coordinate[pattern.model.ends[access.member, end], 0] for end in (0, 1)]
         lengths = [
             writer.index_at(f"{name}_length{end}", length[column], counter)
@@ -337,16 +359,18 @@ def store_recipe(shape: tuple[int, int], loops: Sequence[Stage], entries: Sparse
 
 
 @dataclass(frozen=True)
-class MemberColumns:
+class MemberColumns(ColumnPattern):
     """Pattern with the free coordinates of both nodes of member e in column e.
 
-    groups: of coupled nodes whose rows are filled where a node is in one of them, for a product with H^-1;
     is_elastic: whether columns of members without stiffness are empty.
     """
 
-    model: TableModel
-    groups: MassGroups | None = None
     is_elastic: bool = False
+
+    @property
+    def n_columns(self) -> int:
+        """One column a member."""
+        return self.model.structure.n_members
 
     @cached_property
     def _coordinate(self) -> IntArray:
@@ -360,28 +384,6 @@ class MemberColumns:
         """(n,): member times n_coordinates plus row of each free coordinate of its nodes, rising."""
         key = np.arange(len(self._coordinate))[:, None] * self.model.n_coordinates + self._coordinate
         return np.sort(key[self._coordinate >= 0])
-
-    @cached_property
-    def flat_index(self) -> IntArray:
-        """(nnz,): the same of all entries."""
-        return self.own_flat_index if self.groups is None else self.groups.expand(self.own_flat_index)
-
-    @cached_property
-    def row(self) -> IntArray:
-        """(nnz,): row of each entry."""
-        return self.flat_index % max(self.model.n_coordinates, 1)
-
-    @cached_property
-    def start(self) -> IntArray:
-        """(n_members + 1,): first entry of each column."""
-        return np.searchsorted(
-            self.flat_index, np.arange(len(self._coordinate) + 1) * self.model.n_coordinates
-        )
-
-    def at(self, row: IntArray, member: IntArray) -> IntArray:
-        """Return the entries at rows and columns, -1 where the row is -1."""
-        entries = np.searchsorted(self.flat_index, member * self.model.n_coordinates + row)
-        return np.where(row >= 0, entries, -1)
 
     def entry(self, member: IntArray) -> IntArray:
         """Return (n, 2, n_axes): entry of each component of both ends of some members, -1 if it is held."""

@@ -62,10 +62,6 @@ class ExternalForce:
             pushed[node] += np.abs(direction)
         return pushed
 
-    @property
-    def _has_weight(self) -> bool:
-        return bool(self.model.gravity.any() and self.model.weight_mass.any())
-
     @cached_property
     def constant(self) -> FloatArray:
         """(n_nodes, n_axes): load plus weight with the scene's own values [N]."""
@@ -104,7 +100,8 @@ class ExternalForce:
         model, used, axes = self.model, self.arguments, range(self.model.n_axes)
         names = [name for name in ("input", "node_mass", "node_load", "gravity") if name in used]
         bar_mass, mass = model.inertia.weight_share, None
-        if self._has_weight or {"gravity", "node_mass"} & used:
+        has_weight = model.gravity.any() and model.weight_mass.any()
+        if has_weight or {"gravity", "node_mass"} & used:
             mass = mass_text(writer, "node", bar_mass, "weight", "node_mass" in used)
         gravity = [f"gravity[{k}]" if "gravity" in used else writer.number(model.gravity[k]) for k in axes]
         symbol = writer.helper(
