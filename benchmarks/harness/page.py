@@ -35,8 +35,7 @@ from tensegrity_codegen.report.pages.diagram import (
 from tensegrity_codegen.report.pages.page import Block, Chapter, Command, Figure, Page, Section
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table
 from tensegrity_codegen.report.pages.picture import draw_picture
-from tensegrity_codegen.report.pictures.canvas import new_figure
-from tensegrity_codegen.report.pictures.palette import INK
+from tensegrity_codegen.report.pictures.canvas import INK, new_figure
 from tensegrity_codegen.system.provenance import describe_provenance
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from harness.tables import (
     summary_sections,
 )
 from tensegrity_codegen.report.pages.page import render_page
-from tensegrity_codegen.report.pictures.palette import PAPER
+from tensegrity_codegen.report.pictures.canvas import PAPER
 
 Cells = Sequence[Sequence[str]]
 DPI = 120

@@ -1,7 +1,7 @@
 """The analysis `equilibrium`: the stable equilibrium of a scene or of many cases, and what is said of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from tensegrity_codegen.analyses.cases.record import (
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
     from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-    from tensegrity_codegen.scene.schema.schema import Scene
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.manifest import Manifest
     from tensegrity_codegen.tables.request import ModelRequest
@@ -70,11 +69,6 @@ SNAP_RESULTS = {
     ),
     "limit_load_factor": ("float64", "1", "Part of the loads up to which the path is stable; NAN: all."),
     "limit_prestress_factor": ("float64", "1", "The same of the prestress; NAN: all."),
-    "limit_added_load_factor": (
-        "float64",
-        "1",
-        "The same of loads on nodes in addition to those of the scene; NAN: all.",
-    ),
 }
 RESULTS |= SNAP_RESULTS
 NOT_CHECKED = "whether cases snapped is not checked: keep snapped (ten times as long as the search)"
@@ -110,15 +104,6 @@ class FindEquilibrium(CaseAnalysis):
     frictionless: Annotated[
         bool, Option("on the ground: without friction, whatever the scene says.", in_sweep=False)
     ] = False
-    # Loads of the unchanged scene (n_nodes, n_axes) [N]; None: those of the library.
-    scene_load: Any = field(default=None, compare=False)
-
-    def prepared(self, scene: "str | Path | Mapping[str, Any] | Scene") -> "FindEquilibrium":
-        """Return the operation with the loads of the unchanged scene, where it looks for snapping."""
-        from tensegrity_codegen.pipeline.compile_scene import load_scene
-
-        subject = load_scene(scene)[0] if self._keeps_snap else None
-        return self if subject is None else replace(self, scene_load=subject.node_load[:, list(subject.axes)])
 
     def needs(self, structure: "Subject", request: "ModelRequest") -> "Needs":
         """Return what the search needs, and the quantities that are kept."""
@@ -168,7 +153,7 @@ class FindEquilibrium(CaseAnalysis):
         outcomes.mark_ok(equilibria.status, equilibria.message)
         snap: Mapping[str, Any] = {}
         if self._keeps_snap:
-            snap = _judge_snaps(model, equilibria, case_arguments, self.scene_load, outcomes)
+            snap = _judge_snaps(model, equilibria, case_arguments, outcomes)
         bound = _bind_quantities(self._parse_keep(), model.manifest)
         names = dict.fromkeys(name for item in bound.values() for name in item.names)
         values = _compute_quantities(model, equilibria, case_arguments, tuple(names), threads)
@@ -358,7 +343,6 @@ def _judge_snaps(
     model: "CompiledModel",
     equilibria: "Equilibria",
     case_arguments: "CaseArguments",
-    scene_load: Any,
     outcomes: "Outcomes",
 ) -> "dict[str, NDArray[Any]]":
     """Return SNAP_RESULTS of every case, the start of which is its given shape, and note the reasons."""
@@ -367,17 +351,13 @@ def _judge_snaps(
     from tensegrity_codegen.runtime.paths.find_equilibrium import judge_snap
 
     found = {name: np.full(case_arguments.count, np.nan) for name in SNAP_RESULTS}
-    loaded = [item.over for item in model.manifest.arguments if item.name == "node_load"]
-    base = None
-    if scene_load is not None and loaded and len(scene_load) == len(model.manifest.node_name):
-        base = scene_load[[model.manifest.node_name.index(name) for name in loaded[0]]]
     for k in np.flatnonzero(equilibria.is_found).tolist():
         own = {**case_arguments.shared, **{name: array[k] for name, array in case_arguments.rows.items()}}
         own.pop("velocity", None)
         start = own.pop(COORDINATE, None)
         settled = own if equilibria.internal is None else own | {"internal": equilibria.internal[k]}
         alone = _record_found(model, equilibria.coordinate[k], settled, equilibria.status[k])
-        snap = judge_snap(model, alone, coordinate=start, arguments=own, base=base)
+        snap = judge_snap(model, alone, coordinate=start, arguments=own, base=own.get("node_load"))
         outcomes.messages[k] = "; ".join(filter(None, [outcomes.messages[k], *snap.describe()]))
         for name, array in found.items():
             value = getattr(snap, name)

@@ -314,7 +314,7 @@ def add_forming(scene: LiveScene, form: Form, density: Mapping[str, float]) -> L
             where=structure.name,
             given=f"none of {count_names([structure.member_name[e] for e in np.flatnonzero(group < 0)])}",
             allowed="a force density of each member",
-            hint="--density cables=100; shapes of stated forces and lengths are written as scenes (.toml)",
+            hint="`density` cables=100; shapes of stated forces and lengths are written as scenes (.toml)",
         )
     # Groups of members with one force density each, and arrays for the linear equations.
     forming = {

@@ -16,9 +16,9 @@ from tensegrity_codegen.analyses.cases.record import Result
 from tensegrity_codegen.analyses.cases.scene_case import SceneCase
 from tensegrity_codegen.analyses.equilibrium import EquilibriumResult
 from tensegrity_codegen.analyses.linearize import LinearResult
+from tensegrity_codegen.analyses.plan import PlanAnswer
 from tensegrity_codegen.analyses.sensitivity import FindSensitivity, SensitivityResult
 from tensegrity_codegen.cli.output import MOST_WARNINGS, Output
-from tensegrity_codegen.cli.verbs import plan
 from tensegrity_codegen.control.pages import control_studies
 from tensegrity_codegen.report.long_table import LongTable
 from tensegrity_codegen.report.result_tables import events_table
@@ -156,7 +156,8 @@ def report_plan(output: Output, net: Structure) -> None:
         np.stack([net.node_position, found.node_position]), np.stack([found.member_tension] * 2),
         np.zeros((2, 0)), np.ones(2), np.zeros(2), np.zeros((2, 1)), ((), ()),
     )  # fmt: skip
-    plan._report(output, net, made, {"motion": None})
+    answer = PlanAnswer(SceneCase(net, ModelRequest(())), made, None)
+    output.result(answer.as_dict(), *answer.describe())
 
 
 def report_infeasible_plan(output: Output, net: Structure) -> None:
@@ -168,7 +169,8 @@ def report_infeasible_plan(output: Output, net: Structure) -> None:
         empty, empty, net.node_name, net.member_name, (), ~net.is_bar, net.node_position[None],
         np.zeros((1, n)), empty, np.ones(1), np.zeros(1), np.zeros((1, 1)), ((),), certificate=proof,
     )  # fmt: skip
-    plan._report(output, net, made, {"motion": None})
+    answer = PlanAnswer(SceneCase(net, ModelRequest(())), made, None)
+    output.result(answer.as_dict(), *answer.describe())
 
 
 def report_control(output: Output, net: Structure) -> None:

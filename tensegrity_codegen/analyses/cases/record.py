@@ -110,6 +110,7 @@ class Option:
     help: what it is, in the command line, the sweep and the documents.
     flag: of an option without a value: its name in a sweep, and the value of the field that it stands for.
     word: its name on the command line and in sweeps, where it is not that of the field.
+    parameter: its name in messages of the library, where it is not that of the field.
     least: smallest value of a whole number.
     in_verb, in_sweep: whether the verb of the analysis, and the sweep, have it.
     verb_default: default in the verb, where it is another than in sweeps; `...`: it must be stated.
@@ -119,6 +120,7 @@ class Option:
     help: str
     flag: tuple[str, Any] | None = None
     word: str = ""
+    parameter: str = ""
     least: int | None = None
     in_verb: bool = True
     in_sweep: bool = True
@@ -131,11 +133,6 @@ class Option:
     def argument(self) -> str:
         """Its argument of the command line: its own name, that of its flag, or its word."""
         return self.flag[0] if self.flag else self.word or self.name
-
-    @property
-    def parameter(self) -> str:
-        """Its name as an argument of the verb."""
-        return self.word or self.name
 
     @property
     def kind(self) -> type:
@@ -245,7 +242,15 @@ class AnalysisRecord(ABC):
             stated = [part for part in get_args(hints[item.name]) if isinstance(part, Option)]
             if stated:
                 type_ = get_args(hints[item.name])[0]
-                options.append(replace(stated[0], name=item.name, type=type_, default=item.default))
+                options.append(
+                    replace(
+                        stated[0],
+                        parameter=stated[0].parameter or item.name,
+                        name=item.name,
+                        type=type_,
+                        default=item.default,
+                    )
+                )
         return tuple(options)
 
 

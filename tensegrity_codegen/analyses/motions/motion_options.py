@@ -47,7 +47,12 @@ class MotionAnalysis(CaseAnalysis, ABC):
     ] = None
     conserve: Annotated[
         str,
-        Option("what stays constant: energy, for long undamped motions.", word="keep", in_sweep=False),
+        Option(
+            "what stays constant: energy, for long undamped motions.",
+            word="keep",
+            parameter="keep",
+            in_sweep=False,
+        ),
     ] = ""
     settle: Annotated[bool, Option("start from the equilibrium.", in_sweep=False)] = False
     ground_check: Annotated[

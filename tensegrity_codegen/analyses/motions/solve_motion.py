@@ -9,7 +9,6 @@ import numpy as np
 from tensegrity_codegen.analyses.motions.motion_answer import BatchAnswer, MotionAnswer
 from tensegrity_codegen.analyses.motions.motion_options import MotionAnalysis
 from tensegrity_codegen.analyses.motions.schedule import read_schedule
-from tensegrity_codegen.codegen.integrators.events import choose_events
 from tensegrity_codegen.pipeline.analyses import balance_energy, find_needs
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, BuiltLibrary
 from tensegrity_codegen.pipeline.settle import has_statics, settle_structure
@@ -173,6 +172,8 @@ def _keeping(analysis: MotionAnalysis, request: ModelRequest) -> ModelRequest:
 
 def request_event(structure: Subject, request: ModelRequest, kind: str, condition: str = "") -> ModelRequest:
     """Return the request with integrators that watch a kind of event, and the quantities of a condition."""
+    from tensegrity_codegen.codegen.integrators.events import choose_events  # imports CasADi
+
     events = choose_events(request, structure) if request.events is None else request.events
     quantities = find_quantities(condition) if condition else ()
     return replace(
