@@ -72,7 +72,8 @@ def form(
 ) -> None:
     """Find a shape in which the forces balance, from force densities, forces and lengths of members.
 
-    Bars keep their lengths unless something else is stated. Loads, weights, anchors and stiffnesses are
+    Bars keep their lengths unless something else is stated; beside cables of stated lengths, --density
+    bars=-100 finds how long bars that push must be. Loads, weights, anchors and stiffnesses are
     those of the scene; its rest lengths are not used. Exit code 3 where there is no such shape, where it is
     not determined, or where the structure would leave it. With targets, ranges or --least-load-path the
     densities are where a search over all of them begins.

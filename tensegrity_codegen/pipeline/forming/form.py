@@ -34,6 +34,8 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 OF = "values by member, group, class or kind"
 NO_LENGTH = 1e-12  # of the structure's size: rest length of springs with forces in proportion to lengths
+LONG = 1e3  # of the structure's size: rest length of springs that push with nearly the same force everywhere
+FARTHEST = 100.0  # of the structure's size: a member that pushes and is longer is held by nothing
 TOLERANCE = 1e-12  # of equilibria
 MOST_SHAPES, UNMOVED = 200, 1e-11  # shapes that forces take, and motion over the size at which they end
 
@@ -91,7 +93,9 @@ def form(
     -----
     Without stated lengths the shape follows from linear equations (Schek 1974), with stated forces from
     Newton's method. Lengths are kept by rigid bars, between springs whose force is in proportion to their
-    length; the shape is a minimum of the energy of these, found as `find_equilibrium` does. Positive force
+    length; the shape is a minimum of the energy of these, found as `find_equilibrium` does. Where all cables
+    have a length, bars of a negative density take the largest ``sum |q| l^2``: the longest struts, as in the
+    nonlinear programs of Pellegrino (Tibert and Pellegrino 2003). Positive force
     densities between anchors are stable whatever the stiffnesses are; all else is judged by the equilibrium
     with the stiffnesses of the scene.
 
@@ -152,22 +156,27 @@ def _find_shape(
         shape = find_density_shape(structure, density, force)
         return shape.node_position, shape.force_density
     kept, is_force = np.isfinite(length), np.isfinite(force)
-    if (np.where(is_force, force, density)[~kept] < 0).any():
-        names = [structure.member_name[e] for e in np.flatnonzero(np.fmin(density, force) < 0)]
-        raise InvalidValueError(
-            "members that push, beside members of a stated length",
-            where=structure.name,
-            given=count_names(names),
-            allowed="lengths of members that push, or force densities of all members",
-            hint="state their lengths",
-        )
     size = float(np.ptp(structure.node_position, axis=0).max())
-    own = structure.member_length()
-    q = np.where(kept, 0.0, np.where(is_force, force / own, density))
+    pushes = ~kept & (np.where(is_force, force, density) < 0.0)
+    rest = np.where(kept, length, np.where(pushes, LONG, NO_LENGTH) * size)
+
+    def find_constants(own: FloatArray) -> FloatArray:
+        far = np.flatnonzero(pushes & (own > FARTHEST * size))
+        if far.size:
+            names = count_names([structure.member_name[e] for e in far])
+            raise ConvergenceError(
+                "nothing holds members that push: they grow without end",
+                evidence={"members": names},
+                where=structure.name,
+                hint="state lengths of the cables around them",
+            )
+        return np.where(kept, 0.0, np.where(is_force, force, density * own) / np.where(kept, 1.0, own - rest))
+
+    q = find_constants(structure.member_length())
     springs = structure.with_changes(
         is_bar=kept,
         tension_only=np.zeros(structure.n_members, dtype=bool),
-        rest_length=np.where(kept, length, NO_LENGTH * size),
+        rest_length=rest,
         spring_constant=q,
         axial_stiffness=np.zeros(structure.n_members),
         damping=np.zeros(structure.n_members),
@@ -192,9 +201,9 @@ def _find_shape(
 
     found = settle(None)
     for _ in range(MOST_SHAPES):
-        if not is_force.any():
+        if not (is_force | pushes).any():
             break
-        q = np.where(is_force, force / found.member_length, q)
+        q = find_constants(found.member_length)
         again = settle(found.coordinate)
         motion = float(np.abs(again.node_position - found.node_position).max())
         found = again

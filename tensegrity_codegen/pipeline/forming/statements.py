@@ -47,7 +47,8 @@ def read_statements(
             where=structure.name,
             given=count_names(names),
             allowed="a force density, force or length of each cable",
-            hint='density={"cables": 100} [N/m]',
+            hint='density={"cables": 100} [N/m]; a prestress that keeps the stated positions is found by '
+            "`analyse SCENE --prestress 100 --scene-out FILE`",
         )
     values[2, bare] = structure.member_length()[bare]
     return values[0], values[1], values[2]

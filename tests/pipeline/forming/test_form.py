@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.pipeline.forming.force_density import static_load
@@ -20,6 +21,7 @@ from tensegrity_codegen.system.errors import (
     InvalidValueError,
     UnknownNameError,
 )
+from tests.cases import thorough
 
 
 def arch() -> dict[str, Any]:
@@ -113,6 +115,67 @@ def test_prisms_of_bars_with_a_length_twist_as_they_must(n: int) -> None:
     np.testing.assert_allclose(found.member_length[bars], load_scene(prism(n))[0].member_length()[bars])
 
 
+@pytest.mark.parametrize("stated", [{"density": {"bars": -100.0}}, {"force": {"bars": -100.0}}])
+def test_struts_between_cables_of_a_length_are_as_long_as_these_allow(stated: dict[str, Any]) -> None:
+    """A prism with nine cables of 1 m has struts of sqrt(1 + 2 / sqrt(3)) m (Tibert and Pellegrino 2003)."""
+    found = form(prism(3), length={"cables": 1.0}, **stated)
+    bars = found.structure.is_bar
+    np.testing.assert_allclose(found.member_length[bars], np.sqrt(1.0 + 2.0 / np.sqrt(3.0)), rtol=1e-9)
+    pushed = found.force_density if "density" in stated else found.member_tension
+    np.testing.assert_allclose(pushed[bars], -100.0, rtol=1e-9)
+    assert found.status == "stable"
+    check_balance(found)
+
+
+def truncated(group: str, face: float, edge: list[float], strut: list[float]) -> dict[str, Any]:
+    """A truncated polyhedron whose rotations take one node to all others: cables along edges, and struts.
+
+    face: angle of its cut corners, about (1, 1, 1) or z; edge, strut: axes of the half turns of their ends.
+    """
+    corner = [0.0, 0.0, 1.0] if face == 90.0 else [1.0, 1.0, 1.0]
+    turns = [
+        Rotation.from_rotvec(np.radians(angle) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
+        for angle, axis in ((face, corner), (180.0, edge), (180.0, strut))
+    ]
+    rotations = Rotation.create_group(group).as_matrix()
+    first = np.array([0.1, 0.9, 1.3])
+    places = rotations @ first
+    members: dict[str, Any] = {}
+    for kind, turn in zip(("rope", "rope", "rod"), turns, strict=True):
+        for k, rotation in enumerate(rotations):
+            other = int(np.linalg.norm(places - rotation @ turn @ first, axis=1).argmin())
+            i, j = sorted((k, other))
+            members[f"{kind}{i}_{j}"] = {"nodes": [f"n{i}", f"n{j}"], "class": kind}
+    classes = {
+        "rope": {"kind": "cable", "axial_stiffness": 1e4},
+        "rod": {"kind": "bar", "axial_stiffness": 1e7},
+    }
+    nodes = {f"n{k}": {"position": place.tolist()} for k, place in enumerate(places)}
+    return {"name": "truncated", "nodes": nodes, "classes": classes, "members": members}
+
+
+@pytest.mark.parametrize(
+    ("shape", "length"),
+    [
+        (("T", 120.0, [0, 0, 1], [1, 0, 0]), 2.2506704),
+        *thorough(
+            (("O", 90.0, [1, 0, 1], [0, 1, 1]), 2.5521662),
+            (("O", 120.0, [1, 1, 0], [1, 0, 1]), 2.6659413),
+        ),
+    ],
+)
+def test_struts_of_truncated_polyhedra(shape: Any, length: float) -> None:
+    """Tetrahedron, octahedron and cube with cables of 1 m, as maximised over one node by their symmetry."""
+    found = form(truncated(*shape), length={"rope": 1.0}, density={"rod": -1.0})
+    np.testing.assert_allclose(found.member_length[found.structure.is_bar], length, atol=6e-8)
+    assert found.status == "stable"
+
+
+def test_bars_that_push_and_that_nothing_holds_are_named() -> None:
+    with pytest.raises(ConvergenceError, match="grow without end"):
+        form(prism(3), length={"ring": 1.0}, density={"bars": -1.0, "vertical": 0.1})
+
+
 def test_a_net_has_the_forces_that_are_stated() -> None:
     found = form(net(), force={"cables": 20.0})
     np.testing.assert_allclose(found.member_tension, 20.0)
@@ -150,7 +213,7 @@ def test_weights_of_bars_and_nodes_count() -> None:
 @pytest.mark.parametrize(
     ("stated", "error", "word"),
     [
-        ({}, InvalidValueError, "nothing is stated"),
+        ({}, InvalidValueError, "analyse SCENE --prestress 100 --scene-out FILE"),
         ({"density": {"cables": -1.0}}, InvalidValueError, "above 0"),
         ({"density": {"cables": float("nan")}}, InvalidValueError, "nan"),
         ({"force": {"cables": 0.0}}, InvalidValueError, "not a force"),
