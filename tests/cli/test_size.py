@@ -55,6 +55,18 @@ def test_a_member_comes_before_all(run: Run, scene: Path) -> None:
     assert data["members"]["b1"]["mass"] == pytest.approx(2.0917785)
 
 
+def test_a_catalogue_a_prestress_and_factors_are_stated(run: Run, scene: Path) -> None:
+    words = ("press:loads=0", "press:weight=1.2", "press:across=1e4")
+    cases = [*PRESS, *(word for text in words for word in ("--case", text))]
+    data = run.good("size", scene, *MATERIAL, *cases, "--sections", "1e-4,6e-4", "--json").data
+    assert data["members"]["b1"]["area"] == 6e-4
+    assert data["members"]["across"]["area"] == 1e-4
+    assert data["members"]["across"]["tension"]["press"] == pytest.approx(1e4)
+    ended = run("size", scene, *MATERIAL, *PRESS, "--sections", "thick")
+    assert ended.code == 2
+    assert "not areas" in ended.err
+
+
 def test_loads_that_nothing_carries_end_with_code_3(run: Run, folder: Path, scene: Path) -> None:
     words = ["--case", "pull:n1=-1,0", "--case", "pull:n3=1,0"]
     ended = run("size", scene, *MATERIAL, *words, "-o", folder / "sized.toml", "--json")

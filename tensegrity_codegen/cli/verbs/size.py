@@ -28,8 +28,12 @@ CaseOption = Annotated[
     typer.Option(
         "--case",
         help="Load CASE:NODE=fx,fy,fz [N] added to the scene's in a load case; may be repeated. CASE: alone "
-        "is the loads of the scene.",
+        "is the loads of the scene, CASE:loads=FACTOR multiplies them, CASE:weight=FACTOR adds weights of "
+        "members, CASE:NAME=FORCE is the tension [N] of a member, group or class, as a prestress has it.",
     ),
+]
+SectionsOption = Annotated[
+    str, typer.Option("--sections", help="Areas of a catalogue [m2], A,B,...: the smallest that holds.")
 ]
 JohnsonOption = Annotated[
     bool, typer.Option("--johnson", help="Stocky bars buckle by Johnson's parabola above half of yield.")
@@ -49,6 +53,7 @@ def size(
     density: DensityOption = None,
     yield_stress: YieldOption = None,
     case: CaseOption = None,
+    sections: SectionsOption = "",
     johnson: JohnsonOption = False,
     bars_pull: PullOption = False,
     max_splits: SplitsOption = None,
@@ -64,8 +69,8 @@ def size(
 ) -> None:
     """Size bars and cables so that they carry the loads at the least mass, with a proof.
 
-    Sections are any, of no catalogue; members weigh nothing in the loads; load factors are in the cases, and
-    a prestress is what the loads and the least tensions of the scene need. The shape is that of the scene:
+    Sections are any, or of a catalogue; load factors, weights of members and a prestress are stated in the
+    cases, each of which is carried by any forces in balance. The shape is that of the scene:
     settle it first. Bars neither yield nor buckle (Euler), cables do not yield. What the scene states of
     sections is the material unless options state it. Up to about 40 members the mass is proved to be the
     least, beyond that it is the best of many local optima, with the bound that is proved. Exit code 3 where
@@ -88,6 +93,7 @@ def size(
             density=parse_member_values(density or [], "--density", alone="all"),
             yield_stress=parse_member_values(yield_stress or [], "--yield-stress", alone="all"),
             load_cases=_parse_cases(case or [], require_nodes(subject, "least mass")),
+            sections=_parse_sections(sections),
             column="johnson" if johnson else "euler",
             bars_pull=bars_pull,
             max_splits=max_splits,
@@ -103,8 +109,18 @@ def size(
         output.result(data, found.headline(), table, *lines)
 
 
-def _parse_cases(texts: list[str], structure: "Structure") -> dict[str, dict[str, list[float]]]:
-    """Return forces by node by case of CASE:NODE=fx,fy,fz texts; raises InvalidValueError."""
+def _parse_sections(text: str) -> list[float]:
+    """Return the areas of a text of numbers; raises InvalidValueError."""
+    try:
+        return [float(area) for area in text.split(",") if text]
+    except ValueError:
+        raise InvalidValueError(
+            "not areas", where="--sections", given=text, allowed="A,B,... [m2]", hint="for example 1e-5,2e-5"
+        ) from None
+
+
+def _parse_cases(texts: list[str], structure: "Structure") -> dict[str, dict[str, float | list[float]]]:
+    """Return forces by node and numbers by name, by case, of CASE:NAME=... texts."""
     found: dict[str, list[str]] = {}
     for text in texts:
         name, colon, load = text.partition(":")
@@ -117,16 +133,15 @@ def _parse_cases(texts: list[str], structure: "Structure") -> dict[str, dict[str
                 hint="for example wind:t1=10,0,0",
             )
         found.setdefault(name.strip(), []).extend([load] if load.strip() else [])
-    return {
-        name: {
-            node: force
-            for node, force in zip(
-                structure.node_name, parse_loads(loads, structure, "--case").tolist(), strict=True
-            )
-            if any(force)
-        }
-        for name, loads in found.items()
-    }
+    cases: dict[str, dict[str, float | list[float]]] = {}
+    for name, stated in found.items():
+        numbers = [
+            t for t in stated if "," not in t and t.partition("=")[0].strip() not in structure.node_name
+        ]
+        forces = parse_loads([t for t in stated if t not in numbers], structure, "--case").tolist()
+        loads = {n: force for n, force in zip(structure.node_name, forces, strict=True) if any(force)}
+        cases[name] = {**loads, **parse_member_values(numbers, "--case")}
+    return cases
 
 
 VERB = Verb(size, order=107)

@@ -1,6 +1,7 @@
 """Materials and load cases by name, and what a scene states of them."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -56,15 +57,34 @@ def read_material(
     )
 
 
+@dataclass(frozen=True)
+class LoadCase:
+    """One load case: load (n_nodes, 3) [N]; weight: factor of the weights of members; tension (n_members,)
+    [N] that members have in it, nan where it is any."""
+
+    load: FloatArray
+    weight: float
+    tension: FloatArray
+
+
 def read_load_cases(
-    structure: Structure, given: Mapping[str, Mapping[str, Sequence[float]]] | None
-) -> dict[str, FloatArray]:
-    """Return loads (n_nodes, 3) [N] by case; raises UnknownNameError and InvalidValueError."""
+    structure: Structure, given: Mapping[str, Mapping[str, float | Sequence[float]]] | None
+) -> dict[str, LoadCase]:
+    """Return the load cases by name; raises UnknownNameError and InvalidValueError."""
     found = {}
     cases = check_mapping(given, "load_cases", "forces by node by case") or {"scene": {}}
     for case, loads in cases.items():
         load = structure.node_load + structure.node_mass[:, None] * structure.gravity
-        for name, force in check_mapping(loads, f"load_cases.{case}", "forces by node").items():
+        stated = check_mapping(loads, f"load_cases.{case}", "forces by node")
+        numbers = {n: v for n, v in stated.items() if is_number(v) and n not in structure.node_name}
+        load, weight = numbers.pop("loads", 1.0) * load, numbers.pop("weight", 0.0)
+        tension = np.full(structure.n_members, np.nan)
+        members = {name: find_members(structure, name, f"load_cases.{case}") for name in numbers}
+        for name in sorted(numbers, key=lambda name: -members[name][1]):
+            tension[members[name][0]] = numbers[name]
+        for name, force in stated.items():
+            if is_number(force) and name not in structure.node_name:
+                continue
             where = f"{structure.name}: load_cases.{case}.{name}"
             check_choice(name, structure.node_name, "node", where)
             value = to_doubles(force, where, "three numbers [N]")
@@ -75,7 +95,7 @@ def read_load_cases(
                     "not finite", where=where, given=force, allowed="three finite numbers [N]"
                 )
             load[structure.node_name.index(name)] += value
-        found[case] = load
+        found[case] = LoadCase(load, weight, tension)
     return found
 
 

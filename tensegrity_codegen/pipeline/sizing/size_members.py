@@ -13,20 +13,27 @@ from tensegrity_codegen.pipeline.sizing.branch_and_bound import LeastForces, fin
 from tensegrity_codegen.pipeline.sizing.force_program import ForceProgram
 from tensegrity_codegen.pipeline.sizing.mass_gradient import find_mass_gradient, move_balance
 from tensegrity_codegen.pipeline.sizing.member_mass import MassLaw, Material, find_mass_law
-from tensegrity_codegen.pipeline.sizing.read_material import read_load_cases, read_material
+from tensegrity_codegen.pipeline.sizing.read_material import LoadCase, read_load_cases, read_material
 from tensegrity_codegen.pipeline.sizing.sizing import Sizing
+from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, check_switch, check_whole
-from tensegrity_codegen.system.errors import InfeasibleError, InvalidValueError, check_choice
+from tensegrity_codegen.system.errors import (
+    ConvergenceError,
+    InfeasibleError,
+    InvalidValueError,
+    check_choice,
+)
 from tensegrity_codegen.system.summaries import count_names, describe_count
 from tensegrity_codegen.tables.request import ModelRequest
 
 MOST_PROVED = 40  # members, up to which the search goes on until the mass is proved
 MOST_SPLITS, FEW_SPLITS = 20_000, 100  # by default, up to that many members and beyond
+MOST_ROUNDS, SAME_MASS = 50, 1e-9  # with weights of members, until no mass changes by this part of all
 LEAST_FORCE = 1e-9  # of the largest: smaller ones at nodes are rounding
 
 
@@ -36,7 +43,8 @@ def size_members(
     youngs_modulus: float | Mapping[str, float] | None = None,
     density: float | Mapping[str, float] | None = None,
     yield_stress: float | Mapping[str, float] | None = None,
-    load_cases: Mapping[str, Mapping[str, Sequence[float]]] | None = None,
+    load_cases: Mapping[str, Mapping[str, float | Sequence[float]]] | None = None,
+    sections: Sequence[float] = (),
     column: Literal["euler", "johnson"] = "euler",
     bars_pull: bool = False,
     gap: float = 1e-6,
@@ -56,7 +64,12 @@ def size_members(
         stiffness and section, the density from mass and section, the limit `yield_stress`.
     load_cases : mapping, optional
         Forces [N] by node by case, added to the loads and weights of nodes in the scene; each section is the
-        largest that a case needs. By default the loads of the scene are the only case.
+        largest that a case needs. By default the loads of the scene are the only case. Numbers beside them:
+        ``"loads"`` is the factor of the loads and weights of the scene (1), ``"weight"`` that of the weights
+        of members (0), and one of a member, group, class or kind is the tension [N] that it has in the case:
+        ``{"prestress": {"loads": 0, "top1": 500.0}, "snow": {"weight": 1.35, "n1": [0, 0, -1500.0]}}``.
+    sections : sequence of float
+        Areas [m2] of a catalogue, of which each member gets the smallest that holds; by default any.
     column : {"euler", "johnson"}
         Whether stocky bars yield at once, or buckle by Johnson's parabola above half of the yield stress.
     bars_pull : bool
@@ -85,8 +98,9 @@ def size_members(
     With force f and length l a member that yields has the mass density ``l |f| / yield_stress``, a solid bar
     that buckles 2 density l^2 sqrt(f / (pi E)); a bar has the larger of both (R. E. Skelton and M. C. de
     Oliveira, "Tensegrity systems", 2009). Forces are those of the stated shape: A(x) t = load. A bar with an
-    inner radius in the scene is a tube of the same ratio of radii. The weight of members is not among the
-    loads, and joints and least sections are not looked at. The least mass is often one in which the loads
+    inner radius in the scene is a tube of the same ratio of radii. Weights of members, half at each end, are
+    those of the sections found, repeated until they agree: the bound is for loads with these weights, and for
+    any sections. Joints are not looked at. The least mass is often one in which the loads
     balance and no others would; `n_unstable` says where the structure would leave that balance.
 
     Examples
@@ -106,19 +120,49 @@ def size_members(
     structure = require_nodes(subject, "least mass")
     material = read_material(structure, youngs_modulus, density, yield_stress, column == "johnson")
     cases = read_load_cases(structure, load_cases)
+    areas = _read_sections(structure, sections)
     law = find_mass_law(material, structure.member_length())
-    program, force, mass = _state_program(structure, law, np.stack(list(cases.values())), bars_pull)
     splits = max_splits
     if splits is None:
         splits = MOST_SPLITS if structure.n_members <= MOST_PROVED else FEW_SPLITS
-    found = find_least_forces(program, gap, splits)
-    if found is None:
-        raise _prove_infeasible(structure, program, tuple(cases), force)
-    return _record(structure, request, material, law, program, found, tuple(cases), force, mass, gap)
+    member_mass = np.zeros(structure.n_members)
+    for _ in range(MOST_ROUNDS):
+        program, force, mass = _state_program(structure, law, cases, member_mass, bars_pull)
+        found = find_least_forces(program, gap, splits)
+        if found is None:
+            raise _prove_infeasible(structure, program, tuple(cases), force)
+        sized = _record(
+            structure, request, material, law, program, found, tuple(cases), force, mass, gap, areas
+        )
+        change = np.abs(sized.member_mass - member_mass).max()
+        if change <= SAME_MASS * sized.total_mass or not any(case.weight for case in cases.values()):
+            return sized
+        member_mass = sized.member_mass
+    raise ConvergenceError(
+        "the weights of members do not come to an end: heavier members need heavier ones",
+        evidence={"rounds": MOST_ROUNDS, "total_mass": sized.total_mass},
+        where=structure.name,
+        hint="a stronger or lighter material, or shorter members",
+    )
+
+
+def _read_sections(structure: Structure, sections: Sequence[float]) -> FloatArray:
+    """Return the areas of a catalogue in their order; raises InvalidValueError."""
+    where = f"{structure.name}: sections"
+    areas = np.unique(to_doubles(sections, where, "areas [m2]"))
+    if not (np.isfinite(areas) & (areas > 0)).all():
+        raise InvalidValueError(
+            "not a section", where=where, given=list(sections), allowed="areas above 0 m2"
+        )
+    return areas
 
 
 def _state_program(
-    structure: Structure, law: MassLaw, load: FloatArray, bars_pull: bool
+    structure: Structure,
+    law: MassLaw,
+    cases: Mapping[str, LoadCase],
+    member_mass: FloatArray,
+    bars_pull: bool,
 ) -> tuple[ForceProgram, float, float]:
     """Return the program in multiples of a force [N] and a mass [kg], and these."""
     node, axis = structure.coordinate_node_axis.T
@@ -126,8 +170,13 @@ def _state_program(
     limits = structure.limits
     lower = np.maximum(np.where(structure.is_bar, -np.inf, 0.0), limits.least_tension)
     upper = np.minimum(np.where(structure.is_bar & (not bars_pull), 0.0, np.inf), limits.most_tension)
-    loads = load[:, node, axis]
-    force = float(max(np.abs(loads).max(initial=0.0), lower.max(initial=0.0)))
+    weight = np.zeros((structure.n_nodes, 3))
+    for end in structure.connectivity.T:
+        np.add.at(weight, end, 0.5 * member_mass[:, None] * structure.gravity)
+    loads = np.stack([case.load + case.weight * weight for case in cases.values()])[:, node, axis]
+    stated = np.stack([case.tension for case in cases.values()])
+    lower, upper = (np.where(np.isnan(stated), limit, stated) for limit in (lower, upper))
+    force = float(max(np.abs(loads).max(initial=0.0), np.abs(lower[np.isfinite(lower)]).max(initial=0.0)))
     if not force > 0:
         raise InvalidValueError(
             "no load and no least tension, so that the least mass is nothing",
@@ -137,14 +186,7 @@ def _state_program(
             hint="state loads, or [limits] least_tension = 100",
         )
     mass = float(law.direct.mean() * force)
-    shape = (len(load), structure.n_members)
-    program = ForceProgram(
-        matrix,
-        loads / force,
-        law.scale(force, mass),
-        np.broadcast_to(lower / force, shape),
-        np.broadcast_to(upper / force, shape),
-    )
+    program = ForceProgram(matrix, loads / force, law.scale(force, mass), lower / force, upper / force)
     return program, force, mass
 
 
@@ -171,7 +213,7 @@ def _prove_infeasible(
             },
         },
         hint="settle the structure under these loads with `equilibrium` and size the shape that it takes, "
-        "add members or anchors, or let bars pull: `bars_pull=True`",
+        "add members or anchors, state fewer tensions, or let bars pull: `bars_pull=True`",
     )
 
 
@@ -186,6 +228,7 @@ def _record(
     force: float,
     mass: float,
     gap: float,
+    areas: FloatArray,
 ) -> Sizing:
     """Return the result in SI units, and the structure with its sections."""
     tension = found.tension * force
@@ -196,13 +239,17 @@ def _record(
     is_yield = law.direct * np.abs(governs) >= law.find_buckling_mass(-governs) * (1 - LEAST_FORCE)
     length = structure.member_length()
     area = member_mass / (material.density * length)
-    radius = np.sqrt(area / (np.pi * (1 - material.radius_ratio**2)))
     used = member_mass > 0
+    if len(areas):
+        _check_largest(structure, area, areas)
+        area = np.where(used, areas[np.searchsorted(areas, area * (1 - LEAST_FORCE))], 0.0)
+        member_mass = area * material.density * length
+    radius = np.sqrt(area / (np.pi * (1 - material.radius_ratio**2)))
     total = float(member_mass.sum())
     bound = min(found.bound * mass, total)
     status = "optimal" if total - bound <= gap * total else "local"
     unstable = max(_count_unstable(structure, program.matrix[:, tense != 0], tense) for tense in tension)
-    limits = (program.lower[0] * force, program.upper[0] * force)
+    limits = (program.lower * force, program.upper * force)
     gradient = find_mass_gradient(structure, law, tension, program.matrix, limits)
     held = _build(structure, material, area, radius, member_mass, tension[0], used)
     proof = f"proved to {gap:.0e}" if status == "optimal" else f"proved {bound:.6g} kg"
@@ -231,6 +278,19 @@ def _record(
         structure=held,
         document=describe_structure(held, request),
     )
+
+
+def _check_largest(structure: Structure, area: FloatArray, areas: FloatArray) -> None:
+    """Raise InvalidValueError where members need more than the largest area of the catalogue."""
+    beyond = np.flatnonzero(area > areas[-1] * (1 + LEAST_FORCE))
+    if beyond.size:
+        raise InvalidValueError(
+            "no section of the catalogue holds some members",
+            where=f"{structure.name}: {count_names([structure.member_name[e] for e in beyond])}",
+            given=f"{areas[-1]:.6g} m2 at most",
+            allowed=f"at least {area.max():.6g} m2",
+            hint="add larger sections",
+        )
 
 
 def _count_unstable(structure: Structure, matrix: FloatArray, tension: FloatArray) -> int:

@@ -18,6 +18,7 @@ from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import (
+    ConvergenceError,
     DuplicateNameError,
     FormulationError,
     InfeasibleError,
@@ -334,6 +335,69 @@ def test_sections_of_load_cases_are_the_largest_ones() -> None:
     assert found.governing_case == ("pull",)
     with pytest.raises(InfeasibleError, match="load case pull"):
         size_members(scene, **ALUMINIUM, load_cases=cases)
+
+
+def hung(length: float = 10.0) -> dict[str, Any]:
+    """A mass of 100 kg on a rope."""
+    return {
+        "name": "hung",
+        "gravity": [0, 0, -10.0],
+        "nodes": {
+            "a": {"position": [0, 0, 0], "anchored": True},
+            "b": {"position": [0, 0, -length], "mass": 100.0},
+        },
+        "classes": {"rope": {"kind": "cable", "axial_stiffness": 1e6}},
+        "members": {"rope1": {"nodes": ["a", "b"], "class": "rope"}},
+    }
+
+
+def test_factors_of_loads_and_weights_of_members() -> None:
+    """F = 1.5 x 1000 N and 1.2 times half of the rope: A = F / (fy - 1.2 rho l g / 2)."""
+    steel = {"density": 8000.0, "yield_stress": 1e6}
+    case = {"ultimate": {"loads": 1.5, "weight": 1.2}}
+    found = size_members(hung(), load_cases=case, **steel)
+    assert found.area == pytest.approx([1500.0 / (1e6 - 1.2 * 8000.0 * 10.0 * 10.0 / 2.0)], rel=1e-8)
+    assert found.member_tension[0] == pytest.approx(found.area * 1e6, rel=1e-8)
+    plain = size_members(hung(), load_cases={"ultimate": {"loads": 1.5}}, **steel)
+    assert plain.area == pytest.approx([1.5e-3])
+    with pytest.raises(ConvergenceError, match="do not come to an end"):
+        size_members(hung(30.0), load_cases=case, **steel)
+
+
+def test_a_prestress_is_one_case_and_is_written() -> None:
+    """Verticals of a prism of three bars have sqrt(3) times the force densities of its rings."""
+    shape = {"kind": "prism", "bars": 3, "bottom_radius": 0.5, "top_radius": 0.5, "height": 1.0}
+    kinds = {
+        "bar": {"kind": "bar", "axial_stiffness": 1e7},
+        "cable": {"kind": "cable", "axial_stiffness": 1e6},
+    }
+    scene = {"name": "prism", "shape": shape, "classes": kinds}
+    case = {"prestress": {"loads": 0.0, "top1": 500.0}}
+    found = size_members(scene, load_cases=case, youngs_modulus=2e11, density=7850.0, yield_stress=3e8)
+    q = dict(zip(found.member_name, found.force_density[0], strict=True))
+    assert q["top1"] * np.sqrt(3) * 0.5 == pytest.approx(500.0)
+    assert q["vertical2"] == pytest.approx(np.sqrt(3) * q["bottom3"])
+    assert q["bar1"] == pytest.approx(-q["vertical1"])
+    np.testing.assert_allclose(found.structure.static_tension(), found.member_tension[0], rtol=1e-6)
+
+
+def test_sections_of_a_catalogue_are_the_smallest_that_hold() -> None:
+    """10 kN press the ends together: bars need 4.3e-4 m2 and the string 1.3e-4 m2."""
+    scene = diamond(RING, [(2, 4)])
+    free = size_members(scene, **ALUMINIUM)
+    areas = [1e-4, 2e-4, 5e-4, 1e-3]
+    found = size_members(scene, sections=areas[::-1], **ALUMINIUM)
+    used = free.area > 0
+    chosen = [min(a for a in areas if a >= need) for need in free.area[used]]
+    assert found.area[used] == pytest.approx(chosen)
+    assert len(set(chosen)) > 1
+    assert found.total_mass == pytest.approx(float(found.member_mass.sum()))
+    assert found.lower_bound == pytest.approx(free.total_mass, rel=1e-5)
+    assert found.status == "local"
+    with pytest.raises(InvalidValueError, match="no section of the catalogue"):
+        size_members(scene, sections=areas[:2], **ALUMINIUM)
+    with pytest.raises(InvalidValueError, match="not a section"):
+        size_members(scene, sections=[0.0], **ALUMINIUM)
 
 
 def test_two_load_cases_against_a_fine_grid() -> None:
