@@ -8,6 +8,7 @@ import scipy
 from tensegrity_codegen.runtime.analysis.configuration import Configuration
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.formulations import find_formulation
 
 ZERO_FREQUENCY_TOLERANCE = 1e-13  # part of the largest square of a frequency that counts as none
@@ -51,7 +52,14 @@ def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None
     if total == 0:
         return Modes(np.zeros(0), np.zeros(0), np.zeros((len(at.position), 3, 0)), rigid.shape[1], 0)
     k, m = (basis.T @ (matrix + matrix.T) @ basis / 2 for matrix in (stiffness, mass))
-    value, vector = scipy.linalg.eigh(k, m)
+    try:
+        value, vector = scipy.linalg.eigh(k, m)
+    except np.linalg.LinAlgError as error:
+        raise NonFiniteError(
+            f"the natural frequencies cannot be computed: {error}",
+            where=problem.model.manifest.name,
+            allowed="masses and stiffnesses whose quotients are numbers",
+        ) from error
     chosen = slice(0, min(count, total))
     square = np.where(np.abs(value) > ZERO_FREQUENCY_TOLERANCE * np.abs(value).max(), value, 0.0)[chosen]
     shape = problem.node_velocities(at.coordinate, basis @ vector[:, chosen])

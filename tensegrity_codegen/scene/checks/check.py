@@ -28,6 +28,7 @@ from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, 
 
 # A rigid bar's rest length may differ from its length by this part of it.
 RIGID_TOLERANCE = 1e-9
+LEAST_MASS = 1e-250  # [kg], above 0: stiffness over mass is finite for all that is smaller than 1e58 N/m
 
 _MEMBER_NUMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping", "member_mass", "radius")
 _SHAPE: dict[str, tuple[str | int, ...]] = {
@@ -192,6 +193,10 @@ def _check_values(structure: Structure, where: str) -> None:
             report(value <= 0, InvalidValueError, "not positive", key=short, allowed="more than 0")
         elif value.ndim == 1:
             report(value < 0, InvalidValueError, "a negative value", key=short, allowed="0 or more")
+        if short == "mass":  # divided by in every acceleration
+            tiny = (value > 0) & (value < LEAST_MASS)
+            least = f"0, or {LEAST_MASS:g} kg and more"
+            report(tiny, InvalidValueError, "too small to divide by", key=short, allowed=least)
     used = structure.connectivity
     lost: NDArray[np.bool_] = np.any((used < 0) | (used >= structure.n_nodes), axis=1)
     report = partial(refuse, section="members", names=structure.member_name, where=where, key="nodes")

@@ -28,6 +28,11 @@ def of(structure, **options):
     return analyse(ReferenceModel(structure), **options)
 
 
+def test_frequencies_that_are_no_numbers_are_one_error() -> None:
+    with pytest.raises(NonFiniteError, match="natural frequencies cannot be computed"):
+        of(prism().with_changes(node_mass=np.full(6, 1e-307)))
+
+
 # --- verdicts --------------------------------------------------------------------------------------
 
 

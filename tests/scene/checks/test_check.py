@@ -83,6 +83,13 @@ def test_negative_numbers(key):
     assert error.where.startswith(f"mine: {owner}.")
 
 
+@pytest.mark.parametrize("key", ["node_mass", "member_mass"])
+def test_masses_that_nothing_can_be_divided_by(key):
+    error = refused(**with_value(key, 1e-310, row=1))
+    assert (type(error), error.given) == (InvalidValueError, 1e-310)
+    assert error.allowed == "0, or 1e-250 kg and more"
+
+
 def test_zero_rest_length():
     assert refused(**with_value("rest_length", 0.0)).where == "mine: members.ac.rest_length"
 
