@@ -87,7 +87,9 @@ def analyse(
     require_model(model)
     _check_options(rank_tolerance, n_modes)
     at = read_configuration(model, coordinate, arguments)
-    rank = find_rank(at.equilibrium_matrix, tolerance=rank_tolerance, rounding=at.rounding)
+    rank = find_rank(
+        at.equilibrium_matrix, tolerance=rank_tolerance, rounding=at.rounding, absent=at.is_absent
+    )
     motions = find_free_motions(rank, at.rigid_motions)
     tensions = _find_tensions(at, rank, motions)
     stiffness = find_stability(at.problem, at.point)

@@ -47,7 +47,11 @@ class Configuration:
         self.coordinate = point.coordinate
         self.position = problem.node_position(self.coordinate)
         self.length = np.array(problem.compute("member_length", self.coordinate), dtype=float)
-        self.tension_only = np.asarray(structure.tension_only, dtype=bool)
+        length, owner = self.manifest.strands.strand_lengths(self.position), self.manifest.strands.member
+        # Of strands; those without length, of slack cables, have no direction and no part in any of it.
+        self.strand_length = np.where(length > 0.0, length, np.inf)
+        self.is_absent = np.bincount(owner, ~np.isfinite(self.strand_length), len(self.length)) > 0
+        self.tension_only = np.asarray(structure.tension_only, dtype=bool) & ~self.is_absent
 
     @property
     def tension(self) -> FloatArray:
@@ -63,7 +67,8 @@ class Configuration:
     def rounding(self) -> float:
         """Relative error of direction cosines of members due to rounding of positions."""
         largest_coordinate = float(np.abs(self.position).max(initial=0.0))
-        return EPSILON * max(1.0, largest_coordinate / float(self.length.min(initial=np.inf)))
+        shortest = float(self.length[~self.is_absent].min(initial=np.inf))
+        return EPSILON * max(1.0, largest_coordinate / shortest)
 
     @cached_property
     def force_floor(self) -> float:
@@ -98,17 +103,14 @@ class Configuration:
     def geometric_stiffness(self, tension: FloatArray, directions: FloatArray) -> FloatArray:
         """Return sum t_e d2l_e/dx2 along directions (n_directions, k), (k, k) [N/m]."""
         transverse, strands = self._find_transverse_velocities(directions), self.manifest.strands
-        weight = np.repeat(strands.spread(tension) / strands.strand_lengths(self.position), 3)
+        weight = np.repeat(strands.spread(tension) / self.strand_length, 3)
         flat = transverse.reshape(-1, transverse.shape[2])
         return np.asarray(flat.T @ (weight[:, None] * flat))
 
     def curvature(self, direction: FloatArray) -> FloatArray:
         """Return d2l_e/ds2 of each member along one direction (n_directions,), (n_members,) [1/m]."""
-        transverse, strands = (
-            self._find_transverse_velocities(direction[:, None])[:, :, 0],
-            self.manifest.strands,
-        )
-        return strands.add_up(np.sum(transverse**2, axis=1) / strands.strand_lengths(self.position))
+        transverse = self._find_transverse_velocities(direction[:, None])[:, :, 0]
+        return self.manifest.strands.add_up(np.sum(transverse**2, axis=1) / self.strand_length)
 
     def load_stiffness(self, directions: FloatArray) -> FloatArray:
         """Return the stiffness of loads along directions (n_directions, k), (k, k) [N/m]: none."""
@@ -117,7 +119,7 @@ class Configuration:
     def _find_transverse_velocities(self, directions: FloatArray) -> FloatArray:
         """Return the velocities of strands' ends relative to each other, across the strands, (m, 3, k)."""
         strands, ends = self.manifest.strands, self.manifest.strands.ends
-        unit = strands.vectors(self.position) / strands.strand_lengths(self.position)[:, None]
+        unit = strands.vectors(self.position) / self.strand_length[:, None]
         velocity = self.node_velocities(directions)
         relative_velocity = velocity[ends[:, 0]] - velocity[ends[:, 1]]
         axial_velocity = np.einsum("ea,eak->ek", unit, relative_velocity)
@@ -247,8 +249,9 @@ def read_configuration(
     check_shape(start, nominal.shape, "coordinate")
     check_finite(start, "coordinate")
     of_bodies = find_formulation(model.manifest.formulation).of_bodies
+    structure = _find_structure(model)
     if not of_bodies:
-        _check_lengths(problem, start)
+        _check_lengths(problem, start, structure)
     place = problem.to_search_coordinate(start)
     if problem.contacts is not None:
         problem.contacts.rest(problem.node_position(place), problem.arguments.get("internal"))
@@ -263,7 +266,7 @@ def read_configuration(
         )
     on_ground = GroundConfiguration if problem.contacts is not None else Configuration
     kind = BodyConfiguration if of_bodies else on_ground
-    return kind(problem, point, _find_structure(model))
+    return kind(problem, point, structure)
 
 
 def _find_structure(model: Model) -> Subject:
@@ -280,11 +283,12 @@ def _find_structure(model: Model) -> Subject:
     return structure
 
 
-def _check_lengths(problem: StaticProblem, coordinate: FloatArray) -> None:
-    """Raise InvalidValueError for a member whose two nodes coincide."""
+def _check_lengths(problem: StaticProblem, coordinate: FloatArray, structure: Subject) -> None:
+    """Raise InvalidValueError for a member whose two nodes coincide and that is no cable, which is slack."""
     manifest = problem.model.manifest
     strands = manifest.strands
-    short = np.flatnonzero((strands.vectors(problem.node_position(coordinate)) == 0.0).all(axis=1))
+    joined = (strands.vectors(problem.node_position(coordinate)) == 0.0).all(axis=1)
+    short = np.flatnonzero(joined & ~np.asarray(structure.tension_only)[strands.member])
     if len(short):
         member = int(strands.member[short[0]])
         first, second = (manifest.node_name[node] for node in strands.ends[short[0]])
@@ -292,6 +296,6 @@ def _check_lengths(problem: StaticProblem, coordinate: FloatArray) -> None:
             "a member has no length",
             where=f"{manifest.name}: members.{manifest.member_name[member]}",
             given=f"nodes {first} and {second} at the same place",
-            allowed="two places",
+            allowed="two places, or a cable",
             hint="move one of the nodes, or leave out the member: a tension in it has no direction",
         )

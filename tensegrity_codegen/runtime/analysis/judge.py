@@ -95,6 +95,9 @@ def _find_warnings(found: Analysis, at: Configuration) -> tuple[str, ...]:
             name for name, slip in zip(contacts.structure.contact_name, slips, strict=True) if slip
         )
         said.append(f"the feet {feet} are at the limit of friction, which holds them only across their slip")
+    if at.is_absent.any():
+        names = name_list(at.manifest.member_name[e] for e in at.is_absent.nonzero()[0])
+        said.append(f"slack, without length and left out of all tensions: {names}")
     if len(found.parts) > 1:
         said.append(describe_pieces([part[0] for part in found.parts]))
     if found.load_note:

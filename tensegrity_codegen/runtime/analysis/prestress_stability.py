@@ -49,7 +49,8 @@ def find_prestress_stability(
     SIAM Journal on Discrete Mathematics 9, 1996).
     """
     directions = np.hstack([motions.mechanism, motions.rigid]) if loaded else motions.mechanism
-    size = float((np.abs(tension) / at.length).max(initial=0.0))
+    density = np.abs(tension) / np.where(at.is_absent, np.inf, at.length)
+    size = float(density.max(initial=0.0))
     if directions.shape[1] == 0 or size == 0.0:
         none = directions.shape[1] == 0
         value = np.zeros(directions.shape[1])

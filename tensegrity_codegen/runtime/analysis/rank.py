@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.arrays import check_finite
 from tensegrity_codegen.system.arrays import FloatArray
@@ -77,7 +78,13 @@ class Rank:
         return displacement
 
 
-def find_rank(matrix: FloatArray, *, tolerance: float = RANK_TOLERANCE, rounding: float = 0.0) -> Rank:
+def find_rank(
+    matrix: FloatArray,
+    *,
+    tolerance: float = RANK_TOLERANCE,
+    rounding: float = 0.0,
+    absent: NDArray[np.bool_] | None = None,
+) -> Rank:
     """Find the rank of an equilibrium matrix, its self-stresses and its free motions.
 
     Parameters
@@ -89,6 +96,8 @@ def find_rank(matrix: FloatArray, *, tolerance: float = RANK_TOLERANCE, rounding
     rounding : float
         Relative error of the entries, where it is larger than that of double precision: positions far from
         the origin have less exact directions.
+    absent : ndarray of bool, shape (n_members,), optional
+        Members without length, and so without direction, that carry no tension.
 
     Returns
     -------
@@ -111,7 +120,10 @@ def find_rank(matrix: FloatArray, *, tolerance: float = RANK_TOLERANCE, rounding
     check_finite(matrix, "equilibrium_matrix")
     _check_size(matrix)
     n, m = matrix.shape
-    left, value, right = np.linalg.svd(matrix, full_matrices=True)
+    present = np.ones(m, dtype=bool) if absent is None else ~absent
+    left, value, own = np.linalg.svd(matrix[:, present], full_matrices=True)
+    right = np.zeros((len(own), m))
+    right[:, present] = own
     largest = float(value.max(initial=0.0))
     least = max(rounding, EPSILON) * 8 * max(n, m, 1)
     relative = value / largest if largest else value

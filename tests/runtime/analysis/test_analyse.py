@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tensegrity_codegen.pipeline.analyses import find_needs
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.report.analysis_tables import describe_analysis
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
 from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities, find_equilibrium
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.ground_cases import make_ground, make_prism
 from tests.models import EXAMPLES, simulator
@@ -31,6 +34,31 @@ def of(structure, **options):
 def test_frequencies_that_are_no_numbers_are_one_error() -> None:
     with pytest.raises(NonFiniteError, match="natural frequencies cannot be computed"):
         of(prism().with_changes(node_mass=np.full(6, 1e-307)))
+
+
+def test_a_slack_cable_without_length_counts_as_if_it_were_not_there() -> None:
+    """Two weights at one place, each in a cross of taut cables to corners of its own."""
+    corners = [(1, 1, 0), (-1, 1, 0), (-1, -1, 0), (1, -1, 0)]
+    far = [(2, 1, 0), (-1, 2, 0), (-2, -1, 0), (1, -2, 0)]
+    position = [(0, 0, 0), (0, 0, 0), *corners, *far]
+    members = [cable(0, 2 + k, 1.2) for k in range(4)] + [cable(1, 6 + k, 2.0) for k in range(4)]
+    held = dict.fromkeys(range(2, 10), "xyz") | dict.fromkeys((0, 1), "z")
+    without = make_structure(position, members, anchored=held)
+    beside = make_structure(position, [*members, cable(0, 1, 0.5)], anchored=held)
+    request = ModelRequest(())
+    one, other = (
+        analyse(build_library(item, find_needs("analyse", item, request).alone(request)).load())
+        for item in (without, beside)
+    )
+    assert one.modes is not None
+    assert other.modes is not None
+    assert (one.status, one.n_selfstress, one.n_mechanisms) == ("stable", 4, 0)
+    assert (other.status, other.n_selfstress, other.n_mechanisms) == ("stable", 4, 0)
+    np.testing.assert_allclose(other.prestress.tension, [*one.prestress.tension, 0.0], atol=1e-9)
+    assert other.prestress.least_tension == pytest.approx(one.prestress.least_tension)
+    assert other.smallest_eigenvalue == pytest.approx(one.smallest_eigenvalue)
+    np.testing.assert_allclose(other.modes.frequency, one.modes.frequency)
+    assert "slack, without length and left out of all tensions: e8" in other.warnings
 
 
 # --- verdicts --------------------------------------------------------------------------------------
@@ -224,16 +252,18 @@ def test_without_masses_there_are_no_modes() -> None:
 
 
 def test_wrong_arguments_are_refused() -> None:
-    model = ReferenceModel(prism())
+    structure = prism()
+    model = ReferenceModel(structure)
     start = model.nominal("coordinate").ravel()
     with pytest.raises(InvalidValueError, match="coordinate"):
         analyse(model, coordinate=start[1:])
     with pytest.raises(NonFiniteError, match="coordinate"):
         analyse(model, coordinate=start * np.nan)
-    same = start.copy()
-    same[3:6] = same[:3]
-    with pytest.raises(InvalidValueError, match="n0 and n1 at the same place"):
-        analyse(model, coordinate=same)
+    same = start.reshape(-1, 3).copy()
+    first, second = structure.connectivity[structure.is_bar][0]  # a slack cable may have no length
+    same[second] = same[first]
+    with pytest.raises(InvalidValueError, match=f"n{first} and n{second} at the same place"):
+        analyse(model, coordinate=same.ravel())
 
 
 # --- what must not matter --------------------------------------------------------------------------

@@ -197,6 +197,15 @@ def test_a_tolerance_below_rounding_is_not_reached() -> None:
     assert EquilibriumSolver(compiled(hung_mass())).find(tolerance=1e-300).status in ("not_converged", "ok")
 
 
+def test_weights_that_hang_at_one_place_with_a_slack_cable_between_them() -> None:
+    members = [cable(0, 1, 0.9), cable(0, 2, 0.9), cable(1, 2, 0.5)]
+    load = {1: (0.0, 0.0, -5.0), 2: (0.0, 0.0, -5.0)}
+    place = [[0, 0, 0], [0, 0, -1], [0, 0, -1]]
+    folded = make_structure(place, members, anchored={0: "xz"}, axes="xz", load=load)
+    found = EquilibriumSolver(compiled(folded)).find().check()
+    np.testing.assert_allclose(found.coordinate[0], [0, -0.95, 0, -0.95], atol=1e-9)  # 0.9 m + 5 N / 100 N/m
+
+
 def test_coincident_nodes_are_a_status(truss: CompiledModel) -> None:
     found = EquilibriumSolver(truss).find([-0.95, 0.0])
     assert found.status == "non_finite_result"

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
@@ -222,3 +223,29 @@ def test_many_equilibria_are_those_of_each_alone() -> None:
     for k in range(2):
         alone = find_equilibrium(model, arguments={"node_load": loads[k]})
         np.testing.assert_array_equal(found.node_position[k], alone.node_position)
+
+
+def test_feet_at_one_place_with_a_slack_cable_between_them() -> None:
+    """A frame, and a weight at its left foot: each sinks in by itself, and the cable stays slack."""
+    place = {"left": [0.0, 0.0], "weight": [0.0, 0.0], "right": [1.0, 0.0], "top": [0.5, 1.0]}
+    mass = {"left": 1.0, "weight": 2.0, "right": 1.0, "top": 2.0}
+    bar = {"kind": "bar", "spring_constant": 1e5}
+    ends = {"base": ["left", "right"], "west": ["left", "top"], "east": ["right", "top"]}
+    link = {"kind": "cable", "spring_constant": 100.0, "rest_length": 0.5, "nodes": ["left", "weight"]}
+    scene = {
+        "name": "folded",
+        "axes": "xz",
+        "gravity": [0.0, -9.81],
+        "nodes": {name: {"position": place[name], "mass": mass[name]} for name in place},
+        "members": {name: bar | {"nodes": pair} for name, pair in ends.items()} | {"link": link},
+        "ground": {"stiffness": 1e4, "friction": 0.5},
+    }
+    model = compile_scene(scene, for_=("equilibrium", "simulate"))
+    found = find_equilibrium(model)
+    assert (found.status, found.tension("link")) == ("converged", 0.0)
+    for node in ("left", "weight", "right"):  # each carries 2 kg
+        assert found.position(node)[2] == pytest.approx(-2 * 9.81 / 1e4, abs=1e-9)
+    start = {"coordinate": found.coordinate, "arguments": found.internal_argument}
+    motion = simulate(model, 0.01, samples=3, **start)
+    assert motion.status == "ok"
+    np.testing.assert_allclose(motion.node_position[-1], found.node_position, atol=1e-8)
