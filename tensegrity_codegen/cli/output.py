@@ -20,6 +20,7 @@ from tensegrity_codegen.system.errors import (
     OutputError,
     TensegrityError,
     escape_controls,
+    name_list,
 )
 from tensegrity_codegen.system.extras import require_plot
 from tensegrity_codegen.system.files import check_ending, check_output, plain
@@ -277,8 +278,7 @@ def _count_lines(item: Any) -> int:
 
 def _cut_list(found: re.Match[str]) -> str:
     """Return the first of many names, and the number of the others."""
-    names = found[0].split(", ")
-    return f"{', '.join(names[:MOST_NAMES])} and {len(names) - MOST_NAMES:,} more"
+    return name_list(found[0].split(", "), MOST_NAMES)
 
 
 def list_files(files: Mapping[str, str]) -> str:

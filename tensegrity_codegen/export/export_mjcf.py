@@ -19,7 +19,7 @@ from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice, name_list
 
 BALL = 1e-3  # m, by which balls of feet are larger, since those of MuJoCo cannot be points
 STEP = 1e-4  # s, a step of MuJoCo for stiff bars; its own default is 2e-3
@@ -138,7 +138,7 @@ def _check_rigid(structure: Structure) -> None:
         raise FormulationError(
             "rigid bars that share a node cannot be expressed: MuJoCo would join them by soft constraints",
             where=structure.name,
-            given=f"rigid bars at {', '.join(shared[:5])}",
+            given=f"rigid bars at {name_list(shared)}",
             hint="give the bars a stiffness, as spring_constant or axial_stiffness",
         )
     held = structure.node_anchored[ends]
@@ -171,11 +171,9 @@ def _spread_masses(parts: ModelParts) -> list[int]:
         if bar:
             (coupled if exact else lumped).append(int(member))
     if lumped:
-        names = ", ".join(structure.member_name[member] for member in lumped[:5])
-        others_too = f" and {len(lumped) - 5} more" if len(lumped) > 5 else ""
+        names = name_list([structure.member_name[member] for member in lumped])
         parts.notes.append(
-            f"the own mass of {names}{others_too} stands half at each end: the inertia differs from that of "
-            "a bar"
+            f"the own mass of {names} stands half at each end: the inertia differs from that of a bar"
         )
     return coupled
 
@@ -188,7 +186,7 @@ def _check_masses(parts: ModelParts) -> None:
         raise FormulationError(
             "a node that can move has no mass, which MuJoCo requires",
             where=parts.structure.name,
-            given=", ".join(bad[:5]),
+            given=name_list(bad),
             hint="give nodes a mass, or bars a mass or density",
         )
 

@@ -12,7 +12,7 @@ from tensegrity_codegen.structure.collision import require_no_collision
 from tensegrity_codegen.structure.kinematics import compute_node_position, euler_rotation
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.errors import FormulationError, name_list
 
 
 def add(above: Element, tag: str, **attributes: str) -> Element:
@@ -89,7 +89,7 @@ def _check(structure: Structure) -> None:
         raise FormulationError(
             "bars with stiffness change their length, which links of constant shape cannot",
             where=structure.name,
-            given=", ".join(names[:5]),
+            given=name_list(names),
             allowed="rigid bars: bars without spring_constant and axial_stiffness",
             hint="remove the stiffness of the bars, or export to MJCF",
         )
@@ -98,7 +98,7 @@ def _check(structure: Structure) -> None:
         raise FormulationError(
             "rigid bars that share a node form loops, or joints that no tree of links has",
             where=structure.name,
-            given=", ".join(shared[:5]),
+            given=name_list(shared),
             allowed="rigid bars that tendons alone connect",
         )
     partly = structure.node_anchored.any(axis=1) & ~structure.node_anchored.all(axis=1)
@@ -107,7 +107,7 @@ def _check(structure: Structure) -> None:
         raise FormulationError(
             "nodes that are held on some axes have no joint of this kind",
             where=structure.name,
-            given=", ".join(names[:5]) or "a planar scene",
+            given=name_list(names) or "a planar scene",
             allowed="nodes that are free, or anchored on all axes",
         )
 

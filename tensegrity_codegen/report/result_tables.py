@@ -14,8 +14,8 @@ from tensegrity_codegen.runtime.contacts.rest_memory import name_plastic
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
-from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import name_list
 from tensegrity_codegen.system.files import check_ending, plain, write_text
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.table_files import write_csv
@@ -58,7 +58,7 @@ def say_spectrum(spectrum: "Spectrum") -> list[str]:
     if not spectrum.is_complete:
         sentences.append("only the slowest modes were computed")
     if len(real):
-        listed = ", ".join(f"{x:.6g}" for x in real[:MOST_REAL]) + (" ..." if len(real) > MOST_REAL else "")
+        listed = name_list([f"{x:.6g}" for x in real], MOST_REAL)
         sentences.append(f"real eigenvalues [1/s] (motions that decay or grow without oscillation): {listed}")
     if zeros:
         are = describe_count(zeros, "eigenvalue is", "eigenvalues are")

@@ -10,6 +10,7 @@ from tensegrity_codegen.system.errors import (
     InvalidNameError,
     UnknownKeyError,
     UnknownNameError,
+    name_list,
     suggest,
 )
 
@@ -119,10 +120,3 @@ def describe_pieces(first_nodes: Sequence[str]) -> str:
     """Return the warning of pieces that no members join, by the first node of each."""
     count, names = len(first_nodes), name_list(first_nodes)
     return f"the structure is in {count} unconnected pieces, that begin at nodes {names}"
-
-
-def name_list(names: Iterable[str], most: int = 5) -> str:
-    """Return the first few names and the number of the others: "a, b, c and 4 more"."""
-    names = list(names)
-    ending = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + ending

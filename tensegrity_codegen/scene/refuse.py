@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.names import key_path, name_list
-from tensegrity_codegen.system.errors import SceneError
+from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.system.errors import SceneError, name_list
 
 
 def refuse(

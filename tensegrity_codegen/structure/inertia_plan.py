@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
-from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.errors import FormulationError, name_list
 
 
 class InertiaPlan:
@@ -113,7 +113,7 @@ def refuse_bare(structure: Structure, bare: Sequence[Any]) -> None:
     if len(bare) == 0:
         return
     names = [structure.node_name[node] for node in bare]
-    shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+    shown = name_list(names)
     problem = "a free node without mass has no acceleration"
     location = f"{structure.name}: nodes.{names[0]}.mass"
     allowed = "a mass > 0 [kg] at the node, or a bar with own mass that ends there"

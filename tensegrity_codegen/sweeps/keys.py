@@ -7,7 +7,7 @@ from typing import Any
 
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.sweeps.key_schema import ANY, Bounds, Place, root_place
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, name_list, suggest
 
 _STEP = re.compile(r"(?:^|\.)([A-Za-z_][A-Za-z0-9_]*)|\[(\d{1,9})\]")
 # Vectors that mean zero where a scene has none, so that one of their numbers can be set.
@@ -176,7 +176,7 @@ def _unknown(
         "unknown key",
         where=key_path(where, *steps),
         given=text,
-        allowed=", ".join(names[:40]) or "keys of the scene",
+        allowed=name_list(names, 40) or "keys of the scene",
         hint=near if near.startswith("did") else suggest(text, find_numbers(document), most=6),
     )
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.errors import FormulationError, name_list
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
@@ -27,12 +27,11 @@ def check_no_rigid_bar(structure: Structure, formulation: str) -> None:
     """Raise FormulationError if a member has neither spring constant nor axial stiffness."""
     rigid = np.flatnonzero(structure.is_rigid)
     if rigid.size:
-        name = structure.member_name[rigid[0]]
-        remaining = f" and {rigid.size - 1} more" if rigid.size > 1 else ""
+        names = [structure.member_name[e] for e in rigid]
         raise FormulationError(
             f"formulation {formulation!r} has no rigid bars",
-            where=f"{structure.name}: members.{name}",
-            given=f"bar {name}{remaining} without axial_stiffness and spring_constant",
+            where=f"{structure.name}: members.{names[0]}",
+            given=f"bar {name_list(names)} without axial_stiffness and spring_constant",
             allowed="axial_stiffness > 0 [N] or spring_constant > 0 [N/m] on every bar",
             hint='formulation = "rigid_bar", or give the bar a stiffness, 1,000 times that of the cables is '
             "nearly rigid",
@@ -72,7 +71,7 @@ def check_rigid_bars(structure: Structure, rigid: NDArray[np.bool_], request: Mo
     redundant = find_redundant(structure, members)
     if redundant.size:
         names = [structure.member_name[e] for e in redundant]
-        shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+        shown = name_list(names)
         raise FormulationError(
             "rigid bars that repeat what the others hold already: their forces are not determined",
             where=f"{structure.name}: members.{names[0]}",

@@ -224,6 +224,13 @@ SYNONYMS = {
 }
 
 
+def name_list(names: Iterable[str], most: int = 5) -> str:
+    """Return the first few names and the number of the others: "a, b, c and 4 more"."""
+    names = list(names)
+    more = f" and {len(names) - most:,} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
 def suggest(given: Any, known: Iterable[str], *, most: int = 12) -> str:
     """Return a hint for an unknown word: the closest known ones, else the list, the nearest names first."""
     given, names = str(given)[:80], sorted(known)
@@ -233,9 +240,7 @@ def suggest(given: Any, known: Iterable[str], *, most: int = 12) -> str:
         return "did you mean " + " or ".join(repr(name) for name in close) + "?"
     if len(names) > most:
         names.sort(key=lambda name: -difflib.SequenceMatcher(None, given, name).ratio())
-    shown = ", ".join(repr(name) for name in names[:most])
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return f"known: {shown}{more}" if names else "none are defined"
+    return f"known: {name_list(map(repr, names), most)}" if names else "none are defined"
 
 
 # Control characters but newline and tab, and those that turn the direction of text, as Python writes them.

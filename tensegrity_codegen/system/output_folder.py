@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tensegrity_codegen.system.checks import check_path, check_switch
-from tensegrity_codegen.system.errors import OutputError
+from tensegrity_codegen.system.errors import OutputError, name_list
 from tensegrity_codegen.system.files import check_not_input, explain_unwritable
 from tensegrity_codegen.system.temporary_files import work_folder
 
@@ -51,12 +51,11 @@ def check_folder(
         if not overwrite and not _is_listed(path, listing):
             existing.append(name)
     if existing:
-        ending = f" and {len(existing) - MOST_NAMED} more" if len(existing) > MOST_NAMED else ""
         unchanged = f", or with these as {LIST_FILE} lists them" if listed else ""
         problem, location = "the folder holds files of these names already", str(folder)
         allowed = f"a folder without files of these names{unchanged}"
         hint = "choose another folder, or pass `overwrite=True` to replace these files"
-        value = ", ".join(existing[:MOST_NAMED]) + ending
+        value = name_list(existing, MOST_NAMED)
         raise OutputError(problem, where=location, given=value, allowed=allowed, hint=hint)
     return target
 

@@ -9,7 +9,6 @@ from tensegrity_codegen.scene.names import (
     check_names,
     is_name,
     key_path,
-    name_list,
 )
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidNameError
 
@@ -74,8 +73,3 @@ def test_key_path_writes_places_as_toml_does():
     assert key_path("f.toml") == "f.toml"
     assert key_path("f", "nodes", "a\n;") == 'f: nodes."a\\n;"'
     assert len(key_path("f", "x" * 10_000)) < 100
-
-
-def test_name_list_counts_what_it_leaves_out():
-    assert name_list("abc") == "a, b, c"
-    assert name_list("abcdefg") == "a, b, c, d, e and 2 more"

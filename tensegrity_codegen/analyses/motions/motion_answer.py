@@ -104,10 +104,10 @@ class MotionAnswer(Result):
     def _write_end(self, path: Path, *, overwrite: bool) -> None:
         """Write the scene as its motion ends: places, velocities, and rest lengths with the inputs there."""
         from tensegrity_codegen.scene.describe import describe_subject
-        from tensegrity_codegen.scene.names import name_list
         from tensegrity_codegen.scene.write import write_scene
         from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
         from tensegrity_codegen.structure.bodies import BodySystem
+        from tensegrity_codegen.system.errors import name_list
 
         motion, subject = self.motion, self.case.subject
         inputs = {} if motion.input is None else dict(zip(motion.input_name, motion.input[-1], strict=True))

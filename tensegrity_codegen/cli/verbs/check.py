@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 from tensegrity_codegen.cli.options import JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.scene.names import name_list
+from tensegrity_codegen.system.errors import name_list
 
 if TYPE_CHECKING:
     from tensegrity_codegen.structure.bodies import BodySystem

@@ -17,7 +17,7 @@ from tensegrity_codegen.codegen.compilation.child import run_limited
 from tensegrity_codegen.codegen.compilation.compile import compile_library, compiler_environment
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler
 from tensegrity_codegen.system.binaries import describe_binary
-from tensegrity_codegen.system.errors import CompileError, CompilerMissingError
+from tensegrity_codegen.system.errors import CompileError, CompilerMissingError, name_list
 from tensegrity_codegen.system.extras import name_install
 from tensegrity_codegen.system.temporary_files import work_folder
 from tensegrity_codegen.tables.manifest import Manifest
@@ -244,7 +244,7 @@ def check_foreign_library(
         raise _refuse("it was made from another scene", compiler, log)
     missing = [spec.symbol for spec in manifest.functions if spec.symbol.encode("ascii") not in data]
     if missing:
-        raise _refuse(f"it has no symbol {', '.join(missing[:5])}", compiler, log)
+        raise _refuse(f"it has no symbol {name_list(missing)}", compiler, log)
 
 
 def _refuse(reason: str, compiler: Compiler, log: str) -> CompileError:

@@ -5,7 +5,7 @@ from typing import Any
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.symbolic.columns import list_jumping
-from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.errors import FormulationError, name_list
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import DIRECTED, STATE, WEIGHTS
 from tensegrity_codegen.tables.request import ModelRequest
@@ -78,7 +78,7 @@ def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> N
         raise FormulationError(
             "forces jump where damped cables become taut, and no event of the library finds that",
             where=f"{subject.name}: columns",
-            given=", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else ""),
+            given=name_list(names),
             allowed='cables without damping, or the event "cable" among model.events',
             hint='add "cable" to model.events',
         )

@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
-from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.errors import FormulationError, name_list
 
 DYNAMIC_QUANTITIES = (
     "acceleration",
@@ -206,7 +206,7 @@ def _check_quantities(model: CompiledModel) -> None:
     structure = model.structure
     if isinstance(structure, Structure) and not model.has("acceleration"):
         moving = np.flatnonzero((structure.node_mass == 0) & ~np.all(structure.node_anchored, axis=1))
-        names = ", ".join(structure.node_name[k] for k in moving[:5])
+        names = name_list(structure.node_name[k] for k in moving)
         raise FormulationError(
             "without masses of the nodes there are no accelerations",
             where=f"{model.manifest.name}: nodes",

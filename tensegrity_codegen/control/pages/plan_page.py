@@ -29,6 +29,7 @@ from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, Binding,
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import name_list
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
 
@@ -118,7 +119,7 @@ def _name_targets(plan: PlanResult, row: int) -> str:
         f"{name} {format_short(float(value), 4)} {unit}".strip()
         for name, value, unit in zip(plan.target_name, plan.target[row], plan.target_unit, strict=True)
     ]
-    return ", ".join(shown[:3]) + (f" and {len(shown) - 3} more" if len(shown) > 3 else "")
+    return name_list(shown, 3)
 
 
 def _targets(plan: PlanResult) -> Section:

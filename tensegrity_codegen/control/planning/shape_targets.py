@@ -18,7 +18,13 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
-from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import (
+    FormulationError,
+    InvalidValueError,
+    UnknownNameError,
+    name_list,
+    suggest,
+)
 
 RING = re.compile(r"([bt])(?:(\d+)_)?(\d+)")
 Shape = Callable[[FloatArray], FloatArray]
@@ -252,7 +258,7 @@ def _bind_rings(
             raise InvalidValueError(
                 "the structure has no rings of nodes with the names of a prism or tower",
                 where=where,
-                given=f"nodes {', '.join(names[:6])}",
+                given=f"nodes {name_list(names, 6)}",
                 allowed=f"{call.name}([top nodes], [base nodes])",
                 hint=f'for example {call.name}([t1, t2, t3], [b1, b2, b3]) or {call.name}("t*", "b*")',
             )

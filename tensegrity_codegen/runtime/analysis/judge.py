@@ -7,6 +7,7 @@ from dataclasses import replace
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.analysis.configuration import Configuration
 from tensegrity_codegen.scene.names import describe_pieces
+from tensegrity_codegen.system.errors import name_list
 
 
 def judge(found: Analysis, at: Configuration) -> Analysis:
@@ -42,7 +43,7 @@ def _describe_proof(found: Analysis, at: Configuration) -> str:
     """Return which cables can only be slack."""
     assert found.certificate is not None
     names = [at.manifest.member_name[e] for e in found.certificate.shortening]
-    shown = ", ".join(names[:6]) + (f" and {len(names) - 6} others" if len(names) > 6 else "")
+    shown = name_list(names, 6)
     return (
         f"no self-stress has every cable in tension: without loads {shown} can only be slack, since a motion "
         f"shortens {'them' if len(names) > 1 else 'it'}, lengthens no cable and keeps the length of every bar"

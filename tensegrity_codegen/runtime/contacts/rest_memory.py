@@ -8,6 +8,7 @@ import numpy as np
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
+from tensegrity_codegen.system.errors import name_list
 from tensegrity_codegen.tables.manifest import MOTOR_END, SET_STATES, VISCOUS_WORK
 
 # Quantities that take members along a straight way from the internal states, not as these say they are.
@@ -112,17 +113,15 @@ def name_plastic(
 def describe_plastic(elongation: Mapping[str, float]) -> list[str]:
     """Return a line on members that have flowed, the farthest first; none where none has."""
     flowed = sorted((item for item in elongation.items() if item[1]), key=lambda item: -abs(item[1]))
-    shown = ", ".join(f"{name} {value:.6g} m" for name, value in flowed[:MOST_SHOWN])
-    more = f" and {len(flowed) - MOST_SHOWN} more members" if len(flowed) > MOST_SHOWN else ""
-    return [f"plastic elongations at the end: {shown}{more}"] if flowed else []
+    shown = name_list([f"{name} {value:.6g} m" for name, value in flowed], MOST_SHOWN)
+    return [f"plastic elongations at the end: {shown}"] if flowed else []
 
 
 def describe_slip(slid: Mapping[str, float]) -> list[str]:
     """Return a line on what has slipped at rings, the most first; none where nothing has."""
     moved = sorted((item for item in slid.items() if item[1]), key=lambda item: -abs(item[1]))
-    shown = ", ".join(f"behind {name} {value:.6g} m" for name, value in moved[:MOST_SHOWN])
-    more = f" and at {len(moved) - MOST_SHOWN} more rings" if len(moved) > MOST_SHOWN else ""
-    return [f"slipped through rings: {shown}{more}"] if moved else []
+    shown = name_list([f"behind {name} {value:.6g} m" for name, value in moved], MOST_SHOWN)
+    return [f"slipped through rings: {shown}"] if moved else []
 
 
 def find_rest_memory(model: Model, arguments: Mapping[str, Any]) -> RestMemory | None:

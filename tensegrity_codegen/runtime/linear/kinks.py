@@ -7,6 +7,7 @@ import numpy as np
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import name_list
 
 KINK_QUANTITIES = ("member_length", "member_extension")
 
@@ -33,7 +34,7 @@ def find_kinks(
 def describe_kinks(kinks: Mapping[str, bool]) -> list[str]:
     """Return the warning about cables at their rest lengths, none without any."""
     sides = [
-        f"as {word}: {', '.join(names[:10])}{' ...' if len(names) > 10 else ''}"
+        f"as {word}: {name_list(names, 10)}"
         for word, is_taut in (("taut", True), ("slack", False))
         if (names := [name for name, taut in kinks.items() if taut is is_taut])
     ]

@@ -16,7 +16,7 @@ from tensegrity_codegen.runtime.model.named_inputs import INPUT, unify_name
 from tensegrity_codegen.runtime.profiles.pieces import Pieces
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError, name_list
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 from tensegrity_codegen.tables.manifest import Manifest
 
@@ -195,7 +195,7 @@ def check_laws(model: CompiledModel, schedule: Any) -> None:
     """Raise InvalidValueError where the implicit method cannot follow a profile; names the members."""
     names = find_changing(model, schedule)
     if names:
-        shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+        shown = name_list(names)
         raise InvalidValueError(
             f"{STIFF_INTEGRATOR} holds masses, and rest lengths and stiffnesses of members without slack, "
             "constant",

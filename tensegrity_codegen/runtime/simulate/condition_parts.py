@@ -19,7 +19,7 @@ from tensegrity_codegen.runtime.simulate.condition_text import (
     WHERE,
     shorten_part,
 )
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, name_list
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 
@@ -168,7 +168,7 @@ class _Translator:
             f"{quantity} has no such entry",
             where=WHERE,
             given=shorten_part(node),
-            allowed=", ".join(names[:20]) or f"0 to {size - 1}",
+            allowed=name_list(names, 20) or f"0 to {size - 1}",
         )
 
     def _names(self, quantity: str, axis: int) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.assemble.members import spread_vectors
 from tensegrity_codegen.scene.checks.check_members import find_fully_anchored
-from tensegrity_codegen.scene.names import key_path, name_list
+from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.model_schema import Parameters
 from tensegrity_codegen.scene.schema.part_schema import ForceInput, RestLengthInput, TemperatureInput
 from tensegrity_codegen.scene.schema.schema_types import Selection
@@ -21,6 +21,7 @@ from tensegrity_codegen.system.errors import (
     InvalidValueError,
     UnknownNameError,
     check_choice,
+    name_list,
     suggest,
 )
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tensegrity_codegen.scene.names import key_path, name_list
+from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.structure.contact_estimates import (
     ALONG,
     Subject,
@@ -16,7 +16,7 @@ from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_instance
-from tensegrity_codegen.system.errors import InvalidValueError, StructureError
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError, name_list
 
 DEPTH_TOLERANCE = 1e-9  # of the structure's size
 

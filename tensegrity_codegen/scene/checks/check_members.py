@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.names import key_path, name_list
+from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
@@ -16,6 +16,7 @@ from tensegrity_codegen.system.errors import (
     NonFiniteError,
     StructureError,
     UnknownNameError,
+    name_list,
     suggest,
 )
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS

@@ -4,10 +4,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
+from tensegrity_codegen.system.errors import name_list
 from tensegrity_codegen.system.summaries import describe_count
 
 SUSPICIOUS_LENGTH = 50.0  # [m], median member length from which on millimetres are suspected

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.bodies import Bar, BodySystem
 from tensegrity_codegen.structure.contact_estimates import (
     Subject,
@@ -18,6 +17,7 @@ from tensegrity_codegen.structure.outline import compute_bar_distance, outline_t
 from tensegrity_codegen.structure.pieces import find_chains
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import name_list
 
 FEWEST_CABLES = 3  # of which one should be in tension
 SAME_LENGTH = 1e-9  # of the length: difference from the rest length that counts as none

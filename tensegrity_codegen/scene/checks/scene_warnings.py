@@ -23,13 +23,14 @@ from tensegrity_codegen.scene.checks.plausible_start import (
     warn_of_sag,
     warn_of_slack,
 )
-from tensegrity_codegen.scene.names import describe_pieces, name_list
+from tensegrity_codegen.scene.names import describe_pieces
 from tensegrity_codegen.structure.bodies import BodySystem, FixedBody
 from tensegrity_codegen.structure.outline import compute_bar_distance, outline_tendons
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray
 from tensegrity_codegen.system.checks import check_instance
+from tensegrity_codegen.system.errors import name_list
 
 # Warnings of ranges of actuators that exclude the start, of clearances, and of limits without effect.
 
@@ -121,7 +122,7 @@ def warn_of_side(structure: Structure) -> list[str]:
         return []
     names = [name for name, foot in zip(structure.node_name, feet_y, strict=True) if foot]
     return [
-        f"the structure seems to lie on its side: {len(names)} nodes ({', '.join(names[:3])}, ...) are "
+        f"the structure seems to lie on its side: {len(names)} nodes ({name_list(names, 3)}) are "
         f"lowest in y and {int(feet_z.sum())} in z, but gravity acts along z; if y is up, use gravity = "
         f"[0, {structure.gravity[2]:g}, 0], or import with --up y, which turns the structure upright"
     ]

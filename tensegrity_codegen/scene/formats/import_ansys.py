@@ -21,8 +21,7 @@ from tensegrity_codegen.scene.formats.imported import (
     build_result,
     read_text,
 )
-from tensegrity_codegen.scene.names import name_list
-from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError
+from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError, name_list
 
 MAX_FILE_BYTES = 32 * 2**20  # bytes
 LONGEST_INDEX = 15  # digits

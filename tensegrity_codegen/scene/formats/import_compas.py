@@ -26,8 +26,8 @@ from tensegrity_codegen.scene.formats.imported import (
     build_result,
     read_text,
 )
-from tensegrity_codegen.scene.names import key_path, name_list
-from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, name_list
 
 WHAT = "a network of COMPAS"
 SECTIONS = ("data", "value")  # the latter of the encoder of version 1

@@ -14,8 +14,7 @@ from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES, check_counts
 from tensegrity_codegen.scene.formats.files.lines import Line, build_lines, is_bar
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_bytes
-from tensegrity_codegen.scene.names import name_list
-from tensegrity_codegen.system.errors import SceneSyntaxError
+from tensegrity_codegen.system.errors import SceneSyntaxError, name_list
 from tensegrity_codegen.system.extras import CAD, import_extra
 
 LARGEST_DXF = 128 * 2**20  # bytes

@@ -18,8 +18,8 @@ from tensegrity_codegen.scene.formats.imported import ImportResult, Network, Net
 from tensegrity_codegen.scene.formats.mjcf.defaults import Defaults, read_defaults
 from tensegrity_codegen.scene.formats.mjcf.links import Link, read_links
 from tensegrity_codegen.scene.formats.mjcf.tendons import read_actuators, read_coupled_masses, read_tendons
-from tensegrity_codegen.scene.names import check_known, name_list
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.scene.names import check_known
+from tensegrity_codegen.system.errors import InvalidValueError, name_list
 
 WHAT = "a model of MuJoCo (MJCF)"
 GRAVITY = "0 0 -9.81"  # of MuJoCo where a model gives none

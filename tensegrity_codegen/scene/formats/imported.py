@@ -21,6 +21,7 @@ from tensegrity_codegen.system.errors import (
     SceneSyntaxError,
     StructureError,
     describe_reason,
+    name_list,
 )
 
 _LONGEST_NAME = 63
@@ -73,13 +74,10 @@ class NameBook:
         """Return a note about the renamed things, at most one."""
         if not self.renamed:
             return []
-        shown = [f"{old!r} is {new}" for old, new in list(self.renamed.items())[:5]]
-        hidden = len(self.renamed) - len(shown)
-        ending = f", and {hidden} more" if hidden else ""
+        shown = [f"{old!r} is {new}" for old, new in self.renamed.items()]
         return [
             f"{what} renamed, since names start with a letter and hold letters, digits and _ only: "
-            + ", ".join(shown)
-            + ending
+            + name_list(shown)
         ]
 
 

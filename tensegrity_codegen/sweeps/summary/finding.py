@@ -14,6 +14,7 @@ from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.sweeps.summary.statistics import Distribution, describe_count, is_difference_clear
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
+from tensegrity_codegen.system.errors import name_list
 
 MOST_STATUSES = 2
 MOST_NAMED = 3  # keys in the lead, and of a worst case in the terminal
@@ -73,9 +74,8 @@ def _format(value: float, spread: Distribution) -> str:
 def describe_lead(summary: SweepSummary) -> str:
     """Return the main findings in two or three sentences."""
     results, keys = summary.results, summary.results.keys
-    varied = [_describe_varied(summary, place) for place in range(min(len(keys), MOST_NAMED))]
-    more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
-    texts = [f"Varied: {', '.join(varied)}{more}."] if varied else []
+    varied = [_describe_varied(summary, place) for place in range(len(keys))]
+    texts = [f"Varied: {name_list(varied, MOST_NAMED)}."] if varied else []
     for row in [row for row in summary.failing if is_difference_clear(results, row)][:1]:
         unit = _unit(results.key_units.get(row.key, ""))
         texts.append(
@@ -127,9 +127,7 @@ def list_tables(summary: SweepSummary) -> Iterator[LongTable | str]:
 
 def _list_keys(keys: Mapping[str, float]) -> str:
     """Return the first keys of a case with their values, and how many more it has."""
-    texts = [f"{key} = {value:.5g}" for key, value in keys.items()]
-    more = f", and {len(texts) - MOST_NAMED} more" if len(texts) > MOST_NAMED else ""
-    return ", ".join(texts[:MOST_NAMED]) + more
+    return name_list([f"{key} = {value:.5g}" for key, value in keys.items()], MOST_NAMED)
 
 
 def _describe_spread(item: ResultSummary) -> tuple[str, ...]:

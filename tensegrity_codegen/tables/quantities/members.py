@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.errors import FormulationError, name_list
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 Scalar = Any  # an expression
@@ -65,11 +65,10 @@ def check_values(quantity: MemberQuantity, subject: Any) -> None:
     for find, has, noun, key in needs:
         lacking = np.flatnonzero(find(subject) & ~has) if find is not None else ()
         if len(lacking):
-            names = [subject.member_name[e] for e in lacking[:3]]
-            count_text = f" and {len(lacking) - 3} others" if len(lacking) > 3 else ""
+            names = name_list([subject.member_name[e] for e in lacking], 3)
             problem = f"the quantity {quantity.name!r} needs the {noun} of members that have none"
             location = f"{subject.name}: model.quantities"
-            value = f"{', '.join(names)}{count_text} without {key.split()[0]}"
+            value = f"{names} without {key.split()[0]}"
             allowed = f"{key} of each member that the quantity needs"
             hint = f"give {key} to these members or to their class"
             raise FormulationError(problem, where=location, given=value, allowed=allowed, hint=hint)

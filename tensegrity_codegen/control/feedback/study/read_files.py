@@ -10,7 +10,7 @@ from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
 from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, describe_reason
+from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, describe_reason, name_list
 
 REAL = "fiu"  # kinds of NumPy: floating, signed and unsigned integers
 
@@ -35,7 +35,7 @@ def read_path(path: str | Path, model: CompiledModel) -> EquilibriumPath:
         raise InvalidValueError(
             "the plan belongs to another structure",
             where=str(path),
-            given=f"{len(members)} members: {', '.join(members[:3])}, ...",
+            given=f"{len(members)} members: {name_list(members, 3)}",
             allowed=f"a plan of {model.manifest.name} with {len(model.manifest.member_name)} members and "
             f"{count} coordinates",
         )

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
 from tensegrity_codegen.scene.formats.files.documents import check_attributes
-from tensegrity_codegen.scene.names import name_list
-from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, name_list
 
 _FRAME = "pos quat axisangle xyaxes zaxis euler"
 _LOOKS = "name class group user material rgba"

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.scene.formats.files.documents import read_number, read_numbers
 from tensegrity_codegen.scene.formats.imported import Network, NetworkMember
 from tensegrity_codegen.scene.formats.mjcf.defaults import MOST_NAMED, Defaults, list_unread
-from tensegrity_codegen.scene.names import name_list
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError, name_list
 
 
 def read_tendons(
