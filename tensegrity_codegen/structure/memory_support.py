@@ -10,6 +10,9 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 MOST_MEMBERS = 200  # whose events integrators watch: each has two margins, and every event ends a step
 ADVICE = f'simulate with formulation "node_position" or "rigid_bar" and {" or ".join(INTEGRATORS)}'
+ELASTIC = "no choice of formulation or method knows it; leave {key} out, which makes the member elastic"
+# What another formulation or emitter does not change.
+WHATEVER_IS_CHOSEN = ("solvers in C", "energy that is kept", "derivatives of motions", "live pages")
 
 
 def require_no_memory(subject: Any, what: str, hint: str = ADVICE) -> None:
@@ -57,7 +60,8 @@ def check_memory(subject: Any, request: ModelRequest) -> None:
     for feature, is_wanted in _list_foreign(request).items():
         if is_wanted:
             require_no_lag(subject, feature)
-            require_no_memory(subject, feature)
+            no_choice = feature.startswith(WHATEVER_IS_CHOSEN)
+            require_no_memory(subject, feature, ELASTIC if no_choice else ADVICE)
     if not subject.yields.any():
         return
     lacking = {
