@@ -66,6 +66,26 @@ static inline double event_tolerance(double base, double usual_step, const event
   return base + event_noise_time(usual_step, m, m->found_margin);
 }
 
+#if WITH_MOVED_PLACES
+static const double MAX_GAP = 1e-4; /* of the longest member */
+
+/* How long it takes until the margins that a projection has moved across zero, from `before` to m->end_margin, come back
+ * there; 0 where it has moved none. Where a force jumps, lengths of bars follow it and move the margin back: in between
+ * no state agrees with its own forces. */
+static inline double event_gap(const double *before, const event_memory *m)
+{
+  double gap = 0.0;
+  int k;
+  for (k = 0; k < N_MARGINS; ++k) {
+    const double distance = fabs(m->end_margin[k]) + 2.0 * m->noise[k];
+    if (m->side[k] < 0.0 && before[k] > 0.0 && m->end_margin[k] < m->noise[k] && distance < MAX_GAP * EVENT_SIZE) {
+      gap = fmax(gap, 1.5 * distance / fabs(m->start_rate[k]));
+    }
+  }
+  return gap;
+}
+
+#endif
 /* Write an event of margin k to the list of the caller, and stop the run where it asks for that. */
 static inline void event_record(double time, int k, int direction, scene_run *run)
 {
@@ -140,10 +160,6 @@ static inline void event_begin(double time, double step, scene_run *run, event_m
   }
 }
 
-#if WITH_LOUD_MARGINS
-enum { MANY_STALLED = 64 }; /* attempts within a thousandth of a step, after which a longer extrapolation passes an event */
-
-#endif
 /* Zero where events keep the motion from getting ahead: too many attempts within a thousandth of a step. */
 static inline int event_may_continue(double time, double step, scene_run *run)
 {
@@ -152,9 +168,8 @@ static inline int event_may_continue(double time, double step, scene_run *run)
     run->n_stalled = 0;
   }
 #if WITH_LOUD_MARGINS
-  /* Rounding of rigid bars, which grows at impacts, can move a margin by more than its noise in no time; so does a force
-   * that jumps, where lengths of bars follow their tensions; and steps and extrapolations disagree about the margin of a
-   * ring, where a strand beside it goes slack. */
+  /* Rounding of rigid bars, which grows at impacts, can move a margin by more than its noise in no time; and steps and
+   * extrapolations disagree about the margin of a ring, where a strand beside it goes slack. */
   if (run->n_stalled % 16 == 15) {
     run->loudness *= 8.0;
   }

@@ -173,11 +173,14 @@ static inline int method_set_slips(const method_motion *m, real *change)
  * turned. */
 static inline int method_pass(double root, double near, double left, const method_motion *m)
 {
-  const double h = fmin(root + near, left), t1 = h < left ? *m->time + h : *m->time + left;
+  double h = fmin(root + near, left), t1;
   method_work *w = m->work;
   int k;
 #if !WITH_SMOOTH_EVENTS
   double delay;
+#endif
+#if WITH_MOVED_PLACES
+  double gap;
 #endif
 #if WITH_MARGIN_JUMPS
   real turned[N_CABLE_MARGINS];
@@ -185,16 +188,30 @@ static inline int method_pass(double root, double near, double left, const metho
 #if WITH_ADJOINT
   double *row;
 #endif
+#if WITH_MOVED_PLACES
+  for (;; h += gap) {
+#endif
+  t1 = h < left ? *m->time + h : *m->time + left;
   motion_extrapolate(h, m->state, w->lost, w->rates, w->change, w->trial);
 #if WITH_PROFILE
   profile_set_time(t1, m->with->profile);
+#endif
+#if WITH_MOVED_PLACES
+  event_margins(t1, w->trial, w->trial + N, m->with, m->run, w->events.trial_margin);
 #endif
 #if WITH_CONSTRAINTS
   motion_project(w->trial, w->trial + N, m->with, w->events.point);
 #endif
   event_margins(t1, w->trial, w->trial + N, m->with, m->run, w->events.end_margin);
+#if WITH_MOVED_PLACES
+    gap = event_gap(w->events.trial_margin, &w->events);
+    if (!(gap > 0.0 && h + gap <= left)) {
+      break;
+    }
+  }
+#endif
 #if !WITH_SMOOTH_EVENTS
-  delay = event_delay(2.0 * near, &w->events);
+  delay = event_delay(fmax(2.0 * near, h - root), &w->events);
 #endif
 #if WITH_MARGIN_JUMPS
   for (k = 0; k < N_CABLE_MARGINS; ++k) {
@@ -330,11 +347,7 @@ static inline int method_meet_crossing(double left, const method_motion *m, int 
   path.length = fmin(fmax(4.0 * run->ahead, 4.0 * base), left);
   motion_extrapolate(path.length, m->state, w->lost, w->rates, w->change, w->trial);
   root = event_find_first(&path, 1, 0, m->with, run, &w->events) * path.length;
-#if WITH_LOUD_MARGINS
-  near = event_tolerance(base, run->n_stalled > MANY_STALLED ? 1e4 * run->pace : run->pace, &w->events);
-#else
   near = event_tolerance(base, run->pace, &w->events);
-#endif
   if (!event_can_be_passed(root, near, path.length, planned, run, &w->events)) {
     return SCENE_OK;
   }
@@ -483,6 +496,25 @@ static inline int method_begin(double time_end, const method_motion *m)
   return SCENE_OK;
 }
 
+#if WITH_MOVED_PLACES
+/* Bring `trial` onto the constraints, unless that would move a cable back to slack: the event shows on the way there. */
+static inline void method_project_watched(double h, const method_motion *m)
+{
+  method_work *w = m->work;
+  event_memory *events = &w->events;
+  int k;
+  for (k = 0; k < N_STATES; ++k) {
+    events->point[k] = w->trial[k];
+  }
+  event_margins(*m->time + h, w->trial, w->trial + N, m->with, m->run, events->trial_margin);
+  motion_project(w->trial, w->trial + N, m->with, w->spare);
+  event_margins(*m->time + h, w->trial, w->trial + N, m->with, m->run, events->end_margin);
+  for (k = 0; event_gap(events->trial_margin, events) > 0.0 && k < N_STATES; ++k) {
+    w->trial[k] = events->point[k];
+  }
+}
+
+#endif
 /* Try a step of length h; returns the scaled error of `trial`, INFINITY where something is not finite. Its derivative
  * goes to rates[METHOD_STAGES], what rounding takes to `change`. */
 static inline double method_attempt(double h, const method_motion *m)
@@ -523,8 +555,16 @@ static inline double method_attempt(double h, const method_motion *m)
 #if WITH_PROFILE
   profile_set_stage(h, m->with->profile);
 #endif
+#if WITH_MOVED_PLACES
+  if (m->run->watch) {
+    method_project_watched(h, m);
+  } else {
+    motion_project(w->trial, w->trial + N, m->with, w->spare);
+  }
+#else
 #if WITH_CONSTRAINTS
   motion_project(w->trial, w->trial + N, m->with, w->spare);
+#endif
 #endif
 #if METHOD_HAS_LATE_END
 #if METHOD_ENDS_WATCHED

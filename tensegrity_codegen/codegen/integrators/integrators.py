@@ -275,13 +275,16 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
         "WITH_MARGIN_JUMPS": has_jumps,
         "WITH_PROFILE_RATE": has_jumps and bool(columns["is_directed"] or columns["has_adjoint"]),
         "WITH_COLUMN_JUMPS": has_jumps and columns["has_columns"],
-        "WITH_EVENT_FORECAST": any(events.get(key) for key in ("is_smooth", "n_contacts", "n_rings")),
+        "WITH_EVENT_FORECAST": any(
+            [events and moves_places, *(events.get(key) for key in ("is_smooth", "n_contacts", "n_rings"))]
+        ),
         **{
             f"WITH_{event.upper()}_EVENTS": any(kind["word"] == event for kind in events.get("kinds", ()))
             for event in ("switch", "collision", "ground", "stick", "yield", "motor", "ring")
         },
         "WITH_CONTACT_EVENTS": bool(events.get("n_contacts")),
         "WITH_LOUD_MARGINS": any([events.get("n_contacts"), events.get("n_rings"), events and moves_places]),
+        "WITH_MOVED_PLACES": bool(events and moves_places and not events.get("is_smooth")),
         "WITH_STIFFENING": any(events.get(count) for count in ("n_contacts", "n_yields")),
         "WITH_SET_STATES": bool(events.get("n_slips")),
         "WITH_STATIC_FRICTION": "stick" in events.get("setting", ()),
