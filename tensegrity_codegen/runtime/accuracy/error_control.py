@@ -42,6 +42,7 @@ LEAST_PART = 0.1  # of the difference of two runs that counts: tighter steps are
 MIN_STEP_GROWTH = 1.15  # of the number of steps, below which tightening has gained nothing to count on
 # Of the tolerance of the steps: two runs that took the same steps agree, and each may be off by so much.
 LEAST_SHARE_OF_STEPS = 0.1
+FORGOTTEN = 0.1  # of the largest error: one at the end that is less is stated too
 TOO_MANY_EVENTS = "too_many_events"  # the status of a run that events hold up
 
 
@@ -288,7 +289,10 @@ class _Rounds:
                 self.error = error
                 return _note_bound(self._accept_as_it_is(run), rounding, bound)
         self.error += share
-        return self._give_up(run, "rounding error prevents convergence")
+        why = "rounding error prevents convergence"
+        if found.end < FORGOTTEN * found.error:
+            why += f", which the motion amplifies and forgets: {found.end:.3g} times the tolerance at the end"
+        return self._give_up(run, why)
 
     def _accept_as_it_is(self, run: RawTrajectory) -> RawTrajectory:
         self.error = max(self.error, self.checks.least_error, LEAST_SHARE_OF_STEPS * self.factor)

@@ -50,7 +50,8 @@ class Comparison(NamedTuple):
     """How far two runs are apart, over the tolerance.
 
     error: the part that counts as the error of the tighter run; whole: all of it; reducible: the error beyond
-    rounding; speed [m/s]: the largest difference of a velocity; where: the words for the worst vector.
+    rounding; speed [m/s]: the largest difference of a velocity; where: the words for the worst vector;
+    end: the error at the last time.
     """
 
     error: float
@@ -58,6 +59,7 @@ class Comparison(NamedTuple):
     reducible: float
     speed: float
     where: str
+    end: float = np.inf
 
 
 NOT_COMPARABLE = Comparison(np.inf, np.inf, np.inf, np.inf, "")  # where a run ended early
@@ -94,7 +96,7 @@ def compare_runs(
         return NOT_COMPARABLE
     count, width = tight.state.shape
     rows = max(1, BLOCK_SIZE // max(width, 1))
-    found = Comparison(0.0, 0.0, 0.0, 0.0, "")
+    found = Comparison(0.0, 0.0, 0.0, 0.0, "", 0.0)
     n_groups = len(tolerance.first)
     extra, by_rounding = (
         np.repeat(np.zeros(2) if pair is None else pair, n_groups) for pair in (more, noise)
@@ -117,5 +119,6 @@ def compare_runs(
             tolerance.place(float(tight.time[start + row]), int(group))
             if worst > found.error
             else found.where,
+            float(error[-1].max()),
         )
     return found

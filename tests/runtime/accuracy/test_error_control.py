@@ -165,6 +165,26 @@ def test_a_run_that_events_hold_up_says_where_and_does_not_ask_for_looser_tolera
     assert "loosen" not in found.message
 
 
+@pytest.mark.parametrize(("last", "is_told"), [(3, True), (4, False)])
+def test_a_difference_that_the_motion_amplifies_and_forgets_is_told_at_the_end(
+    last: int, is_told: bool
+) -> None:
+    """Bounces in which two runs have nothing in common, whatever their steps are, and rest after them."""
+    calls: list[float] = []
+
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        calls.append(rtol)
+        state = np.ones((5, 6))
+        state[2 : last + 1, 3:] += 0.1 * (-1.0) ** len(calls)
+        state[4, 0] += 5e-6 * (-1.0) ** len(calls)
+        return trajectory(state)
+
+    found = tighten_until_converged(run, of_one_node(1e-6, 1e-9))
+    assert found.status == "not_converged"
+    end = ", which the motion amplifies and forgets: 5.77 times the tolerance at the end"
+    assert (end in found.message) == is_told
+
+
 def test_errors_do_not_depend_on_how_the_axes_lie() -> None:
     rng = np.random.default_rng(1)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
