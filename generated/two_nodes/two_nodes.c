@@ -1041,9 +1041,9 @@ static int rk4_run_pass(double root, double near, double left, const rk4_run_mot
   double h = fmin(root + near, left), t1;
   rk4_run_work *w = m->work;
   int k;
-    t1 = h < left ? *m->time + h : *m->time + left;
-    motion_extrapolate(h, m->state, w->lost, w->rates, w->change, w->trial);
-    event_margins(t1, w->trial, w->trial + N, m->with, m->run, w->events.end_margin);
+  t1 = h < left ? *m->time + h : *m->time + left;
+  motion_extrapolate(h, m->state, w->lost, w->rates, w->change, w->trial);
+  event_margins(t1, w->trial, w->trial + N, m->with, m->run, w->events.end_margin);
   if (!event_change_sides(*m->time + root, &w->events, w->events.end_margin, m->run)) {
     return 0;
   }
