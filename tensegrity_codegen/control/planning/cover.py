@@ -293,11 +293,10 @@ class Equations:
 def find_cover(
     plan_model: PlanModel, limits: PlanLimits, targets: Targets, path: Sequence[PlanPoint], most: int
 ) -> Cover | None:
-    """Return cells of the inputs that cover all that a plan can reach, none with a value of the targets.
+    """Return at most `most` cells of the inputs that cover all that a plan can reach, none with the targets.
 
-    path: points of a plan that is blocked. most: largest number of cells.
-    Returns: None where the proof is not found. It needs linear elastic members, constant loads, and cables
-        with a least tension above 0.
+    The path is blocked. None without a proof, which needs linear elastic members, constant loads, and cables
+    with a least tension above 0.
     """
     structure, at = plan_model.structure, path[0]
     if (

@@ -234,12 +234,9 @@ def find_shape_certificate(
 ) -> tuple[Certificate | None, bool]:
     """Return the proof that no tensions with some cables in tension, and no others in compression, balance.
 
-    coordinate (n_coordinates,): the shape.
-    required (n_members,): members that must be in tension; other cables may be slack, and other bars have
-        either sign.
-    Returns certificate: None where such tensions exist, where the program cannot verify the proof, and for
-        scenes of bodies.
-    Returns loaded: whether there are loads.
+    Required members must be in tension; other cables may be slack, and other bars have either sign. None
+    where such tensions exist, where the proof is not verified, and for scenes of bodies. And whether there
+    are loads.
     """
     model = plan_model.model
     structure = model.structure
@@ -269,13 +266,10 @@ def _is_sure(proof: Certificate, required: NDArray[np.bool_], load: FloatArray) 
 def find_fixed_shape(
     problem: StaticProblem, targets: Targets, start: FloatArray, neutral: FloatArray
 ) -> FloatArray | None:
-    """Return the coordinates that targets fix, where they fix the whole shape.
+    """Return the coordinates that targets fix but for neutral rigid motions, found from the start.
 
-    start (n_coordinates,): where the search begins.
-    neutral (n_coordinates, m): rigid motions that the targets need not fix.
-    Returns (n_coordinates,): None where the targets leave the shape free, where no shape near the start has
-        their values, and where they are not linear in the coordinates, as then other shapes may have their
-        values too.
+    None where the targets leave the shape free, where no shape near the start has their values, and where
+    they are not linear in the coordinates, as then other shapes may have their values too.
     """
     goal = targets.goal
     free = len(start) - neutral.shape[1]

@@ -378,13 +378,10 @@ class Walk(PlanPath):
 def find_path(
     build: BuildPath, max_steps: int, progress: Progress | None, attempts: int, seed: int, prove: Prove
 ) -> tuple[PlanPath, tuple[Branch, ...], Cover | None]:
-    """Return a path to the targets; where limits block all, the one from the start that comes furthest.
+    """Return a path to the targets, or the one that comes furthest, how each branch ended, and a proof.
 
-    build: (targets=, start=, preferred=, of=) -> path, of the class `of`.
-    attempts: largest number of other paths where limits block that of the smallest changes.
-    seed: of the random changes and walks.
-    prove: finds the proof that there is no plan, from a blocked path; then nothing is drawn.
-    Returns: the path, how each branch that was tried ended, and the proof.
+    build(targets=, start=, preferred=, of=) makes a path of the class `of`; prove(path) finds the proof that
+    there is no plan, from a blocked path; then no walk is drawn.
     """
     furthest = build()
     start, targets, draw = furthest.points[0], furthest.targets, np.random.default_rng(seed)

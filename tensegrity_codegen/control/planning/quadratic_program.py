@@ -71,23 +71,15 @@ def find_minimum(
 
 
 def find_nearest(
-    matrix: FloatArray,
-    target: FloatArray,
-    rows: FloatArray,
-    lower: FloatArray,
+    matrix: FloatArray,  # (n_rows, n), of rank n
+    target: FloatArray,  # (n_rows,)
+    rows: FloatArray,  # (n_constraints, n)
+    lower: FloatArray,  # (n_constraints,): bounds; equal ones are equations, infinite ones none
     upper: FloatArray,
     *,
-    tolerance: float = PRIMAL_TOLERANCE,
+    tolerance: float = PRIMAL_TOLERANCE,  # violation of rows scaled to unit norm that DAQP accepts
 ) -> Solution | None:
-    """Return the minimiser of |matrix x - target|^2 / 2 with lower <= rows x <= upper.
-
-    matrix (n_rows, n): of rank n.
-    target (n_rows,): what matrix x should be.
-    rows (n_constraints, n): constraints.
-    lower, upper (n_constraints,): their bounds; equal ones are equations, infinite ones none.
-    tolerance: violation of rows scaled to unit norm, up to which DAQP takes them as satisfied.
-    Returns: None where no answer satisfies the constraints.
-    Raises MissingExtraError: DAQP is not installed.
+    """Return the minimiser of |matrix x - target|^2 / 2 with lower <= rows x <= upper, None without one.
 
     matrix = Q R; DAQP finds y = R x, the nearest to Q^T target. The square of the matrix, whose rounding
     errors are larger, is not formed.
@@ -124,13 +116,9 @@ def _solve(
 
 
 def find_largest(gain: FloatArray, rows: FloatArray, lower: FloatArray, upper: FloatArray) -> Solution | None:
-    """Return the x with the largest gain.x and lower <= rows x <= upper, by HiGHS.
+    """Return the x with the largest gain.x and lower <= rows x <= upper, by HiGHS; None without one.
 
-    gain (n,): objective.
-    rows (n_rows, n): constraints.
-    lower, upper (n_rows,): their bounds; equal ones are equations, infinite ones none.
-    Returns: multipliers are the gain for a unit less of a lower bound (positive) or more of an upper one
-        (negative); None where nothing satisfies the constraints, or the solver failed.
+    Multipliers are the gain for a unit less of a lower bound (positive) or more of an upper one (negative).
     """
     scaled = _scale(rows, lower, upper)
     if scaled is None:

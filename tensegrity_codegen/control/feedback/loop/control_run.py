@@ -147,29 +147,18 @@ class ControlRun(Summarised):
 def build_run(
     model: CompiledModel,
     motion: Motion,
-    sample: float,
+    sample: float,  # [s]: time between two commands
     *,
-    state: FloatArray,
-    command: FloatArray,
-    input: FloatArray,
-    tension: FloatArray,
-    known: FloatArray | None,
-    statuses: Sequence[str],
-    word: str,
-    yielding: NDArray[np.bool_] | None = None,
+    state: FloatArray,  # (n_t, n_states + n_internal): coordinates, velocities and internal states
+    command: FloatArray,  # (n_t - 1, n_actuators): of each sample
+    input: FloatArray,  # (n_t - 1, n_inputs)
+    tension: FloatArray,  # (n_t, n_members) [N]
+    known: FloatArray | None,  # (n_t - 1, n_states + n_coordinates): estimated states, disturbance forces
+    statuses: Sequence[str],  # of each step
+    word: str,  # ``"ok"``, or why the run ended
+    yielding: NDArray[np.bool_] | None = None,  # (n_t - 1, n_members): members whose least tension yields
 ) -> ControlRun:
-    """Return the record of a run.
-
-    model: what is simulated.
-    sample [s]: time between two commands.
-    state (n_t, n_states + n_internal): coordinates, velocities and internal states at the samples.
-    command, input (n_t - 1, n_actuators) and (n_t - 1, n_inputs): of each sample.
-    tension (n_t, n_members) [N]: tensions at the samples.
-    known (n_t - 1, n_states + n_coordinates): estimated states and disturbance forces, with an estimator.
-    statuses: status of each step.
-    word: ``"ok"``, or why the run ended.
-    yielding (n_t - 1, n_members): members whose least tension yields.
-    """
+    """Return the record of a run."""
     manifest = model.manifest
     n_t, n = len(state), len(manifest.coordinate_name)
     time = sample * np.arange(n_t, dtype=float)
