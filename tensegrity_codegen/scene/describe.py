@@ -142,11 +142,7 @@ _NODE_PARAMETERS = ("node_mass", "node_load", "anchor_position")
 
 
 def describe_structure(structure: Structure, request: ModelRequest | None = None) -> dict[str, Any]:
-    """Return the flat scene document of `structure`: positions, stiffnesses and rest lengths [m] explicit.
-
-    Values that all members of a class share stand in the class. Reading it back gives the same numbers bit by
-    bit. `request` adds its sections.
-    """
+    """Return the flat scene document of `structure`, bit by bit; `request` adds its sections."""
     document: dict[str, Any] = {"name": structure.name}
     document["axes"] = "".join(_LETTERS[axis] for axis in structure.axes)
     document["large"] = structure.is_large

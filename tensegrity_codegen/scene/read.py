@@ -166,11 +166,7 @@ def to_plain(value: Any) -> Any:
 
 
 def parse_scene(document: Mapping[str, Any], where: str = "scene") -> Scene:
-    """Return the scene that a plain `document` (the dict form of the TOML) states; `where` names its source.
-
-    Raises UnknownKeyError, InvalidNameError, UnknownNameError, NonFiniteError, InvalidValueError, or
-    StructureError (an empty scene).
-    """
+    """Return the scene of a plain `document` (the dict form of the TOML); `where` names its source."""
     if not isinstance(document, Mapping):
         raise InvalidValueError("not a scene", where=where, given=document, allowed="a table (dict)")
     if not document:
@@ -186,10 +182,7 @@ def parse_scene(document: Mapping[str, Any], where: str = "scene") -> Scene:
 
 
 def read_document(path: str | Path, *, known: frozenset[str] = frozenset()) -> dict[str, Any]:
-    """Read a TOML file as a plain dict, unchecked.
-
-    With `known`, a file that starts with another top-level key is refused at once with UnknownKeyError.
-    """
+    """Read a TOML file as a plain dict, unchecked; another top-level key than `known` is refused first."""
     where = str(path)
     full_text = _read_text(Path(path), where)
     check_text(full_text, where)

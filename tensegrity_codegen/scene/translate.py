@@ -52,10 +52,7 @@ _OF_POINTS = {
 
 
 def translate(error: ValidationError, where: str) -> SceneError:
-    """Return the first of the validator's errors as one of ours; up to five others are listed in its hint.
-
-    Unknown keys come first: a misspelt key is also a missing one.
-    """
+    """Return the validator's errors as one of ours, unknown keys first, up to five others in its hint."""
     details = error.errors(include_url=False)
     # A list whose items were refused was long enough: "too short" of it says nothing.
     lists = {detail["loc"][:-1] for detail in details}

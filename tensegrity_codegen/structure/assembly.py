@@ -94,10 +94,7 @@ class AssemblyPlan:
 
 
 def plan_assembly(structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -> AssemblyPlan:
-    """Return the plan of a structure that keeps `parameters` (argument name -> indices) changeable.
-
-    Groups come in the order of their first members, members in that of the scene.
-    """
+    """Return the plan of a structure with changeable `parameters` (argument -> indices), in its order."""
     features = _features(structure, parameters)
     _, first_row, class_of = np.unique(_number(features), return_index=True, return_inverse=True)
     groups = []

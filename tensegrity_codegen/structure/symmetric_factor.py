@@ -27,11 +27,7 @@ class SymmetricFactor:
     pivot: tuple[Scalar, ...]
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return x with L D L^T x = right.
-
-        It divides by pivots: a product with their inverse would be merged with an entry of L where both are
-        constants.
-        """
+        """Return x with L D L^T x = right; divides by pivots: products would be merged with L."""
         x = list(right)
         for k, below in zip(self.order, self.below, strict=True):
             for row, entry in below:

@@ -33,11 +33,7 @@ LEAST_SPAN = 1e-2  # of the length: so far apart a cable that hangs in a loop st
 
 
 class SegmentedParts(NamedTuple):
-    """Nodes, members and groups of a scene whose cables are cut.
-
-    node, member: fields of Structure; groups: by name, with one more for each cable; share: (n_members,) the
-    part of its cable that a member is; cables: names of the cables.
-    """
+    """Fields of Structure for nodes and members whose cables are cut; share: of its cable; cables: names."""
 
     node: dict[str, Any]
     member: dict[str, Any]

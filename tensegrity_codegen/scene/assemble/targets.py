@@ -27,10 +27,7 @@ from tensegrity_codegen.system.errors import (
 
 
 class Targets:
-    """Finds the indices that names stand for; a name has one meaning among members, groups and classes.
-
-    share: (n_members,) the part of its cable that a member is, 1 unless it is one segment of several.
-    """
+    """Indices by names of members, groups and classes, each of one meaning; share: of its cable."""
 
     def __init__(
         self,
@@ -180,11 +177,7 @@ def build_parameters(
     anchored: BoolArray,
     axes: tuple[int, ...],
 ) -> dict[str, tuple[int, ...]]:
-    """Return the indices that stay changeable, in the structure's order, by argument name.
-
-    anchored: (n_nodes, 3). "all" takes every member or node for which the parameter
-    means something; one that is named and for which it means nothing raises InvalidValueError.
-    """
+    """Return the indices that stay changeable by argument name; "all": those for which it has meaning."""
     springs, axials = spring_constant > 0, axial_stiffness > 0
     all_nodes = np.ones(len(targets.node_name), dtype=np.bool_)
     some_free = ~find_fully_anchored(anchored, axes)

@@ -82,10 +82,7 @@ class NameBook:
 
 
 def name_all(foreign: Iterable[str], prefix: str, what: str) -> tuple[dict[str, str], list[str]]:
-    """Return scene names by foreign names that differ, and a note on those renamed.
-
-    Names that are fine stay, whatever the others become. prefix: as in NameBook; what: "nodes were".
-    """
+    """Return scene names by foreign names, valid ones as they are, and a note; prefix: as in NameBook."""
     foreign, book = list(foreign), NameBook(prefix)
     unchanged = {name: book.add(name) for name in foreign if NameBook(prefix).add(name) == name}
     return {name: unchanged.get(name) or book.add(name) for name in foreign}, book.notes(what)

@@ -135,10 +135,7 @@ class Parts:
 
 
 def ring(count: int, radius: float, height: float, start: float, step: float) -> list[Point]:
-    """Return `count` points (x, y, z) [m] on a circle about z; angles start + i step [rad].
-
-    Coordinates within rounding of zero are zero.
-    """
+    """Return `count` points (x, y, z) [m] on a circle about z; angles start + i step [rad]."""
 
     def snap(value: float) -> float:
         return 0.0 if abs(value) < 1e-15 * radius else value

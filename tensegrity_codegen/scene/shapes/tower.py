@@ -83,10 +83,7 @@ def find_bar_runs(stages: int) -> IntArray:
 def find_run_tensions(
     blocks: Blocks, stages: int, twist: float, is_bar: NDArray[np.bool_]
 ) -> FloatArray | None:
-    """Return the tensions of all runs at a twist of self-stress; None unless they balance, cables taut.
-
-    is_bar: (6 stages - 2,) whether a run is one of bars, in the order in which the shape lists runs.
-    """
+    """Return the tensions of all runs at a twist of self-stress; None unless they balance, cables taut."""
     equations = _equations(blocks(twist), stages)
     factor: Any = scipy.sparse.linalg.splu(equations)
     vector: FloatArray = np.random.default_rng(0).uniform(0.5, 1.0, 6 * stages - 2)

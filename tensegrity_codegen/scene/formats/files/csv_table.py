@@ -30,10 +30,7 @@ _COMMA_NUMBER = re.compile(_NUMBER.pattern.replace("\\.", ","))
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a table: cells by column name, stripped; absent columns and empty cells are "".
-
-    decimal_comma: whether the table writes numbers with a decimal comma.
-    """
+    """One row of a table: cells by column name, stripped, "" if absent; decimal_comma: in its numbers."""
 
     path: Path
     line: int

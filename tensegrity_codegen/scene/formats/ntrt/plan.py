@@ -231,10 +231,7 @@ _BRACE = ""  # key of the bracing bars among builder keys
 
 @dataclass(frozen=True)
 class Conversion:
-    """ratio: stiffness of bars over that of cables; scale: metres per length unit; rigid: rods are.
-
-    pretension: factor on all pretensions.
-    """
+    """Stiffness of bars over cables, metres per length unit, whether rods are rigid, pretension factor."""
 
     ratio: float
     scale: float
