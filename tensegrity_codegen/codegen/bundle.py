@@ -95,7 +95,7 @@ def _describe_derivatives(manifest: Manifest) -> dict[str, Any]:
 
 
 def _describe_state(manifest: Manifest) -> dict[str, Any]:
-    """Return what state, control and parameters of acados are made of."""
+    """Return the composition of state, control and parameters of acados."""
     sizes = {
         argument.name: f"`{argument.name}` ({math.prod(argument.shape)})" for argument in manifest.arguments
     }

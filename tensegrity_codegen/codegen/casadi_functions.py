@@ -34,7 +34,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 @dataclass(frozen=True)
 class Derivative:
-    """One derivative: its name without the scene's, its order, its expressions, what it is.
+    """One derivative: its name without the scene's, its order, its expressions, its meaning.
 
     The arguments and results of `function` have the names and sparsities that CasADi expects.
     """
@@ -145,7 +145,7 @@ def _describe_part(
 
 
 def _list_wanted(functions: Sequence[WantedFunction], with_second: bool) -> list[_Wanted]:
-    """Return what is derived: a matrix is a derivative already, so that its Jacobian is a second one."""
+    """Return the derivatives to build: a matrix is a derivative already, its Jacobian a second one."""
     some = [f for f in functions if f.arguments]
     derivatives = [_Wanted(f, "jac_", 1) for f in some if not f.quantity.sparse]
     if with_second:
@@ -156,7 +156,7 @@ def _list_wanted(functions: Sequence[WantedFunction], with_second: bool) -> list
 
 
 def _find_stiffness(functions: Sequence[WantedFunction]) -> WantedFunction | None:
-    """Return the stiffness if it depends on what the static force depends on, and CasADi can have it."""
+    """Return the stiffness if it has the arguments of the static force, and CasADi can have it."""
     by_quantity = {f.quantity.name: f for f in functions}
     residual, stiffness = by_quantity.get("node_residual"), by_quantity.get("tangent_stiffness")
     if residual is None or stiffness is None or stiffness.pattern is None:
@@ -189,7 +189,7 @@ def _derive(function: ca.Function, derivative: _Wanted) -> Derivative:
     )
 
 
-# What a derivative is, before the name of its quantity.
+# The meaning of a derivative, before the name of its quantity.
 MEANING = {
     "jac_": "Jacobians of",
     "adj1_": "Transposed Jacobians, times a vector, of",
@@ -302,7 +302,7 @@ def _find_pattern(sparsity: ca.Sparsity) -> list[int]:
 def _build_entry(
     name: str, arguments: Sequence[_Port], results: Sequence[_Port], spare: int = 0
 ) -> dict[str, Any]:
-    """Return what stands for one function; spare: values of results that CasADi may not want."""
+    """Return the template context of one function; spare: values of results that CasADi may not want."""
     return {
         "name": name,
         "arguments": arguments,

@@ -35,7 +35,7 @@ MOST_STRAIGHT_LINE_MEMBERS = (
 
 @dataclass(frozen=True)
 class EmitterFacts:
-    """What the choice depends on.
+    """Facts that the choice depends on.
 
     has_vectors: whether the emitter lanes writes one of the wanted functions in vectors.
     lacking: wanted quantities that the emitter table does not serve.
@@ -88,7 +88,7 @@ def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
 
 
 def find_facts(structure: Subject, request: ModelRequest) -> EmitterFacts:
-    """Return what the choice depends on; what makes no difference stays at its default."""
+    """Return the facts of the choice; those that make no difference keep their defaults."""
     facts = EmitterFacts(request.formulation, structure.n_members, has_vectors(structure, request))
     if has_rings(structure):
         return replace(facts, has_rings=True)
@@ -124,7 +124,7 @@ def list_candidates(structure: Subject, request: ModelRequest) -> tuple[str, ...
 
 
 def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
-    """Return what is wanted, also by wanted integrators, and the emitter table does not serve."""
+    """Return the quantities, also of integrators, that the emitter table does not serve."""
     quantities = [
         *request.quantities,
         *called_quantities(request.integrators, needs_state_jacobian(structure)),
@@ -162,7 +162,7 @@ def find_alternatives(
     """Return a hint of choices that `check_request` accepts, the error's own hint where there is none.
 
     check_request: raises TensegrityError for a request that cannot be served. A choice that leaves a fault
-    which no choice mends, such as bars without a radius, is named with what mends that.
+    which no choice mends, such as bars without a radius, is named with its remedy.
     """
     hints: list[str] = []
     partly: list[str] = []

@@ -72,9 +72,9 @@ def emit(
     account: bool = True,
     quick: bool = False,
 ) -> GeneratedSource:
-    """Return the C source of what `request` wants of `structure`.
+    """Return the C source of a structure for a request.
 
-    account: whether the manifest lists what was left out, which takes longer than all else; quick: whether
+    account: whether the manifest lists the omitted features, which takes longer than all else; quick: whether
     the emitter `table`, whose code compiles quickest, goes before the choice of `auto` where it serves all.
     object_size: bytes of object code of some sources; with it, what was left out is compiled too and its
     bytes are measured instead of estimated.
@@ -112,7 +112,7 @@ _checked: list[tuple[Subject, ModelRequest, EmissionPlan]] = []
 
 
 def check_request(structure: Subject, request: ModelRequest) -> EmissionPlan:
-    """Return what `emit` would write, without writing it; raises all that `emit` raises of a request.
+    """Return the plan of `emit`, without writing it; raises all that `emit` raises of a request.
 
     Where another emitter or formulation serves the request, the error's hint names it: each has been tried
     here before it is named. The last answer is kept until its library is emitted.
@@ -194,7 +194,7 @@ def _plan_functions(
 
 
 def _check_precision(structure: Subject, request: ModelRequest) -> None:
-    """Raise FormulationError or InvalidValueError for what single precision cannot serve."""
+    """Raise FormulationError or InvalidValueError for a request that single precision cannot serve."""
     precision = find_precision(request.precision)
     if precision.name == "double":
         return

@@ -19,7 +19,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 
 class EmittedModel(Protocol):
-    """What is said of a model besides its functions, see SymbolicModel."""
+    """The description of a model besides its functions, see SymbolicModel."""
 
     formulation: str
     subject: Any
@@ -34,7 +34,7 @@ class EmittedModel(Protocol):
 
 
 class WantedFunction(Protocol):
-    """One function: its quantity, the arguments that matter to it, how much work it is, what it returns.
+    """One function: its quantity, the arguments that matter to it, its number of operations, its result.
 
     shape: rows and columns as CasADi has them, where the vectors of a table are columns; pattern: of results
     that are handed out as compressed columns.
@@ -67,7 +67,7 @@ class WantedFunction(Protocol):
 
 @dataclass(frozen=True)
 class Bodies:
-    """C text of functions: what stands before them all, and the statements of each, by quantity.
+    """C text of functions: a preamble, and the statements of each, by quantity.
 
     checked: quantities whose statements end by returning whether all results are finite; checked_by_sums:
     those that return non-zero only where all arguments and results are finite, and may return zero then too.

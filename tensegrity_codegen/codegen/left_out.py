@@ -1,4 +1,4 @@
-"""Features that a scene does not need, and what leaving them out saves.
+"""Features that a scene does not need, and the savings of leaving them out.
 
 Each row compares the emitted functions with the same functions of a variant that has the feature: gravity,
 damping and loads as run-time arguments, tension-only cables, anchored nodes kept in the state, all three
@@ -127,7 +127,7 @@ UNWANTED = "unwanted functions"
 def build_with(
     what: str, model: EmittedModel, request: ModelRequest, emitter: Emitter
 ) -> tuple[EmittedModel, ModelRequest]:
-    """Return the model with the left-out feature of that name put in, and what is wanted of it."""
+    """Return the model with the left-out feature of that name put in, and the request for it."""
     if what == UNWANTED:
         return model, replace(request, quantities=(*request.quantities, *_unwanted(model, request, emitter)))
     feature = next(candidate for candidate in FEATURES if candidate.what == what)

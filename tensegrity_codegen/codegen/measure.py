@@ -166,7 +166,7 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 
 
 def find_mentions(sources: Iterable[str]) -> dict[str, frozenset[str]]:
-    """Return what each function, macro and initialised variable of C sources mentions."""
+    """Return the words in each function, macro and initialised variable of C sources."""
     mentions: dict[str, set[str]] = {}
     for source in sources:
         text = _LINKAGE.sub("", _STRING.sub('""', _COMMENT.sub(" ", source))).replace("\\\n", " ")
@@ -186,7 +186,7 @@ def find_mentions(sources: Iterable[str]) -> dict[str, frozenset[str]]:
 
 
 def _find_blocks(text: str) -> Iterable[tuple[str, str]]:
-    """Return what stands before, and within, each pair of outermost braces."""
+    """Return the text before, and within, each pair of outermost braces."""
     depth = start = opened = 0
     for at, letter in ((match.start(), match[0]) for match in re.finditer(r"[{};]", text)):
         if letter == "{":
@@ -262,7 +262,7 @@ class MemoryUse:
 def measure_memory(
     folder: Path, manifest: Manifest, *, compiler: str | None = None, target: str | None = None
 ) -> MemoryUse:
-    """Compile the sources in a folder again, and return what they take."""
+    """Compile the sources in a folder again, and return their memory use."""
     sources = {
         path.name: path.read_text(encoding="utf-8")
         for path in sorted(folder.iterdir())

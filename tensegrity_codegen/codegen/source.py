@@ -85,7 +85,7 @@ def _label_vectors(
     return {"format": "%s_%c", "value": value}
 
 
-# What a foreign-function interface has to know of a library: types and functions, from its own header.
+# Declarations for a foreign-function interface: types and functions, from the library's own header.
 
 
 SPANS = re.compile(r"/\*.*?\*/|#ifdef __cplusplus\n.*?#endif|^#[^\n]*", re.DOTALL | re.MULTILINE)
@@ -219,7 +219,7 @@ def _find_reach(manifest: Manifest, functions: Sequence[WantedFunction]) -> dict
     """Return how many coordinates, from the first, each function depends on, where it may be few.
 
     In node distances the last ones are centres of mass, which are as large as the distance from the origin;
-    what depends on differences alone knows nothing of their rounding.
+    functions of differences alone are free of their rounding.
     """
     if not find_formulation(manifest.formulation).has_centres:
         return {}

@@ -2,7 +2,7 @@
 
 For scenes of up to about a hundred members: code and compile time grow with the structure. Values and results
 have names: two instructions of different functions that apply the same operations to the same entries of
-arguments have the same key, so that a value is found by what it is computed of.
+arguments have the same key, so that a value is found by its operands.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from tensegrity_codegen.tables.precision import Precision
 from tensegrity_codegen.tables.quantities import OF_COLUMNS
 from tensegrity_codegen.tables.request import ModelRequest
 
-# Quantities of members whose values get names in straight-line code, and what these names begin with.
+# Quantities of members whose values get names in straight-line code, and the prefixes of these names.
 MEMBER_PREFIXES = {"member_length": "length", "member_tension": "tension", "force_density": "force_density"}
 COMMUTATIVE = frozenset({ca.OP_ADD, ca.OP_MUL})
 

@@ -170,7 +170,7 @@ def describe_modes(analysis: Analysis) -> str:
 
 
 def _describe_stable(analysis: Analysis) -> str:
-    """Return what keeps the shape: self-stress or loads, and mechanisms that they stiffen."""
+    """Return the reason of the shape's stability: self-stress or loads, and mechanisms that they stiffen."""
     count = analysis.n_mechanisms
     stiffened = f"{describe_count(count, 'mechanism')}, stiffened by tensions" if count else "no mechanism"
     selfstress, loaded = analysis.prestress, analysis.load_prestress
@@ -216,7 +216,7 @@ LIMIT_NAMES = {
 
 
 def analysis_table(analysis: Analysis, name: str) -> Table:
-    """Return a table of what was found: counts, gap, tensions, stability."""
+    """Return a table of the findings: counts, gap, tensions, stability."""
     table = new_table(f"{name}: analysis", "what", "value")
     table.show_header = False
     for row in describe_counts(analysis):
@@ -225,7 +225,7 @@ def analysis_table(analysis: Analysis, name: str) -> Table:
 
 
 def describe_counts(analysis: Analysis) -> tuple[tuple[str, str], ...]:
-    """Return what was found as rows of two texts: counts, gap, tensions, stability."""
+    """Return the findings as rows of two texts: counts, gap, tensions, stability."""
     rank = analysis.rank
     below = "none counts as zero" if math.isnan(rank.below) else f"{rank.below:.3g}"
     stiffness = f"{analysis.smallest_eigenvalue:.6g} N/m"

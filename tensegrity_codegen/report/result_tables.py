@@ -50,7 +50,7 @@ def say_finding(frequency: FloatArray, spectrum: "Spectrum") -> str:
 
 
 def say_spectrum(spectrum: "Spectrum") -> list[str]:
-    """Return what the table of oscillating modes does not show, a sentence each."""
+    """Return a sentence for each fact that the table of oscillating modes does not show."""
     value, zeros = spectrum.eigenvalue, spectrum.zero_eigenvalues
     moving = value[zeros:]
     real = np.sort(moving[np.abs(moving.imag) <= REAL * np.abs(moving)].real)
@@ -134,7 +134,7 @@ def _columns(prefix: str, names: Sequence[str], rows: FloatArray) -> dict[str, F
 
 
 def list_columns(sensitivity: Sensitivity) -> dict[str, dict[str, Any]]:
-    """Return what each column does most, by its name.
+    """Return the largest effects of each column, by its name.
 
     Returns name -> `node` and its `motion` [m/m], the node that moves most; `raised` and `lowered`, the
     members whose tensions rise and fall most, each with `derivative` [N/m], or None where none does.
@@ -158,7 +158,7 @@ def _extreme(sensitivity: Sensitivity, change: Any, member: int, sign: float) ->
 
 
 def columns_table(columns: Mapping[str, Mapping[str, Any]]) -> LongTable:
-    """Return a table of what one millimetre more rest length does most, of each column of `list_columns`."""
+    """Return a table of the largest effects of one millimetre more rest length, column by column."""
     names = list(columns)
     motion = np.array([np.linalg.norm(facts["motion"]) for facts in columns.values()])
     change = np.array([_find_change(facts) for facts in columns.values()])

@@ -1,4 +1,4 @@
-"""Tables for the terminal: what a library holds and leaves out, nodes, members, how a run went."""
+"""Tables for the terminal: contents of a library, omissions, nodes, members, facts of a run."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ from tensegrity_codegen.tables.manifest import Manifest
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.statics.equilibrium_record import SegmentError
 
-# What the facts about a run are called, and their units.
+# Names and units of the facts about a run.
 RUN_ROWS = {
     "status": ("status", ""),
     "message": ("message", ""),
@@ -73,7 +73,7 @@ def describe_parts(manifest: Manifest) -> str:
 
 
 def left_out_table(manifest: Manifest) -> Table:
-    """Return a table of what the library leaves out, with the reason below it, and the savings."""
+    """Return a table of the features that the library omits, with reasons and savings."""
     table = new_table(
         f"{manifest.name}: left out", "what, and why",
         functions="right", arguments="right", operations="right", object_bytes="right",

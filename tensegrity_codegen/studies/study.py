@@ -95,7 +95,7 @@ def load_c(name: str, text: str) -> ctypes.CDLL:
 
 
 Result = TypeVar("Result")
-# Name of the study, its share of the time, and what computes its section.
+# Name of the study, its share of the time, and the function that computes its section.
 Step = tuple[str, float, Callable[[], Section]]
 
 
@@ -126,7 +126,7 @@ def build_sections(
 
 
 def run_study(name: str, build: Callable[[], Result]) -> Result:
-    """Return what `build` returns; the place of an error starts with the study's name."""
+    """Return the result of `build`; the place of an error starts with the study's name."""
     try:
         return build()
     except TensegrityError as error:

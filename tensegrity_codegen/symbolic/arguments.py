@@ -1,6 +1,6 @@
 """Run-time arguments as symbols, everything else as numbers that fold away.
 
-An expression built on these values carries only what the scene keeps changeable: a number takes part in
+An expression built on these values carries only the changeable values of the scene: a number takes part in
 CasADi's constant folding (0 x -> 0, x + 0 -> x), so an absent gravity or damping leaves no trace.
 """
 
@@ -70,7 +70,7 @@ class SymbolicArguments:
         self._add_slips()
 
     def member_values(self, e: int) -> dict[str, Scalar]:
-        """Return what the law of member e takes: MEMBER_VALUES, and the internal states of its memory."""
+        """Return the values of the law of member e: MEMBER_VALUES, and the internal states of its memory."""
         law, member = self.structure.law_of(e), self.structure.member_name[e]
         set_state = f"_{SET_STATES.get(law.set_at, '')}"
         return {
@@ -116,7 +116,7 @@ class SymbolicArguments:
                     load[column] = load[column] + u * source.direction[axis]
 
     def _add_slips(self) -> None:
-        """Let what has slid through rings lengthen the strand behind each, and shorten the one before."""
+        """Let material that slid through rings lengthen the strand behind each and shorten that before."""
         for cable in self.structure.sliding:
             for name, (before, after) in zip(cable.state_names, cable.pairs, strict=True):
                 self.rest_length[before] = self.rest_length[before] - self.internal[name]

@@ -32,7 +32,7 @@ _OF_COORDINATES = {
     "velocity": ("m/s, rad/s", "Rates of the positions and angles of the bodies."),
 }
 
-# What a body system can keep changeable at run time.
+# Parameters that a body system can keep changeable at run time.
 BODY_PARAMETERS = (*_OF_MEMBERS, "node_load", "gravity")
 
 
@@ -74,7 +74,7 @@ class BodyArguments:
         self._add_inputs()
 
     def member_values(self, e: int) -> dict[str, Scalar]:
-        """Return what the law of tendon e takes, by the names of MEMBER_VALUES."""
+        """Return the values of the law of tendon e, by the names of MEMBER_VALUES."""
         values = {name: getattr(self, name)[e] for name in _OF_MEMBERS}
         return values | {name: values[e] for name, values in self.law_parameter.items()}
 

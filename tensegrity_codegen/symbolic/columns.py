@@ -1,4 +1,4 @@
-"""Derivatives of motions: what they are to, and the rates that integrators move them by."""
+"""Derivatives of motions: their variables, and the rates by which integrators move them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,8 +15,8 @@ from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.quantities import ADJOINTS, DIRECTED, STATE
 from tensegrity_codegen.tables.request import ModelRequest
 
-TENSIONS = ("spring_constant", "axial_stiffness", "damping")  # what tensions are proportional to
-STARTS = STATE[:2]  # what motions are differentiated to at their start
+TENSIONS = ("spring_constant", "axial_stiffness", "damping")  # to which tensions are proportional
+STARTS = STATE[:2]  # variables of derivatives at the start
 
 
 def add_derivatives(
@@ -44,7 +44,7 @@ def _add_jumps(
     jumping: list[int],
     build: Callable[[Any, ModelRequest], SymbolicModel],
 ) -> None:
-    """Add what rates jump by as cables are pulled taut, t dx'/dt: t is linear in stiffness and damping."""
+    """Add the jumps of rates as cables are pulled taut, t dx'/dt: t is linear in stiffness and damping."""
     cables = np.flatnonzero(model.subject.tension_only).tolist()
     weight = ca.SX.sym("margin_weight", len(cables))
     argument = model.arguments.setdefault("margin_weight", ModelArgument(weight, np.zeros(len(cables))))
@@ -160,7 +160,7 @@ def _name_columns(model: SymbolicModel, columns: Sequence[str]) -> tuple[str, ..
 
 
 def _find_nominal(model: SymbolicModel, request: ModelRequest, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return what columns start from and are along: zero for directions, which motions give.
+    """Return starts and directions of columns: zero for directions, which motions give.
 
     Otherwise one number each, times its size, so that a tolerance means the same for all.
     """

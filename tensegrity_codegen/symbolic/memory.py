@@ -4,7 +4,7 @@ Names and order of internal states stand in structure/memory.py. To add a kind: 
 subclass of `Memory` here, and a line in `NodeCoordinates.memories`; for events that set states also their bit
 in EVENT_KINDS, their word in SET_STATES, and their margins in EVENT_QUANTITIES. Laws of members with memory
 need a file in tables/laws, see `Law.states`, a line in MEMORIES of symbolic/members/member_set.py and
-their keys in the schema; `settled` is what integrators put into the state at events.
+their keys in the schema; integrators put `settled` into the state at events.
 
 Motors with a time constant: u' = clip((command - u) / tau, -rate, rate), with u an internal state; the
 margin rate tau - |command - u| is positive where the rate is not limited. The field is continuous: an event
@@ -20,11 +20,11 @@ from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.geometry import Scalar
 
-POWERS = ("friction", "impact", "belt", "plastic", "viscous")  # what changes the total energy
+POWERS = ("friction", "impact", "belt", "plastic", "viscous")  # that change the total energy
 
 
 class Memory(ABC):
-    """What remembers, as expressions of the state (q, q', z) and of the arguments."""
+    """A part with internal states, as expressions of the state (q, q', z) and of the arguments."""
 
     @abstractmethod
     def stored_energy(self) -> Scalar:
@@ -32,22 +32,22 @@ class Memory(ABC):
 
     @abstractmethod
     def powers(self) -> Mapping[str, Scalar]:
-        """Return what it adds to the total energy, by the words of POWERS [W]."""
+        """Return its powers, by the words of POWERS [W]."""
 
     def internal_rates(self) -> Mapping[str, Scalar]:
         """Return the rates z' of its internal states by their names; those that events set have none."""
         return {}
 
     def settled(self) -> Mapping[str, Scalar]:
-        """Return what internal states become at events, by their names: states that keep up with others."""
+        """Return the internal states after events, by their names: states that keep up with others."""
         return {}
 
     def relaxed(self) -> Mapping[str, Scalar]:
-        """Return what internal states come to at rest after infinite time, by their names."""
+        """Return the internal states at rest after infinite time, by their names."""
         return {}
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
-        """Return quantity name -> builder of what it offers, margins among them."""
+        """Return name -> builder of its quantities, margins among them."""
         return {}
 
 
@@ -63,7 +63,7 @@ class Motors(Memory):
         return ca.SX(0.0)
 
     def powers(self) -> Mapping[str, Scalar]:
-        """Return none: what motors do to the energy is not counted."""
+        """Return none: the power of motors is not counted."""
         return {}
 
     def internal_rates(self) -> Mapping[str, Scalar]:

@@ -20,7 +20,7 @@ class ModelArgument:
     """One run-time argument: its symbols, its value in the scene (C order), the names it runs over.
 
     The symbols of a (k, n) argument are n x k, so that CasADi's columns are the rows of a C array.
-    sentence, unit: what it means in this formulation, where that differs from the table of arguments.
+    sentence, unit: its meaning in this formulation, where that differs from the table of arguments.
     """
 
     symbol: ca.SX
@@ -32,7 +32,7 @@ class ModelArgument:
 
 @dataclass(frozen=True)
 class Frame:
-    """What a model's results run over: names of nodes, members, coordinates and inputs, and where nodes are.
+    """The indices of a model's results: names of nodes, members, coordinates and inputs, and where nodes are.
 
     coordinate_node_axis: node and axis of each coordinate, empty where coordinates are no node coordinates.
     find_bar_pair: returns the names of the two bars of each pair whose distance can be asked for; a call,

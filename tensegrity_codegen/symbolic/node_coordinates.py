@@ -79,7 +79,7 @@ class NodeCoordinates:
         total = self.members.add_to(self.external_force, lambda member: member.density)
         return _add_forces(total, (force.forces() for force in self.node_forces))
 
-    # Forces on nodes besides members, and what these remember
+    # Forces on nodes besides members, and their internal states
 
     @cached_property
     def node_forces(self) -> list[NodeForce]:
@@ -88,7 +88,7 @@ class NodeCoordinates:
 
     @cached_property
     def memories(self) -> Sequence[Memory]:
-        """What remembers, and the other forces on nodes."""
+        """Everything with internal states, and the other forces on nodes."""
         memories: list[Memory] = [*self.node_forces, *build_member_memories(self.structure, self.members)]
         if self.structure.lagging_actuators:
             memories.append(Motors(self.arguments))
@@ -97,7 +97,7 @@ class NodeCoordinates:
         return memories
 
     def memory_quantities(self) -> dict[str, Callable[[], ca.SX]]:
-        """Return the builders of what forces on nodes and memory offer, none where there is nothing."""
+        """Return the builders of the quantities of forces on nodes and memory, none without these."""
         if not self.memories:
             return {}
         builders: dict[str, Callable[[], ca.SX]] = {"energy_rate": self.energy_rate}
@@ -115,11 +115,11 @@ class NodeCoordinates:
         return builders
 
     def settled_internal(self) -> ca.SX:
-        """Return what the internal states become at an event, (n_internal, 1)."""
+        """Return the internal states after an event, (n_internal, 1)."""
         return self._put_internal(memory.settled() for memory in self.memories)
 
     def relaxed_internal(self) -> ca.SX:
-        """Return what the internal states come to at rest after infinite time, (n_internal, 1)."""
+        """Return the internal states at rest after infinite time, (n_internal, 1)."""
         return self._put_internal({**memory.settled(), **memory.relaxed()} for memory in self.memories)
 
     def _put_internal(self, states: Iterable[Mapping[str, Scalar]]) -> ca.SX:
@@ -147,11 +147,11 @@ class NodeCoordinates:
         return ca.jacobian(self.map.free(total), self.state())
 
     def energy_rate(self) -> Scalar:
-        """Return what damping takes, and what forces on nodes and memory add [W]."""
+        """Return the powers of damping, of forces on nodes and of memory [W]."""
         return sum(self.powers.values(), self.damping_power())
 
     def damping_power(self) -> Scalar:
-        """Return what damping of members adds to the total energy [W]."""
+        """Return the power of the damping of members [W]."""
         power = ca.SX(0.0)
         for e in self.members.damped:
             power = power - self.members.members[e].damping_loss()
@@ -159,14 +159,14 @@ class NodeCoordinates:
 
     @cached_property
     def powers(self) -> dict[str, Scalar]:
-        """What all forces on nodes and memory add to the total energy, see Memory.powers [W]."""
+        """Powers of all forces on nodes and memory, see Memory.powers [W]."""
         powers = {name: ca.SX(0.0) for name in POWERS}
         for memory in self.memories:
             powers |= {name: powers[name] + power for name, power in memory.powers().items()}
         return powers
 
     def node_values(self) -> dict[str, Callable[[], Sequence[Any]]]:
-        """Return what quantities of nodes may use -> function that returns it of all nodes."""
+        """Return name of a value of nodes -> function that returns it of all nodes."""
         return {
             "position": lambda: self.arguments.position,
             "velocity": lambda: self.arguments.velocity,

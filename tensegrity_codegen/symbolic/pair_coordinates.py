@@ -207,7 +207,7 @@ class PairCoordinates:
     def node_vectors(self, vector: ca.SX, fixed: list[Vector], origin: Vector | None = None) -> list[Vector]:
         """Return one vector a node from coordinates; `fixed` holds the components of anchored nodes.
 
-        origin: what the vectors are counted from, as of `find_origin`; zero if not given. Sums along the
+        origin: of the vectors, as of `find_origin`; zero if not given. Sums along the
         spanning forest come first and the place of its root last, so that nothing but the result is large far
         from the origin: r = r_root + s, and r = r_c + (s - (sum of w s) / (sum of w)) in a floating part.
         """

@@ -72,7 +72,7 @@ Stack = Callable[[list[Vector]], ca.SX]
 
 
 class Node:
-    """One node: what a formulation knows of it, by the names of `BARS_IN`, each found when first needed."""
+    """One node: its values in a formulation, by the names of `BARS_IN`, each built when first needed."""
 
     def __init__(self, values: Values, number: int) -> None:
         self._values = values
@@ -87,7 +87,7 @@ def build_node_quantities(
 ) -> dict[str, Callable[[], ca.SX]]:
     """Return the builders of all quantities of nodes that a formulation can offer.
 
-    values: what is known of nodes, by the names of `BARS_IN` -> function that returns it of all nodes.
+    values: name among `BARS_IN` -> function that returns this value of all nodes.
     n_nodes: number of nodes.
     stacks: "n_coordinates", "n_anchored_coordinates" -> function that takes these components of a vector a
         node.

@@ -47,7 +47,7 @@ class Balance:
         )
 
     def residual(self, tension: ArrayLike, inputs: ArrayLike) -> FloatArray:
-        """Return what the equations leave over, (n_coordinates,), zero in a motion."""
+        """Return the residual of the equations, (n_coordinates,), zero in a motion."""
         pulled = self.tendon_matrix @ np.asarray(tension, dtype=np.float64)
         driven = self.input_matrix @ np.asarray(inputs, dtype=np.float64)
         return np.asarray(self.own_force + pulled + driven, dtype=np.float64)
@@ -55,7 +55,7 @@ class Balance:
 
 @dataclass(frozen=True)
 class Control:
-    """What drives the family through one (s, s', s'').
+    """Tensions and inputs that drive the family through one (s, s', s'').
 
     tension (n_groups,) [N]; input (n_inputs,) [N, N m]; residual (n_coordinates,): what these leave over of
     the full equations, zero but for rounding where the family is a class of motions; rank: of the equations

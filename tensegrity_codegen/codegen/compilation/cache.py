@@ -82,7 +82,7 @@ def write_entry(folder: Path, files: Mapping[str, bytes], scene: str = "") -> No
 
 
 def read_entry(folder: Path, key: str) -> CacheEntry | None:
-    """Return the entry in that folder, or None if it is absent or not what its entry.json says.
+    """Return the entry in that folder, or None if it is absent or differs from its entry.json.
 
     An entry without a library or without manifest.json counts as absent.
     Every size is compared; the sha256 of the library and of manifest.json, which get executed and believed.
@@ -119,7 +119,7 @@ def read_contents(entry: CacheEntry) -> dict[str, bytes]:
 
 
 def write_request(path: Path, library_key: str, note: Mapping[str, Any]) -> None:
-    """Write the file that leads from a request to a library, and what else is known; raises OSError."""
+    """Write the file that leads from a request to a library, with a note; raises OSError."""
     data = {"version": REQUEST_VERSION, "library": library_key, "note": dict(note)}
     write_private(path, json.dumps(data).encode("utf-8"))
 
@@ -223,7 +223,7 @@ class Cache:
         return request[0] if request and KEY.fullmatch(request[0]) else None
 
     def lookup_note(self, key: str) -> dict[str, Any]:
-        """Return what was noted beside the library key of a request; empty if there is none."""
+        """Return the note beside the library key of a request; empty if there is none."""
         request = read_request(self._request(key))
         return request[1] if request else {}
 
@@ -261,7 +261,7 @@ class Cache:
             lock.release()
 
     def clear(self) -> int:
-        """Remove every entry and request, and what killed processes left; return the bytes freed."""
+        """Remove every entry and request, and leftovers of killed processes; return the bytes freed."""
         freed = self.size()
         for folder in self._entries():
             with self.lock(folder.name):

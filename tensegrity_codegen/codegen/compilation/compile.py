@@ -124,7 +124,7 @@ def _text(data: bytes, start: int, size: int | None = None) -> str:
 
 
 def read_stack_use(text: str) -> dict[str, int]:
-    """Return the bytes of each function in what gcc and clang write with -fstack-usage."""
+    """Return the bytes of each function in the output of gcc and clang with -fstack-usage."""
     rows = (line.split("\t") for line in text.splitlines())
     return {row[0].rpartition(":")[2]: int(row[1]) for row in rows if len(row) == 3 and row[1].isdigit()}
 

@@ -27,7 +27,7 @@ PLAIN_TYPES = frozenset({bool, int, str})
 
 
 def hash_scene(structure: Structure | BodySystem, request: ModelRequest) -> str:
-    """Return the sha256 of a structure and what is wanted of it, 64 hexadecimal digits."""
+    """Return the sha256 of a structure and a request, 64 hexadecimal digits."""
     content = {"structure": _plain(structure), "request": _plain(request)}
     return hash_text(json.dumps(content, sort_keys=True, separators=(",", ":")))
 
@@ -38,7 +38,7 @@ def hash_structure(structure: Structure | BodySystem) -> str:
 
 
 def hash_request(request: ModelRequest) -> str:
-    """Return the sha256 of what is wanted of a structure, 64 hexadecimal digits."""
+    """Return the sha256 of a request, 64 hexadecimal digits."""
     return hash_text(json.dumps(_plain(request), sort_keys=True, separators=(",", ":")))
 
 

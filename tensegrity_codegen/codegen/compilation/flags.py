@@ -1,4 +1,4 @@
-"""Compilers and their options: what is asked of each, on each system, for each way to compile.
+"""Compilers and their options, on each system, for each way to compile.
 
 Instruction sets beyond the baseline of x86 have names for compilers, and CPUID bits that report them: Intel
 and AMD number these by leaf, subleaf, register and bit (Intel SDM 2A, CPUID; AMD APM 3, appendix E); the

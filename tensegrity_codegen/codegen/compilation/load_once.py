@@ -1,4 +1,4 @@
-"""Load a library once and compare it with what it should be.
+"""Load a library once and compare it with its manifest.
 
 A script, run as `python -I -S load_once.py LIBRARY NAME ABI_VERSION SCENE_HASH SYMBOL...` in a process of its
 own, since a bad library may crash on loading; never imported by the package. Prints what is wrong and ends
@@ -20,7 +20,7 @@ class Description(ctypes.Structure):
 
 
 def main(path: str, name: str, abi_version: str, scene_hash: str, *symbols: str) -> str:
-    """Return what is wrong with the library at `path`, "" if nothing is."""
+    """Return the fault of the library at `path`, "" if there is none."""
     try:
         library = ctypes.CDLL(path)
     except OSError as error:

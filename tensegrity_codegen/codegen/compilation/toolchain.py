@@ -88,7 +88,7 @@ def find_cross_compiler(target: Target, requested: str | None = None) -> Compile
 
 
 def check_compiler(compiler: Compiler) -> str:
-    """Compile, load and run a tiny library; return one line that says what was done and how long it took."""
+    """Compile, load and run a tiny library; return one line on the outcome and the time."""
     artifact = compile_library(
         {"check.c": CHECK_SOURCE},
         name="check",

@@ -1,4 +1,4 @@
-"""Events that integrators watch: which kinds, what they need of the model, and the memory that they take."""
+"""Events that integrators watch: their kinds, quantities and memory."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from tensegrity_codegen.tables.manifest import (
 )
 from tensegrity_codegen.tables.request import ModelRequest
 
-# What each kind of event needs, besides the condition, which is the caller's.
+# The quantity of each kind of event; the condition is the caller's.
 EVENT_QUANTITIES = {
     "cable": "cable_margin",
     "switch": "switch_margin",
@@ -44,7 +44,7 @@ MOST_IN_SUCCESSION = 150  # events, each within a thousandth of a step of the on
 
 @dataclass(frozen=True)
 class WatchedEvents:
-    """What an integrator of a model can watch.
+    """The events that an integrator of a model can monitor.
 
     kinds: of events; quantities: whose changes of sign these are; cables: indices of the members watched,
     those that go slack, then those whose law switches; unwatched: how many of either sort are not; memory:
@@ -61,7 +61,7 @@ class WatchedEvents:
 def watched_events(
     model: EmittedModel, functions: Sequence[FunctionSpec], kinds: tuple[str, ...]
 ) -> WatchedEvents:
-    """Return what integrators can watch with these functions."""
+    """Return the events that integrators can monitor with these functions."""
     quantities = tuple(EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES)
     slack = tuple(int(e) for e in np.flatnonzero(model.subject.tension_only))
     switching = tuple(int(e) for e in np.flatnonzero(model.subject.has_switch))
@@ -142,7 +142,7 @@ def events_context(
     functions: Mapping[str, FunctionSpec],
     reach: Mapping[str, int] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Return what the templates of events read; spec: an integrator that watches them.
+    """Return the context of the templates of events; spec: an integrator that monitors them.
 
     reach: quantity -> how many coordinates, from the first, it depends on; all of those that it lacks.
     """

@@ -164,7 +164,7 @@ def _build_tables(
 
 
 def _find_factor_rows(size: int, entries: Sequence[Sequence[int]]) -> list[set[int]]:
-    """Return the columns of L row by row: those of the matrix, and what elimination adds."""
+    """Return the columns of L row by row: those of the matrix, and the fill-in of elimination."""
     rows_of_column: list[set[int]] = [set() for _ in range(size)]
     for row, columns in enumerate(entries):
         for column in columns:
@@ -198,7 +198,7 @@ NO_PLACE = 2**30
 def implicit_spec(
     name: str, model: EmittedModel, functions: Sequence[FunctionSpec], events: WatchedEvents, driven: int = 0
 ) -> IntegratorSpec:
-    """Return what a library says of the integrator."""
+    """Return the description of the integrator in a manifest."""
     by_name, subject, frame = (
         {function.quantity: function for function in functions},
         model.subject,
@@ -314,7 +314,7 @@ def implicit_tables(
 def implicit_context(
     spec: IntegratorSpec, manifest: Manifest, functions: Mapping[str, FunctionSpec]
 ) -> dict[str, Any]:
-    """Return what the templates of the integrator read, besides what every integrator has."""
+    """Return the context of the integrator's templates, besides that of every integrator."""
     n = len(manifest.coordinate_name)
     margins = event_memory(spec.events, functions.values(), {"N": n, "N_STATES": 2 * n})
     tables = implicit_tables(spec.tensions, spec.damped, manifest, functions, margins)
@@ -345,7 +345,7 @@ N_RIGID = {1: 1, 2: 3, 3: 6}  # axes -> rigid motions
 
 
 def check_keep(request: ModelRequest, name: str) -> None:
-    """Raise FormulationError for what no integrator can keep in this formulation; name: of the scene."""
+    """Raise FormulationError for a quantity that no integrator can keep here; name: of the scene."""
     for quantity in request.keep:
         if quantity not in KEEP_CHOICES:
             raise FormulationError(
@@ -387,7 +387,7 @@ def keeper_memory(model: EmittedModel, functions: Mapping[str, FunctionSpec]) ->
 
 
 def keeper_context(manifest: Manifest, functions: Mapping[str, FunctionSpec]) -> dict[str, Any]:
-    """Return what the template reads."""
+    """Return the context of the template of the energy correction."""
     mass = functions["mass_matrix"]
     axes, n = len(manifest.axes), len(manifest.coordinate_name)
     is_free = n == axes * len(manifest.node_name)

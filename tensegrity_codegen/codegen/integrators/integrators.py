@@ -1,4 +1,4 @@
-"""Integrators that a library can hold: what each needs, what it passes on, how much work memory it takes."""
+"""Integrators that a library can hold: the needs, arguments and work memory of each."""
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
@@ -49,7 +49,7 @@ def integrator_spec(
     keep: tuple[str, ...] = (),
     driven: tuple[str, ...] = (),
 ) -> IntegratorSpec:
-    """Return what a library says of an integrator that watches these kinds of events, if it can."""
+    """Return the description of an integrator that monitors these kinds of events, if it can."""
     if name not in INTEGRATORS:
         raise FormulationError(
             "unknown integrator", where="model.integrators", given=name, hint=suggest(name, INTEGRATORS)
@@ -165,7 +165,7 @@ def integrator_context(
     arguments: Mapping[str, dict[str, Any]],
     reach: Mapping[str, int] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Return what the templates of integrators read: all, the first with error control, and its events.
+    """Return the context of the templates of integrators: all, the first with error control, its events.
 
     reach: quantity -> how many coordinates it depends on, see events_context.
     """
@@ -229,7 +229,7 @@ def integrator_context(
 
 
 def _pull_context(manifest: Manifest, functions: Mapping[str, FunctionSpec]) -> dict[str, Any]:
-    """Return what the template of a pull reads: axes in loads, functions of node positions if needed."""
+    """Return the context of the template of a pull: axes in loads, functions of node positions if needed."""
     return {
         "axes": len(manifest.axes),
         "size": pull_size(manifest.axes),
@@ -245,7 +245,7 @@ def _motion_call(names: Iterable[str]) -> str:
 
 
 def _method_settings(spec: IntegratorSpec, row: Integrator, keeps_constraints: bool) -> dict[str, bool]:
-    """Return what decides between the branches of templates/c/explicit.h."""
+    """Return the settings of the branches of templates/c/explicit.h."""
     ends_late = row.tableau.ends_late if row.tableau else not row.iterates
     return {
         "METHOD_HAS_ERROR": row.has_step_control,
@@ -259,7 +259,7 @@ def _method_settings(spec: IntegratorSpec, row: Integrator, keeps_constraints: b
 
 
 def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
-    """Return what decides between the branches of the plain C files that integrators share."""
+    """Return the settings of the branches of the plain C files that integrators share."""
     explicit, events, keeper = context["explicit"] or {}, context["events"] or {}, context["keeper"] or {}
     columns = context["columns"] or {}
     has_jumps = bool(columns and events and columns["has_jumps"])

@@ -53,7 +53,7 @@ def pull_size(axes: Sequence[int]) -> int:
 
 
 def driven_context(manifest: Manifest, arguments: Mapping[str, dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return what the templates read of each argument that can change: name, size, place of its numbers."""
+    """Return the template context of each argument that can change: name, size, place of its numbers."""
     rows: list[dict[str, Any]] = []
     for name in manifest.driven:
         place = rows[-1]["place"] + rows[-1]["size"] if rows else 0

@@ -1,4 +1,4 @@
-"""Solvers that a library can hold: what each needs, what it passes on, how much work memory it takes."""
+"""Solvers that a library can hold: the needs, arguments and work memory of each."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -23,7 +23,7 @@ FORCES = ("node_residual", "coordinate_force")  # what formulations call -dU/dq
 
 
 def solver_spec(model: EmittedModel, name: str, functions: tuple[FunctionSpec, ...]) -> SolverSpec:
-    """Return what a library says of a solver."""
+    """Return the description of a solver in a manifest."""
     if name not in SOLVERS:
         raise FormulationError(
             "unknown solver", where="model.solvers", given=name, hint=suggest(name, SOLVERS)
@@ -125,7 +125,7 @@ def _member_context(manifest: Manifest, still: int) -> dict[str, Any]:
 def solver_context(
     spec: SolverSpec, manifest: Manifest, arguments: Mapping[str, dict[str, Any]]
 ) -> dict[str, Any]:
-    """Return what the templates of a solver read."""
+    """Return the context of the templates of a solver."""
     needed = _needed(manifest.functions)
     tension = _find_tension(manifest.functions, spec.arguments, manifest)
     members = None

@@ -1,6 +1,6 @@
 """Emitter `lanes`: the code of `unrolled`, with forces and stiffness of four members at a time.
 
-Vectors are what the target has: two or four numbers, or single ones. The operations on every node and their
+Vectors are those of the target: two or four numbers, or single ones. The operations on every node and their
 order are those of `unrolled`, so the bits are the same.
 
 Stiffness: the blocks of four members are turned into columns of three rows, one vector each. A column of the
@@ -216,7 +216,7 @@ def _symmetric(entry: ca.SX) -> MemberBlocks:
     return MemberBlocks(((a, b, c), (b, d, e), (c, e, f)))
 
 
-# What depends on members through the net forces alone, and whether these are without damping.
+# Quantities that depend on members through the net forces alone, and whether these are without damping.
 _IS_STATIC = {"force": False, "static_force": True, "spring_force": True}
 FORCE_QUANTITIES: Mapping[str, bool] = {
     **{

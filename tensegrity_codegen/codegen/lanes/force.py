@@ -20,7 +20,7 @@ from tensegrity_codegen.symbolic.geometry import Scalar
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 from tensegrity_codegen.tables.laws.law import compute_spring_constant
 
-# Scalars of a structure as C text: numbers, entries of arguments, or what is worked out before.
+# Scalars of a structure as C text: numbers, entries of arguments, or values computed before.
 
 
 class ScalarTexts:
@@ -204,7 +204,7 @@ class ForceLines:
             self._lines.append(f"const lanes_xyz {pull} = XYZ_TIMES(density_{number}, {k}, {vector});")
 
     def _lanes(self, number: int, quad: tuple[int, ...], result: str) -> DensityKernel:
-        """Bring what a kernel takes into lanes; the last member stands in for those that are missing."""
+        """Bring the operands of a kernel into lanes; the last member stands in for those that are missing."""
         members = [*quad, *[quad[-1]] * (4 - len(quad))]
         used = tuple(name for name in MEMBER_VALUES if not self.values[name][quad[0]].is_zero())
         only = [bool(self.structure.tension_only[e]) for e in members]

@@ -120,7 +120,7 @@ def build_kernel(kind: KernelKind, name: str) -> DensityKernel:
 
 
 def _build(kind: KernelKind, name: str) -> tuple[ca.Function, tuple[str, ...]]:
-    """Return what a kernel computes as a function of its parameters."""
+    """Return the CasADi function of a kernel and its parameters."""
     names = (*AXES, *RATES, *MEMBER_VALUES, "two_sided")
     symbols = {key: ca.SX.sym(key) for key in names}
     zero = ca.SX(0.0)

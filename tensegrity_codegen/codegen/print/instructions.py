@@ -125,7 +125,7 @@ class _Order:
         return order
 
     def _issue(self, k: int, cycle: int) -> list[int]:
-        """Note that k runs; return what waited for nothing else."""
+        """Note that k runs; return the operations that waited for it alone."""
         for operand in self.operands[k]:
             self.unread[operand] -= 1
             self.alive -= self.unread[operand] == 0

@@ -4,8 +4,8 @@ A `wide` holds as many values as one register (templates/wide.c.j2), entries of 
 
     const wide t5 = wide_load(coordinate + 1 * stride) - wide_load(coordinate + 2 * stride);
 
-What compares gives a wide_mask, which chooses; functions without a vector form are called lane by lane.
-Results are turned into rows while later ones are still worked out: the divider is what a force waits for.
+Comparisons give a wide_mask, which chooses; functions without a vector form are called lane by lane.
+Results are turned into rows while later ones are still worked out: a force waits for the divider.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ NUMBERS: dict[int, str] = ARITHMETIC | {
     ca.OP_SIGN: "wide_sign({a})",
 }
 
-# What compares numbers, and what combines comparisons.
+# Comparisons of numbers, and combinations of comparisons.
 COMPARISONS: dict[int, str] = {
     ca.OP_LT: "wide_less({a}, {b})",
     ca.OP_LE: "wide_at_most({a}, {b})",

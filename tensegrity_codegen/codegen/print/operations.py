@@ -52,7 +52,7 @@ UNARY_FUNCTIONS = (
 )
 BINARY_FUNCTIONS = ("pow", "hypot", "atan2", "fmod", "remainder", "fmin", "fmax", "copysign")
 
-# Operands a and b; f is what literals and functions of the precision end in. CasADi's meaning of NaN is kept.
+# Operands a and b; f: suffix of literals and functions of the precision. CasADi's meaning of NaN is kept.
 OPERATIONS: dict[int, str] = ARITHMETIC | {
     **{getattr(ca, f"OP_{name.upper()}"): f"{name}{{f}}({{a}})" for name in UNARY_FUNCTIONS},
     **{getattr(ca, f"OP_{name.upper()}"): f"{name}{{f}}({{a}}, {{b}})" for name in BINARY_FUNCTIONS},
@@ -73,11 +73,11 @@ OPERATIONS: dict[int, str] = ARITHMETIC | {
 
 BINARY = {operation for operation, text in OPERATIONS.items() if "{b}" in text}
 
-# What compares numbers, and what combines comparisons: their results are 1 or 0.
+# Comparisons of numbers, and combinations of comparisons: their results are 1 or 0.
 COMPARISONS = frozenset({ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE})
 COMBINED = frozenset({ca.OP_AND, ca.OP_OR, ca.OP_NOT})
 
-# Precedence of the result, and what its operands need.
+# Precedence of the result, and those that its operands need.
 PRECEDENCES: dict[int, tuple[int, int, int]] = {
     ca.OP_ASSIGN: (PRIMARY, PRIMARY, PRIMARY),
     ca.OP_ADD: (SUM, SUM, PRODUCT),
@@ -133,5 +133,5 @@ def _truth(operation: int, a: Text, b: Text, f: str) -> str:
 
 
 def as_truth(value: Text, f: str) -> str:
-    """Return a number as a condition: whether it is not zero; f: what literals end in."""
+    """Return a number as a condition: whether it is not zero; f: suffix of literals."""
     return value.truth or f"{value.within(SUM)} != 0.0{f}"

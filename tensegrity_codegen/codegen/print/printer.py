@@ -1,9 +1,9 @@
 """CasADi SX functions as C: a `const` of its own for each value that is read more than once.
 
-What is read once stands where it is read, as long as lines stay short: the compiler sees the same tree of
-operations. A value keeps the number of its CasADi instruction (`t12`) or the name that it is given. Long
-parts that only matter under a condition stand in an `if`; what they give is zero otherwise. Such blocks cost
-jumps, which a core may foresee wrongly.
+A value that is read once stands in the expression that reads it, as long as lines stay short: the compiler
+sees the same tree of operations. A value keeps the number of its CasADi instruction (`t12`) or the name that
+it is given. Long parts that only matter under a condition stand in an `if`; their values are zero otherwise.
+Such blocks cost jumps, which a core may foresee wrongly.
 
     const double length_bar1 = sqrt(x_bar1 * x_bar1 + y_bar1 * y_bar1 + coordinate[8] * coordinate[8]);
 """
@@ -60,7 +60,7 @@ UNSAFE = re.compile(r"[^\w .,:()\-]", re.ASCII)
 
 
 def name_local(prefix: str, name: str, number: int) -> str:
-    """Return the name of a local variable of what has a name and a number in the scene."""
+    """Return the name of a local variable of a member or node, by its name or number in the scene."""
     fits = len(name) <= LONGEST_NAME and IDENTIFIER.fullmatch(name)
     return f"{prefix}_{name}" if fits else f"{prefix}_{number}"
 
@@ -149,7 +149,7 @@ def print_columns(
     """Return the C statements of a function that is linear in some inputs, for N_COLUMNS columns of these.
 
     Inputs named in `seeds`, and the output behind its first `before` entries, which depend on none of these,
-    are arrays of rows with N_COLUMNS numbers each. What does not depend on seeds is computed once, before a
+    are arrays of rows with N_COLUMNS numbers each. Values without seeds are computed once, before a
     loop over as many columns as a column_lanes has.
     """
 
@@ -242,7 +242,7 @@ class _Body:
             self._keep(k)
 
     def _is_chosen(self, k: int) -> bool:
-        """Whether it is what a block gives, or zero, chosen outside of that block."""
+        """Whether it is the value of a block, or zero, chosen outside of that block."""
         instruction = self.instructions[k]
         guard = (
             self.guards.get(instruction.operands[1]) if instruction.operation == ca.OP_IF_ELSE_ZERO else None
@@ -267,7 +267,7 @@ class _Body:
         self.block = set()
 
     def _put_columns(self, result: int, entry: int, source: int) -> None:
-        """Give the columns of a result their values; what depends on no seed is zero."""
+        """Give the columns of a result their values, zero without a seed."""
         value = self.value[source].text if source in self.linear else "none"
         offset = f"{self.before} + " if self.before else ""
         at = f"COLUMNS_AT({self.outputs[result]} + {offset}{entry - self.before} * N_COLUMNS + c)"

@@ -22,7 +22,7 @@ from tensegrity_codegen.symbolic.node_forces.ground_contact import (
 from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES
 
-# What the kernel of one contact returns, by quantity.
+# Results of the kernel of one contact, by quantity.
 RESULTS: Mapping[str, Callable[[Contact], list[Any]]] = {
     "contact_force": lambda contact: contact.force,
     "internal_rate": lambda contact: contact.bristle_rate,

@@ -87,7 +87,7 @@ def _is_coupled(model: TableModel) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class KineticEnergy:
-    """Adds v^T H v / 2 to the variable `target`: nodes in order, then what bars couple."""
+    """Adds v^T H v / 2 to the variable `target`: nodes in order, then pairs that bars couple."""
 
     model: TableModel
     target: str

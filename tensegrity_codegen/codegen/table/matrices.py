@@ -115,7 +115,7 @@ class FillPushes:
 
 @dataclass(frozen=True)
 class AddPulls(OfFreeMembers):
-    """Adds what one metre of rest length does to node i, and takes it from node j, in columns of inputs."""
+    """Adds the effect of one metre of rest length to node i and subtracts it from j, in columns of inputs."""
 
     target: str
     columns: InputColumns
@@ -144,7 +144,7 @@ class AddPulls(OfFreeMembers):
 
 @dataclass(frozen=True)
 class ClearBlocks:
-    """Clears the diagonal blocks of free nodes block by block, and what is left entry by entry.
+    """Clears the diagonal blocks of free nodes block by block, and all others entry by entry.
 
     sink: adds the blocks of `loops` to a matrix that begins with its pattern.
     """
@@ -219,7 +219,7 @@ def _fill_zero(target: str, count: Callable[[], int]) -> Statements:
 
 
 def _is_finite(target: str, pattern: BlockPattern) -> Statements:
-    """Return what is returned: where the sizes of all blocks are small, no sum of some of them overflows."""
+    """Return the check for finite results: where all blocks are small, no sum of some of them overflows."""
     return Statements(lambda: [f"return size < @SAFE@ || all_finite({target}, {len(pattern.flat_index)});"])
 
 
@@ -310,7 +310,7 @@ def _state_jacobian(model: TableModel) -> Recipe:
 
 
 def _mix_blocks(groups: MassGroups | None, sink: AddBlocks, name: str) -> tuple[MixRows, ...]:
-    """Return what multiplies the blocks of a sink by H^-1 of coupled nodes, if there are any."""
+    """Return the stage that multiplies the blocks of a sink by H^-1 of coupled nodes, if any."""
     if groups is None:
         return ()
     return (MixRows(sink.target, name, groups, lambda: sink.pattern.own_flat_index, sink.entry),)

@@ -88,7 +88,7 @@ class MixRows:
 
 
 class _Work:
-    """What is done: one row for each group and each column that has entries of it.
+    """The products: one row for each group and each column that has entries of it.
 
     group, count, size (n,): the group, how many of its rows the column has, and how many there are; first:
     entry of its first row; place_start, row_start, inverse_start: where the tables `place` (of each row

@@ -52,7 +52,7 @@ def member_law(model: TableModel) -> Recipe:
 
 @dataclass(frozen=True)
 class FillLaws:
-    """Fills `member_law`: constants from a table, then what arguments and inputs change."""
+    """Fills `member_law`: constants from a table, then changes by arguments and inputs."""
 
     model: TableModel
 
@@ -103,7 +103,7 @@ class FillLaws:
         )
 
     def _constants(self) -> FloatArray:
-        """Return what no argument changes; the spring constant without EA / rho."""
+        """Return the constant numbers; the spring constant without EA / rho."""
         model, s = self.model, self.model.structure
         held = np.where(model.free, 0.0, s.node_position[:, model.axes])
         held[model.argument_index("anchor_position") >= 0] = 0.0
@@ -405,7 +405,7 @@ BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
     "switch_margin": _selected_builder("switch", "switch_margin", "has_switch"),
 }
 
-# What needs the tensions of rigid bars, which loops do not have.
+# Quantities that need the tensions of rigid bars, which loops do not have.
 NEED_RIGID_BARS = frozenset(
     (
         *(record.name for record in MEMBER_QUANTITIES if record.follows_tension),

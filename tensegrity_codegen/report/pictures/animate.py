@@ -217,7 +217,7 @@ def find_frames(time: FloatArray, fps: float, slow_down: float) -> IntArray:
 
 
 class _Stage:
-    """The figure of a film: what stands still is painted once, the rest anew for each sample."""
+    """The figure of a film: resting parts are painted once, the others anew for each sample."""
 
     def __init__(self, setting: Setting, trajectory: Trajectory) -> None:
         self._trajectory = trajectory

@@ -95,7 +95,7 @@ def draw_shot(
 def show_whole(
     structure: Structure, result: Trajectory | PlanResult, subject: Structure | BodySystem
 ) -> Shown:
-    """Return what pictures of all samples show."""
+    """Return the content of pictures of all samples."""
     for number in range(len(result.node_position)):
         check_sample(structure, result, number)
     if isinstance(result, Trajectory):
@@ -125,7 +125,7 @@ def pad_tension(tension: FloatArray, structure: Structure) -> FloatArray:
 
 
 def find_shot(subject: Any, time: float | None = None, sample: int | None = None) -> Shot:
-    """Return what a picture of `subject` shows."""
+    """Return the shot of `subject`."""
     if isinstance(subject, Trajectory | PlanResult):
         return _find_sample(subject, time, sample)
     if time is not None or sample is not None:

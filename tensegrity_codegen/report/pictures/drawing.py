@@ -1,4 +1,4 @@
-"""A structure as lines on paper: bars thick, cables thin, what is nearer over what is farther."""
+"""A structure as lines on paper: bars thick, cables thin, near members over far ones."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -46,7 +46,7 @@ FACE_ALPHA = 0.13  # of the faces of rigid bodies
 
 @dataclass(frozen=True)
 class BodyParts:
-    """What of an outline belongs to rigid bodies.
+    """The members and nodes of an outline that belong to rigid bodies.
 
     edge (n_members,): their edges; faces (n_faces, 3): triangles of nodes; count: number of rigid bodies;
     joints: nodes that hold bars, whose forces are unknown.

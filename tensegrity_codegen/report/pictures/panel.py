@@ -53,7 +53,7 @@ LEAST_WIDTH, LEAST_HEIGHT = 3.4, 2.8  # of a figure [in], for its texts
 
 @dataclass(frozen=True)
 class Setting:
-    """What all samples of a picture share.
+    """The settings that all samples of a picture share.
 
     shown: what is shown.
     choices: how.
@@ -75,7 +75,7 @@ class Setting:
 
     @property
     def color_name(self) -> str:
-        """What the scale of colours is called."""
+        """Name of the scale of colours."""
         return COLOR_NAMES.get(self.choices.color, ("", ""))[0]
 
     @property

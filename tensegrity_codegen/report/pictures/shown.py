@@ -27,7 +27,7 @@ MOST_BARS = 1000  # rigid bars up to which their tensions are solved for
 
 
 def find_rest_tension(subject: Structure | BodySystem, rigid: BoolArray | None = None) -> FloatArray:
-    """Return the tensions of what is drawn, (n_members,) [N]: without damping, NaN where unknown.
+    """Return the tensions of the drawn structure, (n_members,) [N]: without damping, NaN where unknown.
 
     Unknown are rigid bars of a structure that is out of balance by more than 1 % of its largest force, bars
     that other bars make redundant, and the bars and edges of bodies. The rows are those of outline_bodies.
@@ -86,7 +86,7 @@ COLOR_NAMES = {
 
 @dataclass(frozen=True)
 class Shown:
-    """What a picture or film shows.
+    """The content of a picture or film.
 
     structure: the structure, of bodies their outline.
     position (n_t, n_nodes, 3) [m]: positions.
@@ -118,7 +118,7 @@ def show_structure(
     load: FloatArray | None = None,
     bodies: BodyParts | None = None,
 ) -> Shown:
-    """Return what a picture shows of one configuration: position (n_nodes, 3), tension (n_members,)."""
+    """Return the content of a picture of one configuration: position (n_nodes, 3), tension (n_members,)."""
     loads = structure.node_load if load is None else load
     return Shown(
         structure,
@@ -132,7 +132,7 @@ def show_structure(
 def show_motion(
     structure: Structure, motion: Trajectory, subject: Structure | BodySystem | None = None
 ) -> Shown:
-    """Return what pictures show of a motion of a structure, which is the outline of `subject`."""
+    """Return the content of pictures of a motion of a structure, which is the outline of `subject`."""
     source = structure if subject is None else subject
     return Shown(
         structure, motion.node_position, motion.member_tension, compute_loads(source, motion),

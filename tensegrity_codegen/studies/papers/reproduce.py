@@ -1,4 +1,4 @@
-"""The papers beside what comes out here: one page and one data file."""
+"""The papers beside our results: one page and one data file."""
 
 import json
 import tomllib
@@ -59,7 +59,7 @@ PAPERS: dict[str, Paper] = {
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What was written: the page, the data file, and the page's content."""
+    """The files: the page, the data file, and the page's content."""
 
     html: Path
     data: Path

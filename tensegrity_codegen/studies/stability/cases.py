@@ -1,4 +1,4 @@
-"""The cases of a study: what a scene becomes at its extremes, as run-time values of a few compiled models."""
+"""The cases of a study: a scene at its extremes, as run-time values of a few compiled models."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -129,7 +129,7 @@ OFFSET = 1e9  # [m]
 SNAPS = ((1e-6, "to where it is about to snap through"), (-1.0, "to the far side of its neighbours"))
 
 
-# What every integrator meets: group -> names of cases, all if none.
+# Cases that every integrator meets: group -> names of cases, all if none.
 ESSENTIAL: dict[str, tuple[str, ...]] = {
     "as it is": (),
     "stiffness ratio": ("1e+03", "1e+06", "1e+09", "rigid"),

@@ -21,7 +21,7 @@ ROUNDING = 1e-15  # of positions, in lengths of members and so in their tensions
 def tension_tolerance(
     structure: Structure, state: FloatArray, allowed: FloatArray, is_multiplier: NDArray[np.bool_]
 ) -> FloatArray:
-    """Return what errors `allowed` (n_t, n_states) of states come to in tensions, (n_t, n_members) [N].
+    """Return the errors of tensions (n_t, n_members) [N] from errors `allowed` (n_t, n_states) of states.
 
     is_multiplier: which members have tensions that do not follow from lengths, rigid ones at least.
 
@@ -66,7 +66,7 @@ def _of_nodes(structure: Structure, values: FloatArray, fill: FloatArray | float
 
 Runs = Sequence[Callable[[float], Ending]]
 
-# Verdict -> what it means.
+# Verdict -> its meaning.
 VERDICTS = {
     "survived": "status ok, and the certified error is within the stated bound",
     "stopped": "a status or a named error says that there is no result",
@@ -76,7 +76,7 @@ VERDICTS = {
     "not able": "the peer is not installed, or does not have the physics of the case",
     "not run": "the case was not run, for example since the time budget was exceeded",
 }
-# Rule -> what is checked, where an error is certified.
+# Rule -> its criterion, where an error is certified.
 RULES = {
     "plain": "positions and velocities are within ten times the tolerance",
     "told": "positions are, and velocities keep the bound that the run itself states for vibrating bars",
@@ -149,7 +149,7 @@ def is_agreed(case: Case, state: FloatArray, difference: FloatArray, *, position
 
 
 def _truth(case: Case, ending: Ending, witness: Ending, difference: FloatArray, knows_speed: bool) -> Truth:
-    """Return what two endings agree on; their tensions are as uncertain as their states make them, too."""
+    """Return the agreement of two endings; their tensions are as uncertain as their states make them, too."""
     if ending.tension is None or witness.tension is None or not knows_speed:
         return Truth(ending.state, difference, knows_speed=knows_speed)
     uncertain = tension_tolerance(case.structure, ending.state, difference, case.structure.is_rigid)
@@ -159,7 +159,7 @@ def _truth(case: Case, ending: Ending, witness: Ending, difference: FloatArray, 
 
 
 def judge(case: Case, ending: Ending, truth: Truth | None) -> Judgement:
-    """Hold one of our methods to what it calls good.
+    """Compare the result of one of our methods with its own tolerance.
 
     Positions must be within ten times the tolerance, velocities too unless the run says by how much bars
     vibrate unseen, tensions as tension_tolerance says. Of a method with a fixed step, which is told no

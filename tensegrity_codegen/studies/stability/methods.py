@@ -136,7 +136,7 @@ def list_integrators(structure: Structure) -> tuple[str, ...]:
 
 
 def values_of(model: CompiledModel, structure: Structure) -> Mapping[str, FloatArray]:
-    """Return what the model needs to be this structure: state and run-time parameters."""
+    """Return state and run-time parameters with which the model is this structure."""
     node_axes, axes = structure.coordinate_node_axis, list(structure.axes)
     state = {
         "coordinate": structure.node_position[node_axes[:, 0], node_axes[:, 1]],
@@ -247,7 +247,7 @@ def list_peers(case: Case) -> tuple[str, ...]:
 
 
 def import_peers() -> None:
-    """Import what peers need, once for all processes that are forked from this one."""
+    """Import the packages of peers, once for all processes that are forked from this one."""
     with suppress(ImportError):
         import mujoco  # noqa: F401
     import tensegrity_codegen.symbolic.build  # noqa: F401

@@ -1,4 +1,4 @@
-"""The page of outcomes: what is wrong, verdicts by method, errors, all cases, messages."""
+"""The page of outcomes: wrong results, verdicts by method, errors, all cases, messages."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -146,7 +146,7 @@ def build_grid(rows: Sequence[Outcome], title: str) -> Table:
 
 
 def build_messages(rows: Sequence[Outcome], caption: str) -> Table:
-    """Return what runs reported."""
+    """Return the messages of runs."""
     columns = dict.fromkeys(("case", "value", "method", "verdict", "message"), "")
     cells = ((row.group, row.case, row.contender, _verdict(row), row.message) for row in rows)
     return make_table(caption, columns, cells)
@@ -168,7 +168,7 @@ def _cell(row: Outcome | None) -> Cell:
 
 
 def _explain(rows: Sequence[Outcome]) -> str:
-    """Return what the marks in cells mean, of those that occur."""
+    """Return the meaning of the marks that occur in cells."""
     used = [rule for rule in RULES if rule in MARKS and any(row.is_own and row.rule == rule for row in rows)]
     return " ".join(f"{MARKS[rule].strip()} Checked by {RULE_WORDS[rule]}." for rule in used)
 

@@ -106,7 +106,7 @@ class Unavailable(Exception):
 
 @dataclass(frozen=True)
 class Run:
-    """What one run brings: positions (n_t, n_nodes, 3) [m] at the sample times, and its own word on it.
+    """The result of one run: positions (n_t, n_nodes, 3) [m] at the sample times, and its status.
 
     status: "ok" where the method calls its result good; n_evaluations: of forces, 0 where unknown;
     energy_drift: largest change of the total energy [J] at the samples, where the motion keeps it.
@@ -243,7 +243,7 @@ EQUATIONS = {False: "bars as in the scene", True: "rigid bars"}  # by whether a 
 
 @dataclass(frozen=True)
 class Row:
-    """One contender at one setting: error [m], CPU seconds of the whole motion, and what it says of itself.
+    """One contender at one setting: error [m], CPU seconds of the whole motion, and its own status.
 
     error: largest error of a node coordinate at the samples; infinite, kept as null, where the run did not
     come to its end. energy_drift: largest change of the total energy [J] at the samples, null where it is

@@ -1,4 +1,4 @@
-"""A report: what to use, pictures of error against time, all rows; as a page, a table and a data file."""
+"""A report: recommendations, pictures of error against time, all rows; as a page, a table and a data file."""
 
 import csv
 import io
@@ -79,7 +79,7 @@ def build_page(reports: Sequence[SceneReport]) -> Page:
 
 
 def say_recommendation(max_error: float, row: Row | None, t_end: float) -> str:
-    """Return one plain sentence: what to use for an error of `max_error` [m]."""
+    """Return one plain sentence: the recommendation for an error of `max_error` [m]."""
     if row is None:
         return f"for {max_error:.0e} m: no method reaches it"
     name = "step" if row.kind == "step" else "rtol"
@@ -247,7 +247,7 @@ MOST_SAMPLES = 100_000
 
 @dataclass(frozen=True)
 class WorkReport:
-    """What was measured, and the files that it stands in."""
+    """The measurements, and the files that hold them."""
 
     scenes: tuple[SceneReport, ...]
     html: Path

@@ -140,7 +140,7 @@ def report_scene(
 class _Measured:
     """The rows of a scene as they are measured, or taken from the journal.
 
-    What the journal has counts as done from the start, so that it says nothing of the speed.
+    Rows of the journal count as done from the start, so that they say nothing of the speed.
     """
 
     def __init__(

@@ -150,5 +150,5 @@ class _NodePosition(NodeCoordinates):
         return by_parameters(ca.vertcat(self.acceleration(), self.internal_rate()), self.arguments)
 
 
-# What emitters may know: the class by its public name.
+# The class by its public name, for emitters.
 NodePosition = _NodePosition

@@ -46,7 +46,7 @@ def build_rigid_bar(structure: Structure, request: ModelRequest) -> SymbolicMode
     return SymbolicModel("rigid_bar", structure, frame, arguments.ordered(), expressions.builders(), WORDS)
 
 
-# What quantities mean where bars are rigid.
+# Meaning of quantities of structures with rigid bars.
 WORDS = {
     "constraint_residual": ("m", "Lengths of the rigid bars minus what they are kept at."),
     "node_residual": (
@@ -138,7 +138,7 @@ class _RigidBar(NodeCoordinates):
         }
 
     def mixed_form(self) -> dict[str, Any]:
-        """Return what the mixed form takes; a spring constant of zero means that a length is kept."""
+        """Return the numbers of the mixed form; a spring constant of zero means that a length is kept."""
         if self.is_corrected:
             return {}
         bar_length = dict(zip(self.bars, self.lengths, strict=True))
@@ -147,7 +147,7 @@ class _RigidBar(NodeCoordinates):
         return {"member_law": lambda: ca.horzcat(*[self._law(e, length) for e, length in laws])}
 
     def statics(self) -> dict[str, Any]:
-        """Return what an equilibrium takes: springs alone, since the bars only keep their lengths."""
+        """Return the stiffness of an equilibrium: springs alone, since the bars only keep their lengths."""
         if self.is_corrected:
             return {}
         return {
@@ -238,7 +238,7 @@ class _RigidBar(NodeCoordinates):
         return self.constraints.project_velocity(self.arguments.position, self.v, rates)
 
     def rigidity_error(self) -> ca.SX:
-        """Return what the model neglects of the bars' lengths: stretch, or the inertia of its change."""
+        """Return the neglected part of the bars' lengths: stretch, or the inertia of its change."""
         if not self.is_corrected:
             return ca.fabs(self.stretch())
         square = ca.vertcat(*[dot(d, d) for d in (self.members.vectors[e] for e in self.bars)])
@@ -267,7 +267,7 @@ class _RigidBar(NodeCoordinates):
         return self.arguments.rest_length[self.bars[b]] if self.is_corrected else self.lengths[b]
 
     def node_values(self) -> dict[str, Callable[[], Sequence[Any]]]:
-        """Return what quantities of nodes may use; forces without bars where these only keep lengths."""
+        """Return the values for quantities of nodes; forces without bars where these only keep lengths."""
         values = super().node_values()
         values["force"] = lambda: self.net_force_with_bars
         values["static_force"] = lambda: self.net_static_force_with_bars

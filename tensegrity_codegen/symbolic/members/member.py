@@ -152,7 +152,7 @@ class Member:
         return build_law(self.length, self.rate, self.values, self.tension_only)
 
     def damping_loss(self) -> Scalar:
-        """Return what damping takes, (t - t_undamped) l' [W]."""
+        """Return the power that damping takes, (t - t_undamped) l' [W]."""
         return (self.law.tension() - self.law.undamped_tension()) * self.rate
 
     def margin(self) -> Scalar:
@@ -188,7 +188,7 @@ class Member:
         return [component / self.length for component in self.vector]
 
     def rest_pull(self) -> Vector:
-        """Return what one more metre of rest length adds to the force on node i, -(dt/drho) d / l [N/m].
+        """Return the change of the force on node i by one more metre of rest length, -(dt/drho) d / l [N/m].
 
         The product comes before the quotient, so that a constant slope does not meet a constant mass.
         """

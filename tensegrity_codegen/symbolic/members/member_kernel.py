@@ -20,7 +20,7 @@ from tensegrity_codegen.symbolic.model import count_operations
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES
 
-# The symbols of a kernel: four vectors over the modelled axes, and what the law takes.
+# The symbols of a kernel: four vectors over the modelled axes, and the values of the law.
 VECTORS = ("start", "end", "start_rate", "end_rate")
 VALUES = ("mu", *MEMBER_VALUES, *SECTION_VALUES)
 
@@ -49,7 +49,7 @@ def _rows(block: MemberBlocks) -> list[Scalar]:
     return [value for row in block.entries for value in row]
 
 
-# What a kernel returns, by name. A symmetric block is its upper triangle, row by row.
+# Results of kernels, by name. A symmetric block is its upper triangle, row by row.
 KERNELS: dict[str, Callable[[Member], list[Scalar]]] = {
     **{quantity.kernel: quantity.entries for quantity in MEMBER_QUANTITIES},
     "margin": lambda m: [m.law.margin()],

@@ -173,7 +173,7 @@ class MemberMemory(Memory):
         self.laws: dict[str, MemberLaw] = {structure.member_name[e]: members.laws[e] for e in rows}
 
     def stored_energy(self) -> Scalar:
-        """Return 0: what members store is their strain energy."""
+        """Return 0: the stored energy of members is their strain energy."""
         return ca.SX(0.0)
 
     def internal_rates(self) -> Mapping[str, Scalar]:
@@ -202,12 +202,12 @@ class PlasticMembers(MemberMemory):
     """The members that yield."""
 
     def powers(self) -> Mapping[str, Scalar]:
-        """Return minus what plastic flow takes, -Fy a' [W]."""
+        """Return minus the power of plastic flow, -Fy a' [W]."""
         lost = (self._flow_force(law) * self._rates(name)[1] for name, law in self.laws.items())
         return {"plastic": -sum(lost, ca.SX(0.0))}
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
-        """Return the builders of margins, plastic elongations, and what flow takes and has taken."""
+        """Return the builders of margins, plastic elongations, power and work of the flow."""
         return {
             "plastic_power": lambda: self.powers()["plastic"],
             "yield_margin": self._margins,
@@ -225,7 +225,7 @@ class PlasticMembers(MemberMemory):
         return ca.vertcat(*[settled.get(name, ca.SX(0.0)) for name in self.structure.member_name])
 
     def _work(self) -> Scalar:
-        """Return minus what flow has taken, -Fy a, up to the internal states [J]."""
+        """Return minus the work of the flow, -Fy a, up to the internal states [J]."""
         powers = (self._flow_force(law) * law.law_parameter["accumulated"] for law in self.laws.values())
         return -sum(powers, ca.SX(0.0))
 
@@ -238,16 +238,16 @@ class ViscousMembers(MemberMemory):
     """The members that relax."""
 
     def internal_rates(self) -> Mapping[str, Scalar]:
-        """Return the rates of the states of all members [m/s], and of what they have taken [W]."""
+        """Return the rates of the states of all members [m/s], and their powers [W]."""
         return {**super().internal_rates(), VISCOUS_WORK: self.powers()["viscous"]}
 
     def powers(self) -> Mapping[str, Scalar]:
-        """Return minus what the dashpots take, -c p'^2 with c = T mu / (1 - h) [W]."""
+        """Return minus the power of the dashpots, -c p'^2 with c = T mu / (1 - h) [W]."""
         lost = (self._viscosity(law) * self._rates(name)[0] ** 2 for name, law in self.laws.items())
         return {"viscous": -sum(lost, ca.SX(0.0))}
 
     def settled(self) -> Mapping[str, Scalar]:
-        """Return nothing: events do not change what changes with time."""
+        """Return nothing: events do not change these states."""
         return {}
 
     def relaxed(self) -> Mapping[str, Scalar]:
@@ -255,7 +255,7 @@ class ViscousMembers(MemberMemory):
         return super().settled()
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
-        """Return the builder of what the dashpots take."""
+        """Return the builder of the power of the dashpots."""
         return {"viscous_power": lambda: self.powers()["viscous"]}
 
     def _viscosity(self, law: MemberLaw) -> Scalar:

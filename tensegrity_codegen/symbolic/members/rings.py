@@ -170,7 +170,7 @@ def _add(pairs: Pairs, addends: Mapping[tuple[int, int], MemberBlocks]) -> Pairs
     return {key: block.plus(addends[key]) if key in addends else block for key, block in pairs.items()}
 
 
-SLACK_STRAIN = 1e-4  # of a strand, below which it has less damping on what it gives away
+SLACK_STRAIN = 1e-4  # of a strand, below which it has less damping on material that it gives away
 SLACK_MARGIN = 1e-6  # of the rest length of a strand: margin of a ring between slack ones
 SURE = 1.0 - 1e-6  # times what a ring holds: less by more than any rounding
 HELD = 1.0 - 1e-10  # of the limit, up to which equilibria go, so that their rings stick for sure
@@ -207,7 +207,7 @@ class SlidingStrand(Member):
 
     @cached_property
     def giving(self) -> Scalar:
-        """Damping on what the strand gives away [N s/m]."""
+        """Damping on material that the strand gives away [N s/m]."""
         small = SLACK_STRAIN * self.axial_stiffness
         return self.law.damping * ((self.elastic + LEAST_DAMPING * small) / (self.elastic + small))
 
@@ -232,7 +232,7 @@ class SlidingStrand(Member):
         return self.stuck_density - ca.if_else(self.moves, self.lost / self.length, 0)
 
     def damping_loss(self) -> Scalar:
-        """Return what damping takes, (T - t) (l' - rho') [W]: nothing of material that only travels."""
+        """Return the power of damping, (T - t) (l' - rho') [W]: none of material that only travels."""
         return (self.tension - self.elastic) * (self.rate - self.slide)
 
     def margin(self) -> Scalar:
@@ -310,7 +310,7 @@ class RingSlip:
 
     @cached_property
     def limits(self) -> list[tuple[Scalar, Scalar]]:
-        """Less than (E - 1)^2 at each ring, without exponentials and roots: what divided by what."""
+        """Less than (E - 1)^2 at each ring, without exponentials and roots: dividend and divisor."""
         values = zip(pairwise(self.strands), self.cable.friction, self.cable.wrap_deg, strict=True)
         return [
             (SURE * ca.SX(expm1(friction * radians(wrap))) ** 2, ca.SX(1.0))
@@ -366,7 +366,7 @@ class RingSlip:
         return room / law.mu + margin * ratio_margin
 
     def excess(self) -> list[Scalar]:
-        """Return what tensions at rest are beyond the limit, behind each ring and before it [N]."""
+        """Return the excess of tensions at rest over the limit, behind each ring and before it [N]."""
         tensions = pairwise(strand.elastic for strand in self.strands)
         terms = [
             (after - HELD * ratio * before, before - HELD * ratio * after)
@@ -388,11 +388,11 @@ class RingFriction(Memory):
         self.members, self.slips = members, slips
 
     def stored_energy(self) -> Scalar:
-        """Return 0: what strands store is their strain energy."""
+        """Return 0: the stored energy of strands is their strain energy."""
         return ca.SX(0.0)
 
     def powers(self) -> Mapping[str, Scalar]:
-        """Return minus what slip takes [W], -(T + t^2 / (2 EA)) rho' of all strands.
+        """Return minus the power of slip [W], -(T + t^2 / (2 EA)) rho' of all strands.
 
         That is v times the difference of T at both sides of a ring, and of t^2 / (2 EA), by which the
         material strains as it comes under the tension of the other side.
@@ -414,7 +414,7 @@ class RingFriction(Memory):
         }
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:
-        """Return the builders of margins, and of what tensions are beyond their limits."""
+        """Return the builders of margins, and of the excess of tensions over their limits."""
         return {
             "ring_margin": lambda: ca.vertcat(
                 *[margin for slip in self.slips for margin in slip.solution[1]]
@@ -425,7 +425,7 @@ class RingFriction(Memory):
 
 
 def _bound_limit(friction: float, before: Member, after: Member) -> tuple[Scalar, Scalar]:
-    """Return what is below (E - 1)^2 at a ring: what divided by what.
+    """Return a bound below (E - 1)^2 at a ring: dividend and divisor.
 
     2 w + w^2 / 3 <= theta^2 with w = 1 - cos(theta), and y + 7 y^2 / 12 <= (exp(x) - 1)^2 with y = x^2: the
     first terms of series of positive ones.

@@ -49,7 +49,7 @@ class BarCollision(NodeForce):
         return sum((normal.energy() for _, _, normal in self.contacts), ca.SX(0.0))
 
     def powers(self) -> Mapping[str, Scalar]:
-        """Return minus what impacts lose [W]."""
+        """Return minus the loss of impacts [W]."""
         return {"impact": sum((normal.power() for _, _, normal in self.contacts), ca.SX(0.0))}
 
     def builders(self) -> dict[str, Callable[[], ca.SX]]:

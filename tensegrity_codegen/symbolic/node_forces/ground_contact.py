@@ -85,7 +85,7 @@ class GroundContact(NodeForce):
         return sum((contact.energy() for contact in self.contacts), ca.SX(0.0))
 
     def powers(self) -> Mapping[str, Scalar]:
-        """Return minus what impacts and friction lose, and what a belt does [W]."""
+        """Return minus the losses of impacts and friction, and the power of a belt [W]."""
         powers = [contact.powers() for contact in self.contacts]
         return {name: sum((power[name] for power in powers), ca.SX(0.0)) for name in powers[0]}
 
@@ -235,7 +235,7 @@ class Contact:
         return self.normal_force.energy() + bristle
 
     def powers(self) -> Mapping[str, Scalar]:
-        """Return minus what impact and friction lose, and what a belt does [W]."""
+        """Return minus the losses of impact and friction, and the power of a belt [W]."""
         friction = belt = ca.SX(0.0)
         speeds, bristles = self.basis @ self.belt, zip(self.bristle, self.bristle_rate, strict=True)
         for speed, (s, rate), f, v in zip(speeds, bristles, self.friction, self.slip_velocity, strict=True):

@@ -90,7 +90,7 @@ class NormalForce:
         return self.elastic_force * self.depth / (self.law.exponent + 1.0)
 
     def power(self) -> Scalar:
-        """Return minus what impacts lose [W]."""
+        """Return minus the loss of impacts [W]."""
         return (self.elastic_force - self.force) * self.depth_rate
 
     def margin(self) -> Scalar:

@@ -1,4 +1,4 @@
-"""Access of the loop over some members of a group: what their kernel takes, and where its results go."""
+"""Access of the loop over some members of a group: operands of their kernel, use of its results."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -93,7 +93,7 @@ class MemberAccess:
         return values[self.member]
 
     def _changes(self, writer: Writer, counter: str) -> str:
-        """Return what inputs add to a rest length, in the order of the inputs."""
+        """Return the terms that inputs add to a rest length, in the order of the inputs."""
         texts = []
         for column, gain in self.inputs:
             text = f"input[{writer.index_at(f'{self.name}_input', column, counter)}]"
@@ -145,7 +145,7 @@ def position_reader(writer: Writer, is_rate: bool) -> str:
 
 
 class Sink(Protocol):
-    """What happens to the results of a member's kernel.
+    """The use of the results of a member's kernel.
 
     select: those of some members that it wants anything of; operations: for each of them.
     """

@@ -19,7 +19,7 @@ from tensegrity_codegen.system.arrays import FloatArray, IntArray
 class ExternalForce:
     """F_n = load + sum of u direction + m g on the components `index` >= 0 of nodes.
 
-    index: (n_nodes, n_axes) entries of what is filled, -1 where there is none.
+    index: (n_nodes, n_axes) entries of the filled array, -1 for none.
     """
 
     model: TableModel
@@ -72,7 +72,7 @@ class ExternalForce:
 
     @cached_property
     def values(self) -> FloatArray:
-        """The same for every entry of what is filled."""
+        """The same for every entry of the filled array."""
         values = np.empty(int(self.wanted.sum()))
         values[self.index[self.wanted]] = self.constant[self.wanted]
         return values
@@ -118,7 +118,7 @@ class ExternalForce:
         return f"{symbol}({''.join(name + ', ' for name in names)}"
 
     def _load_context(self, writer: Writer) -> dict[str, Any]:
-        """Return what the function says of loads: constants, then the position in the argument."""
+        """Return the context of loads: constants, then the position in the argument."""
         model, n_axes = self.model, self.model.n_axes
         at = model.argument_index("node_load")
         load = np.where((at >= 0)[:, None], 0.0, model.structure.node_load[:, model.axes])

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.codegen.table.members.access import AddToNodes
 
 
-# The loop over free members four at a time, for vectors; the loop of single members takes what is left.
+# The loop over free members four at a time, for vectors; the loop of single members takes the remaining ones.
 #
 # Forces are added member by member in the same order, by the same operations: the bits are those of the loop.
 
@@ -111,7 +111,7 @@ def read_values(writer: Writer, access: MemberAccess, kernel: DensityKernel) -> 
 
 
 def passed(kernel: DensityKernel) -> str:
-    """Return what a kernel of four members is called with."""
+    """Return the arguments of a call of a kernel of four members."""
     return ", ".join(f"{name}_of_four" if name in MEMBER_VALUES else name for name in kernel.parameters)
 
 

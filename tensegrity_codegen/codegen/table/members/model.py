@@ -1,6 +1,6 @@
 """A structure as index tables: where each node's coordinates are, and which values are arguments.
 
-What an unrolled expression finds by looking at symbols, this finds by looking at integers.
+Unrolled expressions examine symbols; this examines integers.
 """
 
 from dataclasses import replace
@@ -23,7 +23,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 
 class TableModel:
-    """What loops over the members of `structure` in node positions need to know.
+    """The structure as loops over its members in node positions read it.
 
     quantities: names of all quantities that loops over tables serve in this formulation. Indices are -1 where
     there is nothing: no coordinate of an anchored node, no argument of a constant.

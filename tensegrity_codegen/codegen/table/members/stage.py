@@ -25,7 +25,7 @@ class Stage(Protocol):
 
     @property
     def repeats(self) -> int:
-        """How many times what it writes is done in one evaluation."""
+        """How many times its statements run in one evaluation."""
 
     def write(self, writer: Writer) -> list[str]:
         """Return its statements."""

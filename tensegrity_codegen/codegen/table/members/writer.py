@@ -15,12 +15,12 @@ from tensegrity_codegen.tables.precision import Precision
 
 Array = NDArray[Any]
 
-# What kernels take over the modelled axes: of both ends of a member, and of a node.
+# Operands of kernels with one component a modelled axis: of both ends of a member, and of a node.
 IN_AXES = (*VECTORS, "position", "velocity", "load")
 
 
 class Writer:
-    """Collects what stands before the bodies; equal arrays, kernels and helpers get one name.
+    """Collects the definitions before the bodies; equal arrays, kernels and helpers get one name.
 
     A uniform array is written as a number, and evenly spaced indices as an expression of the counter.
     """

@@ -114,7 +114,7 @@ def _describe_growth(data: dict[str, Any]) -> str:
 
 
 def unloaded_section() -> Section:
-    """Return what holds without a load: extensions, angles, stability."""
+    """Return the section without a load: extensions, angles, stability."""
     compared = compare_unloaded()
     differences = [row["difference"] for row in compared if row["difference"] is not None]
     rows = [(row["name"], row["unit"], *compare_cells(row["paper"], row["ours"], ".3f")) for row in compared]

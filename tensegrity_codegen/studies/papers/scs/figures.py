@@ -42,7 +42,7 @@ MOST_CELLS = 1_000_000
 
 @dataclass(frozen=True)
 class RegionMap:
-    """What holds over a grid of alpha (columns) and delta (rows) at one height and force.
+    """The feasible regions over a grid of alpha (columns) and delta (rows) at one height and force.
 
     alpha_deg (n_a,), delta_deg (n_d,); code (n_d, n_a): 0 all tendons taut, else the sum of 1, 2, 4 for
     saddle, vertical, diagonal that would have to push, -1 outside the bounds; tension (n_d, n_a, 3) [N],

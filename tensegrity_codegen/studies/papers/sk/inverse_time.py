@@ -1,4 +1,4 @@
-"""Time to form what turns forces of pairs into accelerations (S&K Fig. 2), and to apply it.
+"""Time to form the matrix from forces of pairs to accelerations (S&K Fig. 2), and to apply it.
 
 pseudo_inverse  pinv of H_delta by singular values, all pairs, (3k, 3k), k = n (n - 1) / 2
 dense           D H^-1 D^T as a product of dense arrays

@@ -145,7 +145,7 @@ class _Motion(ctypes.Structure):
 
 
 def _set_motion(model: CompiledModel, path: Path, n: int) -> _Motion:
-    """Return what the rates need, other arguments at their nominal values."""
+    """Return the data of the rates, other arguments at their nominal values."""
     name, library = f"{model.manifest.name}_acceleration", ctypes.CDLL(str(path))
     sizes = [ctypes.c_longlong() for _ in range(4)]
     getattr(library, f"{name}_work")(*map(ctypes.byref, sizes))
