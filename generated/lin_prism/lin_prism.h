@@ -36,7 +36,7 @@ enum lin_prism_status {
   LIN_PRISM_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   LIN_PRISM_NON_FINITE_RESULT = 2,
       /* a result would not be finite, as where the two nodes of a member are at one place */
-  LIN_PRISM_INVALID_ARGUMENT = 3, /* a step, a count or an index is out of range */
+  LIN_PRISM_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
   LIN_PRISM_NULL_POINTER = 4, /* a pointer that is needed is NULL */
   LIN_PRISM_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
   LIN_PRISM_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */

@@ -36,7 +36,7 @@ enum pinned_prism_status {
   PINNED_PRISM_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   PINNED_PRISM_NON_FINITE_RESULT = 2,
       /* a result would not be finite, as where the two nodes of a member are at one place */
-  PINNED_PRISM_INVALID_ARGUMENT = 3, /* a step, a count or an index is out of range */
+  PINNED_PRISM_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
   PINNED_PRISM_NULL_POINTER = 4, /* a pointer that is needed is NULL */
   PINNED_PRISM_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
   PINNED_PRISM_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
@@ -239,6 +239,7 @@ typedef struct {
   const pinned_prism_profile *profile; /* arguments that change with time; steps end at its kinks; NULL: none */
   int is_started; /* internal, from here on: kept between calls */
   int may_grow;   /* whether the next step may be longer: no, right after a rejection */
+  double reached; /* where the last call ended [s] */
   int succession;    /* events one after the other, each within a thousandth of a step of the last one */
   int crowd;         /* events one after the other, each within a step of the last one */
   int n_stalled;     /* trials since `mark` */

@@ -35,7 +35,7 @@ enum prism12_status {
   PRISM12_OK = 0, /* the results are there */
   PRISM12_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   PRISM12_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
-  PRISM12_INVALID_ARGUMENT = 3, /* a step, a count or an index is out of range */
+  PRISM12_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
   PRISM12_NULL_POINTER = 4, /* a pointer that is needed is NULL */
   PRISM12_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
   PRISM12_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */

@@ -47,7 +47,7 @@ TENSEGRITY_PLAIN const char *two_nodes_status_text(int status)
   case TWO_NODES_NON_FINITE_RESULT:
     return "a result would not be finite, as where the two nodes of a member are at one place";
   case TWO_NODES_INVALID_ARGUMENT:
-    return "a step, a count or an index is out of range";
+    return "a step, a count, an index or a time is out of range";
   case TWO_NODES_NULL_POINTER:
     return "a pointer that is needed is NULL";
   case TWO_NODES_STEP_TOO_SMALL:
@@ -1274,7 +1274,7 @@ static int rk4_run_advance(double time_end, long long most_trials, const rk4_run
   int status = TWO_NODES_OK, is_over = 0;
   long long i;
   m->run->is_stopped = 0;
-  if (!m->run->is_started) {
+  if (!m->run->is_started && *m->time < time_end) { /* no time tells no first step */
     status = rk4_run_begin(time_end, m);
   }
   for (i = 0; status == TWO_NODES_OK && !is_over && i < most_trials && *m->time < time_end; ++i) {

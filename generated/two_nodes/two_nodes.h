@@ -36,7 +36,7 @@ enum two_nodes_status {
   TWO_NODES_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   TWO_NODES_NON_FINITE_RESULT = 2,
       /* a result would not be finite, as where the two nodes of a member are at one place */
-  TWO_NODES_INVALID_ARGUMENT = 3, /* a step, a count or an index is out of range */
+  TWO_NODES_INVALID_ARGUMENT = 3, /* a step, a count, an index or a time is out of range */
   TWO_NODES_NULL_POINTER = 4, /* a pointer that is needed is NULL */
   TWO_NODES_STEP_TOO_SMALL = 5, /* no step that the time can resolve meets the tolerance */
   TWO_NODES_UNSUPPORTED_MACHINE = 6, /* this machine lacks instructions that native code needs */
@@ -184,6 +184,7 @@ typedef struct {
   int is_stopped;     /* 1 where an event of `stop` has ended the last call */
   int is_started; /* internal, from here on: kept between calls */
   int may_grow;   /* whether the next step may be longer: no, right after a rejection */
+  double reached; /* where the last call ended [s] */
   int succession;    /* events one after the other, each within a thousandth of a step of the last one */
   int crowd;         /* events one after the other, each within a step of the last one */
   int n_stalled;     /* trials since `mark` */

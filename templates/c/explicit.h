@@ -747,7 +747,7 @@ static inline int method_advance(double time_end, long long most_trials, const m
 #if WITH_EVENTS
   m->run->is_stopped = 0;
 #endif
-  if (!m->run->is_started) {
+  if (!m->run->is_started && *m->time < time_end) { /* no time tells no first step */
     status = method_begin(time_end, m);
   }
   for (i = 0; status == SCENE_OK && !is_over && i < most_trials && *m->time < time_end; ++i) {

@@ -4,7 +4,8 @@
 #include "radau_config.h"
 
 /* Numbers kept from step to step: step, error and iterations of the last step; whether it may grow; whether there are
- * quiet factors; largest correction and coordinate; the step last taken whole; whether there are third derivatives. */
+ * quiet factors; largest correction and coordinate; the step last taken whole; whether there are third derivatives; where the
+ * last call ended. */
 enum {
   RADAU_KEPT_STEP,
   RADAU_KEPT_ERROR,
@@ -14,12 +15,13 @@ enum {
   RADAU_KEPT_LARGEST_CORRECTION,
   RADAU_KEPT_LARGEST_COORDINATE,
   RADAU_KEPT_USUAL_STEP,
-  RADAU_KEPT_HAS_JERK
+  RADAU_KEPT_HAS_JERK,
+  RADAU_KEPT_TIME
 };
 
 /* Memory of one integration, carried from call to call, and what a call is given. Sizes in ..._ROOM are at least 1. */
 typedef struct {
-  double kept[9]; /* places: RADAU_KEPT_... */
+  double kept[10]; /* places: RADAU_KEPT_... */
   double law[RADAU_LAW], mass[RADAU_MASSES], mass_diagonal[N_UNKNOWNS];
   double mass_entry[RADAU_ENTRY_ROOM], entry[2 * RADAU_ENTRY_ROOM];
   double offset[AXES * TENSION_ROOM], direction[AXES * TENSION_ROOM], turned[AXES * TENSION_ROOM];

@@ -83,6 +83,7 @@ typedef struct {
 #endif
   int is_started; /* internal, from here on: kept between calls */
   int may_grow;   /* whether the next step may be longer: no, right after a rejection */
+  double reached; /* where the last call ended [s] */
 #if WITH_ENERGY
   double energy; /* at the start [J] */
 #endif

@@ -36,7 +36,7 @@ STATUS_TEXT = {
     "ok": "the results are there",
     "non_finite_input": "an argument holds a NAN or an infinity",
     "non_finite_result": "a result would not be finite, as where the two nodes of a member are at one place",
-    "invalid_argument": "a step, a count or an index is out of range",
+    "invalid_argument": "a step, a count, an index or a time is out of range",
     "null_pointer": "a pointer that is needed is NULL",
     "step_too_small": "no step that the time can resolve meets the tolerance",
     "unsupported_machine": "this machine lacks instructions that native code needs",

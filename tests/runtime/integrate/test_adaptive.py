@@ -17,8 +17,10 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions, Stepping
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.tables.manifest import STATUS
 from tests.models import load, simulator, start_of
 from tests.runtime.build import bar, cable, make_structure
+from tests.runtime.integrate import nets
 
 METHODS = ("rk54", "rk853")
 each = pytest.mark.parametrize("method", METHODS)
@@ -228,3 +230,34 @@ def test_differences_of_runs_are_found_in_blocks(monkeypatch: pytest.MonkeyPatch
     row, column = np.unravel_index(ratio.argmax(), ratio.shape)
     kind = "position" if column < 3 else "velocity"
     assert whole.where == f"in the {kind} of x{column % 3} at t = {tight.time[row]:.4g} s"
+
+
+@pytest.mark.parametrize("method", ["rk853", "radau"])
+def test_c_refuses_to_go_back_in_time(method: str) -> None:
+    """An end before the time, and a run that is used again from an earlier time without being set to zero."""
+    model = simulator(nets.net(rod=80.0), "rk853", "radau")
+    bound = BoundIntegrator(method, Motion(model, start_of(model), np.array([0.0, 1.0])))
+    time, step = bound.ffi.new("double *", 0.5), bound.ffi.new("double *")
+    run = bound.ffi.new("integrator_run *")
+    count, vibration = bound.ffi.new("long long[16]"), bound.ffi.new("double[3]")
+    null, bound.n_sampled[0] = bound.ffi.NULL, 0
+    watched = (run,) if method == "radau" and bound.spec.events else ()
+
+    def call(time_end: float) -> str:
+        told = (null, bound.n_sampled, 0.0, count, vibration) if method == "radau" else (bound.n_sampled, run)
+        tail = (0, null, null, *told, *watched, bound.pointer(bound.work))
+        head = (time_end, 1e-6, 1e-9, 10_000, time, step, bound.pointer(bound.state))
+        return STATUS[bound.call(*head, *bound.arguments(), *tail)]
+
+    assert call(0.4) == "invalid_argument"
+    assert call(0.5) == "ok"
+    assert call(0.6) == "ok"
+    assert call(0.7) == "ok"  # goes on
+    time[0] = 0.5
+    state = bound.state.copy()
+    assert call(0.7) == "invalid_argument"
+    np.testing.assert_array_equal(bound.state, state)
+    bound.ffi.memmove(run, bound.ffi.new("integrator_run *"), bound.ffi.sizeof("integrator_run"))
+    step[0] = 0.0
+    bound.ffi.memmove(count, bound.ffi.new("long long[16]"), 128)
+    assert (call(0.7), time[0]) == ("ok", 0.7)
