@@ -99,7 +99,7 @@ def start_off(parts: tuple[CompiledModel, Motion], degrees: float, **options: An
     """Return runs of the regulator and of model-predictive control from angles that are off."""
     model, held = parts
     weights = choose_weights(model, held, sample=SAMPLE)
-    signs = np.random.default_rng(5).choice([-1.0, 1.0], 8)
+    signs = np.random.default_rng(5).choice([-1.0, 1.0], len(model.nominal("coordinate")))
     away = Disturbance(coordinate_error=np.radians(degrees) * signs)
     return [
         simulate_control_batch(
@@ -115,7 +115,20 @@ def start_off(parts: tuple[CompiledModel, Motion], degrees: float, **options: An
 def test_a_start_far_off_ends_where_the_regulator_ends(
     four_bars: tuple[CompiledModel, Motion], degrees: float
 ) -> None:
-    ends = [run.worst_error(last=0.5) for run in start_off(four_bars, degrees)]
+    check_ends(four_bars, degrees)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("degrees", [2.0, 6.0, 10.0])
+def test_a_moving_prism_that_starts_far_off_ends_where_the_regulator_ends(
+    model: CompiledModel, motion: Motion, degrees: float
+) -> None:
+    check_ends((model, motion), degrees)
+
+
+def check_ends(parts: tuple[CompiledModel, Motion], degrees: float) -> None:
+    """Both end within a hundredth of a degree of the motion, and of each other."""
+    ends = [run.worst_error(last=0.5) for run in start_off(parts, degrees)]
     assert np.degrees(ends[1]) == pytest.approx(np.degrees(ends[0]), abs=0.005)
     assert np.degrees(ends[1]) < 0.01
 
