@@ -3,11 +3,10 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
 from tensegrity_codegen.structure.memory import find_setting_events
 from tensegrity_codegen.structure.sliding import name_rings
@@ -21,6 +20,9 @@ from tensegrity_codegen.tables.manifest import (
     Manifest,
 )
 from tensegrity_codegen.tables.request import ModelRequest
+
+if TYPE_CHECKING:  # a motion chooses its events without CasADi
+    from tensegrity_codegen.codegen.emitter import EmittedModel
 
 # The quantity of each kind of event; the condition is the caller's.
 EVENT_QUANTITIES = {
@@ -59,7 +61,7 @@ class WatchedEvents:
 
 
 def watched_events(
-    model: EmittedModel, functions: Sequence[FunctionSpec], kinds: tuple[str, ...]
+    model: "EmittedModel", functions: Sequence[FunctionSpec], kinds: tuple[str, ...]
 ) -> WatchedEvents:
     """Return the events that integrators can monitor with these functions."""
     quantities = tuple(EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES)
@@ -72,7 +74,7 @@ def watched_events(
     return WatchedEvents(kinds, quantities, (*cables, *switches), unwatched, memory)
 
 
-def state_sizes(model: EmittedModel) -> dict[str, int]:
+def state_sizes(model: "EmittedModel") -> dict[str, int]:
     """Return the sizes of a state in C, by their names there."""
     n, internal = len(model.frame.coordinate_name), model.frame.n_internal
     return {"N": n, "N_STATES": 2 * n + internal, "N_SLOPES": n + internal, "N_OLD": 3 * n + 2 * internal}
