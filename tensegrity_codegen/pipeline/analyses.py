@@ -24,7 +24,7 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.ground_support import (
     ANALYSES_WITHOUT_GROUND,
-    MOST_CONTACTS,
+    MAX_CONTACTS,
     check_analysis,
 )
 from tensegrity_codegen.structure.inertia_plan import find_massless
@@ -83,7 +83,7 @@ def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[s
 def balance_energy(structure: Subject, request: ModelRequest) -> Subject:
     """Return a structure whose motions tell what takes their energy, if its ground and emitter can."""
     ground = structure.ground
-    if ground is None or ground.n_contacts > MOST_CONTACTS or request.emitter == "table":
+    if ground is None or ground.n_contacts > MAX_CONTACTS or request.emitter == "table":
         return structure
     return replace(structure, ground=replace(ground, balances_energy=True))
 

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from tensegrity_codegen.scene.checks.limits import (
-    LARGEST_FILE,
+    MAX_FILE_BYTES,
     check_document,
     check_regular,
     check_text,
@@ -35,7 +35,7 @@ from tensegrity_codegen.system.errors import (
     StructureError,
 )
 
-LEAST_LENGTH = 100_000  # characters of a file for which it pays
+MIN_PLAIN_LENGTH = 100_000  # characters of a file for which it pays
 _SECTIONS = ("nodes", "members")
 
 _PLAIN_KEY = r"[A-Za-z0-9_-]{1,64}+"
@@ -55,7 +55,7 @@ def cut_plain_sections(text: str) -> tuple[str, dict[str, dict[str, Any]]]:
     that is there twice, and names lines by their numbers.
     """
     tables: dict[str, dict[str, Any]] = {}
-    if len(text) < LEAST_LENGTH or '"""' in text or "'''" in text:  # a long text could hold anything
+    if len(text) < MIN_PLAIN_LENGTH or '"""' in text or "'''" in text:  # a long text could hold anything
         return text, tables
     for name in _SECTIONS:
         header = re.compile(rf"^\[{name}\][ \t]*\r?\n", re.MULTILINE)
@@ -206,16 +206,16 @@ def _read_text(path: Path, where: str) -> str:
     check_regular(path, where)
     try:
         with path.open("rb") as file:
-            data = file.read(LARGEST_FILE + 1)
+            data = file.read(MAX_FILE_BYTES + 1)
     except OSError as error:
         reason = error.strerror or type(error).__name__
         problem = f"the file cannot be read: {reason}"
         raise SceneError(problem, where=where, hint="check the path and its permissions") from None
     except ValueError as error:  # a path with a null character
         raise SceneError(f"no such file: {error}", where=repr(where)) from None
-    if len(data) > LARGEST_FILE:
+    if len(data) > MAX_FILE_BYTES:
         problem = "the file is too large to be a scene"
-        raise SceneSyntaxError(problem, where=where, allowed=f"up to {LARGEST_FILE >> 20} MB")
+        raise SceneSyntaxError(problem, where=where, allowed=f"up to {MAX_FILE_BYTES >> 20} MB")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -20,7 +20,7 @@ from tensegrity_codegen.system.errors import (
     suggest,
 )
 
-MOST_SHOWN = 5
+MAX_SHOWN = 5
 
 _RANGE = {
     "greater_than": ("gt", "a number greater than {}"),
@@ -62,10 +62,10 @@ def translate(error: ValidationError, where: str) -> SceneError:
     main_error = _translate_one(details[0], where)
     remaining = details[1:]
     if remaining:
-        shown = [_translate_one(detail, "") for detail in remaining[:MOST_SHOWN]]
+        shown = [_translate_one(detail, "") for detail in remaining[:MAX_SHOWN]]
         lines = [f"{detail.where}: {detail.problem}" for detail in shown]
-        if len(remaining) > MOST_SHOWN:
-            lines.append(f"and {len(remaining) - MOST_SHOWN} more")
+        if len(remaining) > MAX_SHOWN:
+            lines.append(f"and {len(remaining) - MAX_SHOWN} more")
         main_error.problem += f" ({len(remaining)} more problem{'s' if len(remaining) > 1 else ''} below)"
         main_error.hint = "\n           ".join(
             line for line in (main_error.hint, "also correct", *lines) if line

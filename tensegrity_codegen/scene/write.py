@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.scene.checks.limits import LARGEST_FILE
+from tensegrity_codegen.scene.checks.limits import MAX_FILE_BYTES
 from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.system.checks import check_instance, check_path, check_switch
 from tensegrity_codegen.system.errors import InvalidValueError
@@ -23,7 +23,7 @@ def write_scene(document: Mapping[str, Any], path: str | Path, *, overwrite: boo
     for key in document:
         check_instance(key, str, "document", "names of sections, as texts")
     text = format_scene(document)
-    if len(text) > LARGEST_FILE:
-        problem, allowed = "the scene is too large to be read again", f"up to {LARGEST_FILE >> 20} MB"
+    if len(text) > MAX_FILE_BYTES:
+        problem, allowed = "the scene is too large to be read again", f"up to {MAX_FILE_BYTES >> 20} MB"
         raise InvalidValueError(problem, where=str(path), given=f"{len(text) >> 20} MB", allowed=allowed)
     write_text(text, path, overwrite=overwrite)

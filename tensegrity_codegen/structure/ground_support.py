@@ -9,7 +9,7 @@ from tensegrity_codegen.tables.request import ModelRequest
 
 FORMULATIONS_WITH_GROUND = ("node_position", "rigid_bar")
 EMITTERS_WITH_GROUND = ("auto", "unrolled", "table")
-MOST_CONTACTS = 200  # that events serve: each has two, and every event ends a step
+MAX_CONTACTS = 200  # that events serve: each has two, and every event ends a step
 # Forces of some members alone, and parts of the stiffness: the ground is not in them.
 WITHOUT_GROUND = (
     *("cable_force", "support_reaction", "member_law"),
@@ -70,10 +70,10 @@ def check_ground(subject: Any, request: ModelRequest) -> None:
         raise refuse_ground(name, "rigid bars with correction", 'choose correction = "none"')
     if ground.has_static_friction:
         _check_static_friction(subject, ground, request)
-    if ground.n_contacts > MOST_CONTACTS and set(request.events or ()) & {"ground", "stick"}:
+    if ground.n_contacts > MAX_CONTACTS and set(request.events or ()) & {"ground", "stick"}:
         raise refuse_ground(
             name,
-            f"events of {ground.n_contacts} contacts, more than {MOST_CONTACTS}",
+            f"events of {ground.n_contacts} contacts, more than {MAX_CONTACTS}",
             "leave ground and stick out of model.events, or list fewer nodes under ground.contacts",
         )
     if request.emitter not in EMITTERS_WITH_GROUND:
@@ -92,7 +92,7 @@ def _check_static_friction(subject: Any, ground: Any, request: ModelRequest) -> 
     why = "the force jumps where slip begins, which only steps that end there can follow"
     without = lack_setting_events(subject, request) | {
         "equilibria": bool(set(request.quantities) & set(STATIC)),
-        f"events of {ground.n_contacts} contacts": ground.n_contacts > MOST_CONTACTS,
+        f"events of {ground.n_contacts} contacts": ground.n_contacts > MAX_CONTACTS,
         "model.events without ground and stick": request.events is not None
         and bool(request.integrators)
         and not {"ground", "stick"} <= set(request.events),

@@ -17,7 +17,7 @@ from tensegrity_codegen.system.summaries import Summarised, describe_count, desc
 MEMBER_CHECKS = ("least_tension", "most_tension", "yield_stress", "buckling")
 BLOCK = 2**20  # tensions that are compared at a time
 ROUNDING = 1e-9  # use above 1 that is no excess
-LARGEST_STRAIN = 0.01  # of bars, and of members with a section, up to which materials are mostly linear
+MAX_STRAIN = 0.01  # of bars, and of members with a section, up to which materials are mostly linear
 # The value that is compared with each limit, its unit, and the word of the limit.
 WORDS = {
     "least_tension": ("tension", " N", "at least"),
@@ -90,7 +90,7 @@ class MemberFlaws(Summarised):
                 else:
                     sentence = (
                         f"{name} has a strain of {100 * value:.3g} %: most materials yield or are no longer "
-                        f"linear above {100 * LARGEST_STRAIN:g} %"
+                        f"linear above {100 * MAX_STRAIN:g} %"
                     )
                 count_text = f" (and {describe_count(len(flaws) - 1, 'more member')})"
                 sentences.append(sentence + (count_text if len(flaws) > 1 else ""))
@@ -189,9 +189,9 @@ def check_members(
     solid = structure.is_bar | (structure.radius > 0)
     doubtful = {
         "buckling": np.where(allowed["buckling"] == 0, -tension / load, np.nan),
-        "strain": np.where(solid, np.abs(strain) / LARGEST_STRAIN, np.nan),
+        "strain": np.where(solid, np.abs(strain) / MAX_STRAIN, np.nan),
     }
-    threshold = {"buckling": np.ones_like(area), "strain": np.full_like(area, LARGEST_STRAIN)}
+    threshold = {"buckling": np.ones_like(area), "strain": np.full_like(area, MAX_STRAIN)}
     return MemberChecks(
         stress=stress,
         strain=strain,

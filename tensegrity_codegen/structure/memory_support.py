@@ -8,7 +8,7 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.request import ModelRequest
 
-MOST_MEMBERS = 200  # whose events integrators watch: each has two margins, and every event ends a step
+MAX_MEMBERS = 200  # whose events integrators watch: each has two margins, and every event ends a step
 ADVICE = f'simulate with formulation "node_position" or "rigid_bar" and {" or ".join(INTEGRATORS)}'
 ELASTIC = "no choice of formulation or method knows it; leave {key} out, which makes the member elastic"
 # What another formulation or emitter does not change.
@@ -65,8 +65,8 @@ def check_memory(subject: Any, request: ModelRequest) -> None:
     if not subject.yields.any():
         return
     lacking = {
-        f"motions of more than {MOST_MEMBERS} of them": bool(request.integrators)
-        and int(subject.yields.sum()) > MOST_MEMBERS,
+        f"motions of more than {MAX_MEMBERS} of them": bool(request.integrators)
+        and int(subject.yields.sum()) > MAX_MEMBERS,
         **lack_setting_events(subject, request),
     }
     for feature, is_wanted in lacking.items():

@@ -12,7 +12,7 @@ from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-MOST_CORNERS = 4  # of a rigid body whose points are joined pair by pair; more are joined in a ring
+MAX_CORNERS = 4  # of a rigid body whose points are joined pair by pair; more are joined in a ring
 
 
 def outline_tendons(subject: Structure | BodySystem) -> Structure:
@@ -140,7 +140,7 @@ def find_joints(subject: Structure | BodySystem) -> NDArray[np.int64]:
 def find_faces(subject: Structure | BodySystem) -> list[tuple[int, ...]]:
     """Return triangles of nodes on the surface of rigid bodies, for pictures.
 
-    Bodies of up to MOST_CORNERS points have all triangles of these, others those of their convex hull, none
+    Bodies of up to MAX_CORNERS points have all triangles of these, others those of their convex hull, none
     where all points lie in a plane.
     """
     if isinstance(subject, Structure):
@@ -148,7 +148,7 @@ def find_faces(subject: Structure | BodySystem) -> list[tuple[int, ...]]:
     faces: list[tuple[int, ...]] = []
     for body, solid in enumerate(subject.bodies):
         corners = _find_corners(subject, body) if isinstance(solid, RigidBody) else []
-        if len(corners) <= MOST_CORNERS:
+        if len(corners) <= MAX_CORNERS:
             faces += combinations(corners, 3)
         else:
             faces += _find_hull(subject, corners)
@@ -178,7 +178,7 @@ def _find_pairs(system: BodySystem, body: int) -> list[tuple[int, int]]:
     if not isinstance(solid, RigidBody):
         return []
     corners = _find_corners(system, body)
-    if len(corners) <= MOST_CORNERS:
+    if len(corners) <= MAX_CORNERS:
         return list(combinations(corners, 2))
     return [(corners[k - 1], corners[k]) for k in range(len(corners))]
 

@@ -10,7 +10,7 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import SLID_END
 from tensegrity_codegen.tables.request import ModelRequest
 
-MOST_RINGS = 12  # of one cable with friction: the code for them grows with their square
+MAX_RINGS = 12  # of one cable with friction: the code for them grows with their square
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from tensegrity_codegen.system.temporary_files import work_folder
 
 LIST_FILE = "SHA256SUMS"
 NEW, OLD = "new", "old"
-MOST_NAMED = 5
+MAX_NAMED = 5
 
 
 def check_folder(
@@ -55,7 +55,7 @@ def check_folder(
         problem, location = "the folder holds files of these names already", str(folder)
         allowed = f"a folder without files of these names{unchanged}"
         hint = "choose another folder, or pass `overwrite=True` to replace these files"
-        value = name_list(existing, MOST_NAMED)
+        value = name_list(existing, MAX_NAMED)
         raise OutputError(problem, where=location, given=value, allowed=allowed, hint=hint)
     return target
 

@@ -14,7 +14,7 @@ Fact = tuple[str, str]  # what, and its value as text
 
 SHOWN = 4  # facts below the first line of a repr
 WIDTH = 100  # characters of a line
-MOST_NAMES = 4
+MAX_NAMES = 4
 # Loaded when a notebook shows something: the run time does not depend on pictures.
 NOTEBOOK = "tensegrity_codegen.report.notebook"
 
@@ -50,8 +50,8 @@ def count_names(names: Sequence[str]) -> str:
     """Return a number of names and the first of them: "6 (b1, b2, b3, b4, ...)"."""
     if not names:
         return "0"
-    ending = ", ..." if len(names) > MOST_NAMES else ""
-    return f"{len(names)} ({', '.join(names[:MOST_NAMES])}{ending})"
+    ending = ", ..." if len(names) > MAX_NAMES else ""
+    return f"{len(names)} ({', '.join(names[:MAX_NAMES])}{ending})"
 
 
 def describe_count(count: int, word: str, plural: str = "") -> str:

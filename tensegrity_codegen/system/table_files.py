@@ -14,7 +14,7 @@ from tensegrity_codegen.system.files import check_ending, replaced
 
 PARQUET = ".parquet"
 MAT_HEADER = 116  # bytes of text at the start of a .mat file
-MOST_MAT = 2**31 - 2**16  # bytes of one array of a .mat file (level 5)
+MAX_MAT_BYTES = 2**31 - 2**16  # bytes of one array of a .mat file (level 5)
 
 
 def require_packages(path: str | Path) -> None:
@@ -55,8 +55,8 @@ def write_mat(path: str | Path, variables: Mapping[str, Any], *, overwrite: bool
     check_ending(path, ".mat")
     for name, value in variables.items():
         size = getattr(value, "nbytes", 0)
-        if size > MOST_MAT:
-            problem, allowed = "the array is too large for a .mat file", f"up to {MOST_MAT >> 20} MB"
+        if size > MAX_MAT_BYTES:
+            problem, allowed = "the array is too large for a .mat file", f"up to {MAX_MAT_BYTES >> 20} MB"
             hint = "write an .npz file"
             raise InvalidValueError(problem, where=name, given=f"{size >> 20} MB", allowed=allowed, hint=hint)
     with replaced(path, overwrite=overwrite) as temporary:

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.structure.ground_support import MOST_CONTACTS
+from tensegrity_codegen.structure.ground_support import MAX_CONTACTS
 from tests.cli.conftest import Run, write_example
 from tests.cli.scenes import GOOD, HANGING, write
 
@@ -90,7 +90,7 @@ def test_several_contacts_share_the_weight(run: Run, prism: Path) -> None:
 
 
 def test_events_of_more_contacts_than_steps_can_end_at_are_refused(run: Run, folder: Path) -> None:
-    count = MOST_CONTACTS + 1
+    count = MAX_CONTACTS + 1
     nodes = "\n".join(f"n{k} = {{ position = [0, 0, {k}], mass = 1 }}" for k in range(count))
     bar = "kind = 'bar', axial_stiffness = 1e5"
     members = "\n".join(f"m{k} = {{ {bar}, nodes = ['n{k}', 'n{k + 1}'] }}" for k in range(count - 1))
@@ -98,7 +98,7 @@ def test_events_of_more_contacts_than_steps_can_end_at_are_refused(run: Run, fol
     text = f"name = 'tower'\n{model}[ground]\nstiffness = 1e5\n[nodes]\n{nodes}\n[members]\n{members}\n"
     ended = run("check", write(folder / "tower.toml", text), "--json")
     assert ended.code == 2
-    assert f"events of {count} contacts, more than {MOST_CONTACTS}" in ended.data["problem"]
+    assert f"events of {count} contacts, more than {MAX_CONTACTS}" in ended.data["problem"]
 
 
 def test_a_structure_on_an_edge_is_named(run: Run, folder: Path) -> None:

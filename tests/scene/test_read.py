@@ -96,9 +96,9 @@ def test_not_utf8(scene_file):
 
 def test_too_large(scene_file, monkeypatch):
     path = scene_file(GOOD)
-    monkeypatch.setattr(read, "LARGEST_FILE", len(GOOD) - 1)
+    monkeypatch.setattr(read, "MAX_FILE_BYTES", len(GOOD) - 1)
     assert "too large" in str(refused(path))
-    monkeypatch.setattr(read, "LARGEST_FILE", len(GOOD))
+    monkeypatch.setattr(read, "MAX_FILE_BYTES", len(GOOD))
     assert read_scene(path).name == "pair"
 
 
@@ -247,7 +247,7 @@ MEMBERS = {
 
 @pytest.fixture(autouse=True)
 def short_files_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(read, "LEAST_LENGTH", 0)
+    monkeypatch.setattr(read, "MIN_PLAIN_LENGTH", 0)
 
 
 def parsed_outcome(text: str, path: Path) -> Any:
@@ -262,7 +262,7 @@ def parsed_outcome(text: str, path: Path) -> Any:
 def same_as_toml(text: str, path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     fast = parsed_outcome(text, path)
     with monkeypatch.context() as patch:
-        patch.setattr(read, "LEAST_LENGTH", 10**9)
+        patch.setattr(read, "MIN_PLAIN_LENGTH", 10**9)
         assert fast == parsed_outcome(text, path)
     return fast
 
@@ -287,7 +287,7 @@ def test_a_written_scene_has_plain_sections(
 
 def test_a_short_file_is_left_to_the_toml_reader(monkeypatch: pytest.MonkeyPatch) -> None:
     text = format_scene({"name": "s", "nodes": NODES})
-    monkeypatch.setattr(read, "LEAST_LENGTH", len(text) + 1)
+    monkeypatch.setattr(read, "MIN_PLAIN_LENGTH", len(text) + 1)
     assert cut_plain_sections(text) == (text, {})
 
 

@@ -17,7 +17,7 @@ from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueErr
 Table: TypeAlias = FixedPart | BarBody | RigidPart
 
 # Sine of the angle to the pole of its chart below which a body cannot start (about 0.06 deg).
-SMALLEST_MARGIN = 1e-3
+MIN_MARGIN = 1e-3
 INERTIA_TOLERANCE = 1e-9  # by which rounded inertias of a flat body may break the triangle's inequality
 CENTRE = "centre"
 
@@ -173,14 +173,12 @@ def _chart(table: BarBody, place: str) -> tuple[Chart, float, float]:
         allowed = "either direction or angles"
         _need(is_met, problem, f"{place}.direction", table.direction, allowed, "leave one of the two out")
         return _chart_of_direction(table.direction, table.polar_axis, offset, place)
-    _need(
-        (table.declination_deg is None) != (table.elevation_deg is None) and table.azimuth_deg is not None,
-        "a bar needs a direction",
-        place,
-        None,
-        "direction, or azimuth_deg with one of declination_deg, elevation_deg",
-        "azimuth_deg = 0, declination_deg = 90 lies along the axis after the polar one",
-    )
+    is_met = (table.declination_deg is None) != (
+        table.elevation_deg is None
+    ) and table.azimuth_deg is not None
+    allowed = "direction, or azimuth_deg with one of declination_deg, elevation_deg"
+    hint = "azimuth_deg = 0, declination_deg = 90 lies along the axis after the polar one"
+    _need(is_met, "a bar needs a direction", place, None, allowed, hint)
     axis = 2 if table.polar_axis == "auto" else "xyz".index(table.polar_axis)
     azimuth = math.radians(table.azimuth_deg or 0.0)
     if table.declination_deg is not None:
@@ -215,8 +213,8 @@ def _chart_of_direction(
 
 def _check_margin(margin: float, place: str, hint: str) -> None:
     problem = "the body starts at the pole of its angles, where they have no meaning"
-    allowed = f"a sine of the angle to the pole of at least {SMALLEST_MARGIN:g}"
-    _need(margin >= SMALLEST_MARGIN, problem, place, margin, allowed, hint)
+    allowed = f"a sine of the angle to the pole of at least {MIN_MARGIN:g}"
+    _need(margin >= MIN_MARGIN, problem, place, margin, allowed, hint)
 
 
 def _rigid(name: str, table: RigidPart, place: str) -> RigidBody:

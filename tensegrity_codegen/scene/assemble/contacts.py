@@ -201,13 +201,9 @@ class _Table:
         speed, normal_speed = float(np.linalg.norm(unit)), float(unit @ normal)
         along: FloatArray = (unit - normal_speed * normal) * largest
         shown = ", ".join(f"{along[axis]:.9g}" for axis in axes)
-        self.require(
-            abs(normal_speed) <= MAX_NORMAL_PART * speed,
-            "the belt moves along the normal of the ground",
-            "velocity",
-            "a velocity along the plane",
-            f"the part along the plane: velocity = [{shown}]",
-        )
+        is_along, allowed = abs(normal_speed) <= MAX_NORMAL_PART * speed, "a velocity along the plane"
+        problem, hint = "the belt moves along the normal", f"the part along the plane: velocity = [{shown}]"
+        self.require(is_along, f"{problem} of the ground", "velocity", allowed, hint)
         return along if abs(normal_speed) > ROUNDING * speed else velocity
 
     def find_contacts(self, subject: Subject, normal: FloatArray, node_of: Mapping[str, int]) -> IntArray:

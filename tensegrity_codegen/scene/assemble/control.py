@@ -252,13 +252,8 @@ class _MemberValues:
         for bad, problem, allowed, hint in rules.get(key, ()):
             if bad.any():
                 name = self.member_name[int(rows[np.argmax(bad)])]
-                raise InvalidValueError(
-                    f"{problem}: {name}",
-                    where=place,
-                    given="true" if value is True else value,
-                    allowed=allowed,
-                    hint=hint,
-                )
+                problem, shown = f"{problem}: {name}", "true" if value is True else value
+                raise InvalidValueError(problem, where=place, given=shown, allowed=allowed, hint=hint)
 
     def check_order(self) -> None:
         """Raise InvalidValueError for a least tension above the largest one of the same member."""

@@ -20,7 +20,7 @@ from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Member
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.catenary import find_catenary
-from tensegrity_codegen.structure.sliding import MOST_RINGS, SlidingCable
+from tensegrity_codegen.structure.sliding import MAX_RINGS, SlidingCable
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, TensegrityError
 from tensegrity_codegen.tables.laws import LAWS
@@ -29,7 +29,7 @@ from tensegrity_codegen.tables.laws import LAWS
 _POWER = {"rest_length": -1.0, "spring_constant": 1.0, "damping": 1.0, "member_mass": -1.0} | {
     item.name: -1.0 for law in LAWS for item in law.parameters if item.unit == "m"
 }
-LEAST_SPAN = 1e-2  # of the length: so far apart a cable that hangs in a loop starts with its ends
+MIN_SPAN = 1e-2  # of the length: so far apart a cable that hangs in a loop starts with its ends
 
 
 class SegmentedParts(NamedTuple):
@@ -120,10 +120,10 @@ def _place(
     up = -gravity / (pull or 1.0)
     across = chord - (chord @ up) * up
     span = min_span = float(np.linalg.norm(across))
-    if span < LEAST_SPAN * length and length > np.linalg.norm(chord):  # to the axis that is most across
+    if span < MIN_SPAN * length and length > np.linalg.norm(chord):  # to the axis that is most across
         unit = np.eye(3)[min(axes, key=lambda axis: abs(up[axis]))]
         across = unit - (unit @ up) * up
-        min_span = LEAST_SPAN * length if across.any() else span
+        min_span = MIN_SPAN * length if across.any() else span
     try:
         weight = cable["member_mass"] * pull / length
         stiffness = cable["axial_stiffness"] + cable["spring_constant"] * length
@@ -135,7 +135,7 @@ def _place(
     return np.asarray(ends[0] + (x - (min_span - span) * part) * unit + z * up)
 
 
-MOST_EXPONENT = 40.0  # friction times wrap: beyond it a ring is a clamp
+MAX_EXPONENT = 40.0  # friction times wrap: beyond it a ring is a clamp
 
 Values = tuple[str, tuple[str, ...], Any, Any]  # place of its keys, strands, friction, wrap
 
@@ -272,7 +272,7 @@ def _build(name: str, values: Values, parts: SegmentedParts) -> SlidingCable:
     previous_end, next_start = member["connectivity"][rows[:-1], 1], member["connectivity"][rows[1:], 0]
     rings = member["ring_nodes"]
     problems = {
-        f"more than {MOST_RINGS} rings with friction in one cable": len(rows) > MOST_RINGS + 1,
+        f"more than {MAX_RINGS} rings with friction in one cable": len(rows) > MAX_RINGS + 1,
         "strands that do not follow each other": bool((next_start != previous_end).any())
         or len(set(rows)) < len(rows)
         or any(rings[e] for e in rows if rings),
@@ -295,9 +295,9 @@ def _build(name: str, values: Values, parts: SegmentedParts) -> SlidingCable:
         for key, value in zip(("friction", "wrap_deg"), stated, strict=True)
     )
     largest = max(mu * np.radians(angle or 180.0) for mu, angle in zip(friction, wrap, strict=True))
-    if largest > MOST_EXPONENT:
+    if largest > MAX_EXPONENT:
         problem = "friction times the angle of wrap is so large that nothing slips"
-        allowed, hint = f"up to {MOST_EXPONENT:g} rad", "end the cable there, and begin another one"
+        allowed, hint = f"up to {MAX_EXPONENT:g} rad", "end the cable there, and begin another one"
         raise InvalidValueError(
             problem, where=f"{location}.friction", given=f"{largest:.6g} rad", allowed=allowed, hint=hint
         )

@@ -344,16 +344,12 @@ def _check_limits(structure: Structure, where: str) -> None:
         report(np.isnan(values), NonFiniteError, "not a number", allowed="numbers; infinite without a limit")
         is_free = np.isneginf(values) & (key in ("least_tension", "buckling"))
         report((values < 0) & ~is_free, InvalidValueError, "a negative limit", allowed="0 or more")
-    refuse(
+    is_bad, problem = (
         limits.least_tension > limits.most_tension,
-        InvalidValueError,
         "the least tension is above the largest tension",
-        section="limits.members",
-        names=structure.member_name,
-        where=where,
-        key="least_tension",
-        given=limits.least_tension,
     )
+    report = partial(refuse, section="limits.members", names=structure.member_name, where=where)
+    report(is_bad, InvalidValueError, problem, key="least_tension", given=limits.least_tension)
     for key in ("clearance", "least_stiffness"):
         value = getattr(limits, key)
         if np.isnan(value) or (value < 0 and not np.isneginf(value)) or np.isposinf(value):

@@ -14,7 +14,7 @@ from tensegrity_codegen.structure.contact_estimates import (
 )
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError, name_list
 
@@ -60,25 +60,18 @@ def check_contacts(
     normal: (3,); offset: of the plane [m]; node: (n_contacts,) indices; names: of nodes, for messages.
     """
     movable = find_movable(subject, normal)
-    rules = (
-        (
-            ~movable[node],
-            "anchored nodes cannot be contacts",
-            "nodes that can move along the normal of the ground",
-            "remove them from the list",
-        ),
-        (
-            compute_contact_mass(subject, node) == 0,
-            "contacts without mass",
-            "nodes with a mass [kg], or at which a bar with a mass ends",
-            "give the nodes a mass, or list the contacts without them",
-        ),
-    )
-    for is_bad, problem, allowed, hint in rules:
+
+    def report(is_bad: BoolArray, problem: str, allowed: str, hint: str) -> None:
         bad = [names[int(k)] for k in node[is_bad]]
         if bad:
             message, location = f"{problem}: {name_list(bad)}", key_path(where, "ground", "contacts")
             raise StructureError(message, where=location, given=bad[0], allowed=allowed, hint=hint)
+
+    allowed, hint = "nodes that can move along the normal of the ground", "remove them from the list"
+    report(~movable[node], "anchored nodes cannot be contacts", allowed, hint)
+    allowed = "nodes with a mass [kg], or at which a bar with a mass ends"
+    hint = "give the nodes a mass, or list the contacts without them"
+    report(compute_contact_mass(subject, node) == 0, "contacts without mass", allowed, hint)
     position = find_position(subject)
     height = position @ normal - offset
     min_height = -DEPTH_TOLERANCE * max(float(np.ptp(position, axis=0).max()), abs(offset))
@@ -86,10 +79,10 @@ def check_contacts(
         f"{names[int(k)]} ({-height[k]:.4g} m deep)" for k in np.flatnonzero(~movable & (height < min_height))
     ]
     if buried:
-        raise StructureError(
-            f"anchored nodes are below the ground: {name_list(buried)}",
-            where=key_path(where, "ground", "offset"),
-            given=offset,
-            allowed=f"at most {float((height[~movable] + offset).min()):.9g} m with these anchors",
-            hint="lower the ground by offset, or move the anchors up",
+        problem = f"anchored nodes are below the ground: {name_list(buried)}"
+        allowed = f"at most {float((height[~movable] + offset).min()):.9g} m with these anchors"
+        location, hint = (
+            key_path(where, "ground", "offset"),
+            "lower the ground by offset, or move the anchors up",
         )
+        raise StructureError(problem, where=location, given=offset, allowed=allowed, hint=hint)

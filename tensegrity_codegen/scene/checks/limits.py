@@ -16,12 +16,12 @@ from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.system.errors import InvalidValueError, SceneError, SceneSyntaxError, TensegrityError
 from tensegrity_codegen.system.files import find_kind
 
-MOST_ENTRIES = 200_000  # entries of one section: nodes, members, loads
-MOST_TABLES = 2 * MOST_ENTRIES + 100_000  # tables of a whole file
-MOST_PAIRS = 3_000_000  # keys of a whole file
-MOST_VALUES = 1_000_000  # values outside plain sections of nodes and members
-LARGEST_FILE = 64 * 2**20  # bytes of a scene file
-MOST_KEYS = 100  # keys of one node, member, body; sections of a file
+MAX_ENTRIES = 200_000  # entries of one section: nodes, members, loads
+MAX_TABLES = 2 * MAX_ENTRIES + 100_000  # tables of a whole file
+MAX_PAIRS = 3_000_000  # keys of a whole file
+MAX_VALUES = 1_000_000  # values outside plain sections of nodes and members
+MAX_FILE_BYTES = 64 * 2**20  # bytes of a scene file
+MAX_KEYS = 100  # keys of one node, member, body; sections of a file
 
 
 def check_regular(path: Path, where: str) -> None:
@@ -34,11 +34,11 @@ def check_regular(path: Path, where: str) -> None:
 
 def check_text(text: str, where: str, plain: bool = False) -> None:
     """Raise SceneSyntaxError for a text with too many tables or values; plain: without its plain sections."""
-    counts = {"tables": (text.count("{") + text.count("\n["), MOST_TABLES)}
-    counts["keys"] = (text.count("="), MOST_PAIRS)
+    counts = {"tables": (text.count("{") + text.count("\n["), MAX_TABLES)}
+    counts["keys"] = (text.count("="), MAX_PAIRS)
     if plain:
-        counts["tables"] = (counts["tables"][0], MOST_ENTRIES + 100_000)
-        counts["values"] = (text.count(",") + text.count("="), MOST_VALUES)
+        counts["tables"] = (counts["tables"][0], MAX_ENTRIES + 100_000)
+        counts["values"] = (text.count(",") + text.count("="), MAX_VALUES)
     check_counts(counts, "the file has too many {} to be a scene", where)
 
 
@@ -53,18 +53,18 @@ def check_counts(counts: Mapping[str, tuple[int, int]], problem: str, where: str
 def check_document(document: Mapping[str, Any], where: str) -> None:
     """Raise InvalidValueError for a section with too many entries, or an entry with too many keys."""
     for section, content in document.items():
-        if isinstance(content, dict | list | tuple) and len(content) > MOST_ENTRIES:
+        if isinstance(content, dict | list | tuple) and len(content) > MAX_ENTRIES:
             raise too_large(section, len(content), where)
         entries = content.items() if isinstance(content, dict) else ()
         for name, entry in entries:
-            limit = MOST_ENTRIES if section == "limits" else MOST_KEYS
+            limit = MAX_ENTRIES if section == "limits" else MAX_KEYS
             if isinstance(entry, dict) and len(entry) > limit:
                 problem, location = "a table with too many keys", key_path(where, str(section), str(name))
                 allowed = f"up to {limit}"
                 raise InvalidValueError(problem, where=location, given=f"{len(entry)} keys", allowed=allowed)
-    if len(document) > MOST_KEYS:
+    if len(document) > MAX_KEYS:
         problem = "too many sections"
-        raise InvalidValueError(problem, where=where, given=len(document), allowed=f"up to {MOST_KEYS}")
+        raise InvalidValueError(problem, where=where, given=len(document), allowed=f"up to {MAX_KEYS}")
 
 
 def too_large(section: object, count: int, where: str) -> TensegrityError:
@@ -73,7 +73,7 @@ def too_large(section: object, count: int, where: str) -> TensegrityError:
         "too many entries",
         where=key_path(where, str(section)),
         given=f"{count} entries",
-        allowed=f"up to {MOST_ENTRIES}",
+        allowed=f"up to {MAX_ENTRIES}",
     )
 
 

@@ -19,11 +19,11 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import name_list
 
-FEWEST_CABLES = 3  # of which one should be in tension
+MIN_CABLES = 3  # of which one should be in tension
 SAME_LENGTH = 1e-9  # of the length: difference from the rest length that counts as none
 ASSUMED_RADIUS_RATIO = 5e-4  # radius over length that is taken for bars without one
 OVERLAP = 1e-9  # of the structure's size
-MOST_PAIRS = 200_000  # of bars whose distances are compared
+MAX_PAIRS = 200_000  # of bars whose distances are compared
 FACTOR = 1000.0  # between neighbours
 LARGE_STRAIN = 0.5  # above which the units are doubted
 
@@ -33,7 +33,7 @@ def warn_of_slack(structure: Structure) -> list[str]:
     cables, tension = ~structure.is_bar, structure.static_tension()
     count = int(cables.sum())
     hangs = cables.all() and (structure.gravity.any() or structure.node_load.any())  # its loads pull it taut
-    if count < FEWEST_CABLES or (tension[cables] > 0).any() or hangs:
+    if count < MIN_CABLES or (tension[cables] > 0).any() or hangs:
         return []
     shorter = structure.rest_length - structure.member_length() > SAME_LENGTH * structure.rest_length
     slack = int((cables & shorter).sum())
@@ -51,7 +51,7 @@ def warn_of_crossing(subject: Structure | BodySystem) -> list[str]:
             return []
         thin = np.where(subject.is_bar, ASSUMED_RADIUS_RATIO * subject.member_length(), 0.0)
         subject = subject.with_changes(radius=np.maximum(subject.radius, thin), inner_radius=None)
-    if not 0 < subject.n_bar_pairs <= MOST_PAIRS:
+    if not 0 < subject.n_bar_pairs <= MAX_PAIRS:
         return []
     size = float(np.ptp(outline_tendons(subject).node_position, axis=0).max())
     pairs, distance = compute_bar_distance(subject)

@@ -36,7 +36,7 @@ from tensegrity_codegen.system.errors import name_list
 
 
 ROUNDING = 1e-9  # relative excess that is no warning
-MOST_PAIRS = 200_000  # of bars whose distances are compared
+MAX_PAIRS = 200_000  # of bars whose distances are compared
 
 
 def warn_of_ranges(subject: Structure | BodySystem) -> list[str]:
@@ -63,7 +63,7 @@ def warn_of_limits(subject: Structure | BodySystem) -> list[str]:
 def _warn_of_clearance(subject: Structure | BodySystem) -> str:
     """Return which bars are nearer to each other than the clearance."""
     clearance = subject.limits.clearance
-    if not math.isfinite(clearance) or not 0 < subject.n_bar_pairs <= MOST_PAIRS:
+    if not math.isfinite(clearance) or not 0 < subject.n_bar_pairs <= MAX_PAIRS:
         return ""
     pairs, distance = compute_bar_distance(subject)
     shown = [

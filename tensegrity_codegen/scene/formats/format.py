@@ -50,7 +50,7 @@ POWERS: Mapping[str, Mapping[str, int]] = {
 # Sections that have neither vectors nor lengths.
 PLAIN = ("name", "model", "parameters", "groups", "interference")
 CHANGED = (*POWERS, "inputs", "limits", "gravity", "axes")
-LARGEST_SCALE = 1e12  # densities scale by its third power
+MAX_SCALE = 1e12  # densities scale by its third power
 
 
 def change_frame(
@@ -58,8 +58,8 @@ def change_frame(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return a valid scene document with `up` as z and lengths times `scale` [m], and notes."""
     check_choice(up, UP_AXES, "axis", "up")
-    if not (isinstance(scale, int | float) and 1.0 / LARGEST_SCALE <= scale <= LARGEST_SCALE):
-        problem, allowed = "the value is out of range", f"{1.0 / LARGEST_SCALE:g} to {LARGEST_SCALE:g}"
+    if not (isinstance(scale, int | float) and 1.0 / MAX_SCALE <= scale <= MAX_SCALE):
+        problem, allowed = "the value is out of range", f"{1.0 / MAX_SCALE:g} to {MAX_SCALE:g}"
         hint = "metres per unit of length of the file, such as 0.001 for millimetres"
         raise InvalidValueError(problem, where="scale", given=scale, allowed=allowed, hint=hint)
     for key in document:

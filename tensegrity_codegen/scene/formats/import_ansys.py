@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
+from tensegrity_codegen.scene.checks.limits import MAX_ENTRIES
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import (
     ImportResult,
@@ -24,7 +24,7 @@ from tensegrity_codegen.scene.formats.imported import (
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError, name_list
 
 MAX_FILE_BYTES = 32 * 2**20  # bytes
-LONGEST_INDEX = 15  # digits
+MAX_INDEX_DIGITS = 15  # digits
 WHAT = "a text of APDL commands"
 _ASSIGN = re.compile(r"([A-Za-z_]\w{0,31})\s*(?:\(\s*([^()]+?)\s*\))?\s*=\s*(.+)")
 _ABAQUS = re.compile(r"^\s*\*(heading|node|element|part|assembly)\b", re.IGNORECASE | re.MULTILINE)
@@ -103,9 +103,9 @@ class _Reader:
             handler([*arguments[1:], "", "", "", "", "", ""])
         elif command.split()[0] not in PASSED and not command.startswith(("/title", "/filename")):
             self.unknown[command[:20]] = self.unknown.get(command[:20], 0) + 1
-        if len(self.keypoints) + len(self.links) > MOST_ENTRIES:
+        if len(self.keypoints) + len(self.links) > MAX_ENTRIES:
             problem = "too many nodes and members"
-            raise SceneSyntaxError(problem, where=self.where, allowed=f"up to {MOST_ENTRIES}")
+            raise SceneSyntaxError(problem, where=self.where, allowed=f"up to {MAX_ENTRIES}")
 
     def number(self, text: str) -> float:
         """Return a number, or the value of a parameter."""
@@ -129,10 +129,10 @@ class _Reader:
 
     def _index(self, text: str) -> str:
         """Return a number of a keypoint, section, ... as text: "3" of "3", "3." or a parameter."""
-        if text.isdecimal() and len(text) <= LONGEST_INDEX:
+        if text.isdecimal() and len(text) <= MAX_INDEX_DIGITS:
             return str(int(text))
         value = self.number(text)
-        if value != int(value) or abs(value) >= 10**LONGEST_INDEX:
+        if value != int(value) or abs(value) >= 10**MAX_INDEX_DIGITS:
             raise InvalidValueError("not a whole number", where=self.where, given=text[:80])
         return str(int(value))
 

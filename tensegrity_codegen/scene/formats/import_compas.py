@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.scene.formats.files.documents import LARGEST_JSON, read_json
+from tensegrity_codegen.scene.formats.files.documents import MAX_JSON_BYTES, read_json
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import (
     STIFFNESSES,
@@ -110,7 +110,7 @@ def _complete_stiffness(network: Network) -> None:
 
 def is_compas(path: Path) -> bool:
     """Return whether a JSON file names a class of COMPAS, or has the sections of a network or mesh."""
-    text = read_text(path, LARGEST_JSON, WHAT)
+    text = read_text(path, MAX_JSON_BYTES, WHAT)
     return _CLASS_KEY.search(text) is not None or any(
         f'"{nodes}"' in text and f'"{edges}"' in text
         for nodes, edges in (("node", "edge"), ("vertex", "face"), ("vertex", "edge"))

@@ -10,16 +10,16 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES, check_counts
+from tensegrity_codegen.scene.checks.limits import MAX_ENTRIES, check_counts
 from tensegrity_codegen.scene.formats.files.lines import Line, build_lines, is_bar
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_bytes
 from tensegrity_codegen.system.errors import SceneSyntaxError, name_list
 from tensegrity_codegen.system.extras import CAD, import_extra
 
-LARGEST_DXF = 128 * 2**20  # bytes
-MOST_TAGS = 15 * MOST_ENTRIES  # pairs of a code and a value; a line has about 12
-MOST_ENTITIES = MOST_ENTRIES + 100_000  # vertices of polylines, blocks and tables among them
+MAX_DXF_BYTES = 128 * 2**20  # bytes
+MAX_TAGS = 15 * MAX_ENTRIES  # pairs of a code and a value; a line has about 12
+MAX_ENTITIES = MAX_ENTRIES + 100_000  # vertices of polylines, blocks and tables among them
 _ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?\n[ \t]*[A-Z]", re.MULTILINE)
 BINARY_TAG = 8  # bytes of a tag in binary files, about
 METRES = 6  # $INSUNITS
@@ -37,7 +37,7 @@ def import_dxf(
     """Return the scene document of the lines of a drawing, and notes."""
     path = Path(path)
     ezdxf = import_extra("ezdxf", CAD)
-    _check_size(read_bytes(path, LARGEST_DXF, WHAT), str(path))
+    _check_size(read_bytes(path, MAX_DXF_BYTES, WHAT), str(path))
     try:
         lines, notes = _read_lines(ezdxf, path)
     except Exception as error:  # of any kind, from whatever a damaged tag leads to
@@ -50,9 +50,9 @@ def _check_size(data: bytes, where: str) -> None:
     """Raise SceneSyntaxError for more tags or entities than drawings have, before any of them is read."""
     tags = max(data.count(b"\n"), data.count(b"\r")) // 2
     tags = len(data) // BINARY_TAG if data.startswith(b"AutoCAD Binary DXF") else tags
-    counts = {"tags": (tags, MOST_TAGS)}
-    if tags <= MOST_TAGS:
-        counts["entities"] = (sum(1 for _ in _ENTITY.finditer(data)), MOST_ENTITIES)
+    counts = {"tags": (tags, MAX_TAGS)}
+    if tags <= MAX_TAGS:
+        counts["entities"] = (sum(1 for _ in _ENTITY.finditer(data)), MAX_ENTITIES)
     check_counts(counts, "the drawing has too many {}", where, hint="keep only the lines of the structure")
 
 
@@ -65,7 +65,7 @@ def _read_lines(ezdxf: Any, path: Path) -> tuple[list[Line], list[str]]:
         if not points:
             skipped[kind] += 1
             continue
-        if len(lines) > MOST_ENTRIES:  # which build_lines refuses
+        if len(lines) > MAX_ENTRIES:  # which build_lines refuses
             break
         where = f"{path}: {kind} {entity.dxf.handle} on layer {entity.dxf.layer[:80]}"
         lines += [Line(ends, is_bar(entity.dxf.layer), where) for ends in pairwise(points)]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
+from tensegrity_codegen.scene.checks.limits import MAX_ENTRIES
 from tensegrity_codegen.scene.formats.files.documents import parse_json
 from tensegrity_codegen.scene.formats.files.lines import Line, build_lines, is_bar
 from tensegrity_codegen.scene.formats.format import Format
@@ -21,7 +21,7 @@ from tensegrity_codegen.scene.formats.imported import ImportResult, read_bytes
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import SceneSyntaxError
 
-LARGEST_GLTF = 128 * 2**20  # bytes
+MAX_GLTF_BYTES = 128 * 2**20  # bytes
 WHAT = "a scene of glTF 2.0 with its data in the same file"
 MAGIC, JSON, BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942  # of a .glb file and its two chunks
 LINES, LINE_LOOP, LINE_STRIP = 1, 2, 3
@@ -38,7 +38,7 @@ def import_gltf(
 ) -> ImportResult:
     """Return the scene document of the lines of a glTF file, and notes."""
     path = Path(path)
-    data = read_bytes(path, LARGEST_GLTF, WHAT)
+    data = read_bytes(path, MAX_GLTF_BYTES, WHAT)
     try:
         text, binary = _split(data) if data[:4] == struct.pack("<I", MAGIC) else (data, b"")
         file = _File(parse_json(text.decode("utf-8-sig"), path), binary)
@@ -97,7 +97,7 @@ class _File:
                 if title and not children and "camera" not in node:
                     named.setdefault(title, _turn(matrix[:3, 3]))
                 continue
-            if len(lines) > MOST_ENTRIES:
+            if len(lines) > MAX_ENTRIES:
                 break
             mesh = self.entry("meshes", node["mesh"])
             if node["mesh"] not in self._ends:
@@ -122,14 +122,14 @@ class _File:
             if "indices" in primitive:
                 rows = self.read_accessor(primitive["indices"], (5121, 5123, 5125), 1)[:, 0]
             else:
-                rows = np.arange(min(len(positions), 2 * MOST_ENTRIES + 2))
-            rows = rows[: 2 * MOST_ENTRIES + 2]
+                rows = np.arange(min(len(positions), 2 * MAX_ENTRIES + 2))
+            rows = rows[: 2 * MAX_ENTRIES + 2]
             material = self.entry("materials", primitive["material"]) if "material" in primitive else {}
             names = str(mesh.get("name", "")), str(material.get("name", ""))
             second = np.roll(rows, -1) if mode == LINE_LOOP else rows[1:]
             pairs = np.stack([rows[: len(second)], second], axis=1)[:: 2 if mode == LINES else 1]
-            segments += [(positions[pair].astype(float), names) for pair in pairs[: MOST_ENTRIES + 1]]
-            if len(segments) > MOST_ENTRIES:
+            segments += [(positions[pair].astype(float), names) for pair in pairs[: MAX_ENTRIES + 1]]
+            if len(segments) > MAX_ENTRIES:
                 break
         return segments
 

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
+from tensegrity_codegen.scene.checks.limits import MAX_ENTRIES
 from tensegrity_codegen.scene.formats.files.documents import read_json
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import (
@@ -88,8 +88,8 @@ class _Place:
         """Yield the entries of a table or list, with their keys or numbers."""
         if not isinstance(self.value, dict | list):
             raise self.wrong("neither a table nor a list", "{ ... } or [ ... ]")
-        if len(self.value) > MOST_ENTRIES:
-            raise self.wrong("too many entries", f"up to {MOST_ENTRIES}")
+        if len(self.value) > MAX_ENTRIES:
+            raise self.wrong("too many entries", f"up to {MAX_ENTRIES}")
         for key in self.value if isinstance(self.value, dict) else range(len(self.value)):
             yield key, self.inner(key)
 

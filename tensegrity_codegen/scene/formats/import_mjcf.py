@@ -24,7 +24,7 @@ from tensegrity_codegen.system.errors import InvalidValueError, name_list
 WHAT = "a model of MuJoCo (MJCF)"
 GRAVITY = "0 0 -9.81"  # of MuJoCo where a model gives none
 RELATIVE_TOLERANCE = 1e-9  # of lengths, and of masses
-MOST_ASIDE = 0.1  # of a rod's length, by which its centre may be off the line between its sites
+MAX_OFFSET = 0.1  # of a rod's length, by which its centre may be off the line between its sites
 
 
 def import_mjcf(
@@ -146,7 +146,7 @@ def _add_bar(network: Network, link: Link, chosen: Sequence[str], where: str) ->
         raise InvalidValueError(problem, where=where, allowed="two sites apart, and a mass")
     axis = (tips[1] - tips[0]) / length
     aside = float(np.linalg.norm(np.cross(link.centre - tips[0], axis)))
-    if aside > MOST_ASIDE * length:
+    if aside > MAX_OFFSET * length:
         _refuse_sites(where, f"a centre of mass {aside:.3g} m off the line between its two sites")
     if aside > RELATIVE_TOLERANCE * length:
         network.notes.append(

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.scene.formats.files.documents import LARGEST_JSON, read_json
+from tensegrity_codegen.scene.formats.files.documents import MAX_JSON_BYTES, read_json
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
 from tensegrity_codegen.scene.names import check_scene_name, key_path
@@ -42,7 +42,7 @@ def import_scene_json(
 
 def is_scene_json(path: Path) -> bool:
     """Return whether a JSON file says that it is a scene."""
-    return _FORMAT_KEY.search(read_text(path, LARGEST_JSON, WHAT)) is not None
+    return _FORMAT_KEY.search(read_text(path, MAX_JSON_BYTES, WHAT)) is not None
 
 
 FORMAT = Format(

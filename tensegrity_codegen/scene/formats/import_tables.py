@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.scene.formats.files.csv_table import LARGEST_TABLE, Row, read_lines, read_table
+from tensegrity_codegen.scene.formats.files.csv_table import MAX_TABLE_BYTES, Row, read_lines, read_table
 from tensegrity_codegen.scene.formats.files.documents import read_numbers
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import (
@@ -79,7 +79,7 @@ def import_tables(
 
 def _names_members(path: Path) -> bool:
     """Return whether the header of a table names columns that only members have, and need."""
-    _, header = next(read_lines(read_text(path, LARGEST_TABLE, "a CSV table"), path), (0, []))
+    _, header = next(read_lines(read_text(path, MAX_TABLE_BYTES, "a CSV table"), path), (0, []))
     return {OTHER_MEMBER_NAMES.get(name.lower(), name.lower()) for name in header} >= set(MEMBER_COLUMNS[1:4])
 
 

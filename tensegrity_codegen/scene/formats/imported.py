@@ -24,7 +24,7 @@ from tensegrity_codegen.system.errors import (
     name_list,
 )
 
-_LONGEST_NAME = 63
+_MAX_NAME_LENGTH = 63
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class NameBook:
         while name in self._taken:
             number += 1
             ending = f"_{number}"
-            name = stem[: _LONGEST_NAME - len(ending)] + ending
+            name = stem[: _MAX_NAME_LENGTH - len(ending)] + ending
         self._last[stem] = number
         self._taken.add(name)
         if name != foreign:
@@ -65,10 +65,10 @@ class NameBook:
     def _clean(self, foreign: str) -> str:
         if is_name(foreign):
             return foreign
-        name = re.sub(r"(?:[^A-Za-z0-9]|_)+", "_", foreign[:1000])[:_LONGEST_NAME].rstrip("_")
+        name = re.sub(r"(?:[^A-Za-z0-9]|_)+", "_", foreign[:1000])[:_MAX_NAME_LENGTH].rstrip("_")
         if not name[:1].isalpha():
-            name = (self.prefix + name.lstrip("_"))[:_LONGEST_NAME].rstrip("_")
-        return name if is_name(name) else f"{self.prefix.rstrip('_')}_{name}"[:_LONGEST_NAME].rstrip("_")
+            name = (self.prefix + name.lstrip("_"))[:_MAX_NAME_LENGTH].rstrip("_")
+        return name if is_name(name) else f"{self.prefix.rstrip('_')}_{name}"[:_MAX_NAME_LENGTH].rstrip("_")
 
     def notes(self, what: str) -> list[str]:
         """Return a note about the renamed things, at most one."""

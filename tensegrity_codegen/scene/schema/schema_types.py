@@ -18,7 +18,7 @@ from pydantic_core import PydanticCustomError
 
 from tensegrity_codegen.scene.names import FILE_NAME_PROBLEM, FILE_NAMES, KEYWORDS, NAME_PATTERN, NAME_RULE
 
-MOST_SEGMENTS = 10_000  # of one cable
+MAX_SEGMENTS = 10_000  # of one cable
 
 
 def _refuse_keyword(name: str) -> str:
@@ -165,7 +165,7 @@ class MemberValues(Table):
     mass_per_length: Positive | None = Field(
         None, description="Cables only: mass for each metre of rest length [kg/m]."
     )
-    segments: Annotated[int, Field(ge=1, le=MOST_SEGMENTS)] | None = Field(
+    segments: Annotated[int, Field(ge=1, le=MAX_SEGMENTS)] | None = Field(
         None, description="Cables with mass only: number of equal pieces of a chain that sags; default 1."
     )
     friction: OfRings | None = Field(None, description=f"Cables through rings only: {FRICTION}; default 0.")

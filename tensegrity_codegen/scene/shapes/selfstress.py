@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.system.errors import StructureError
 
-MOST_MEMBERS = 1200  # a dense singular value decomposition stays within seconds
+MAX_MEMBERS = 1200  # a dense singular value decomposition stays within seconds
 _RANK_TOLERANCE = 1e-10  # of the largest singular value
 _TENSION_TOLERANCE = 1e-6  # of the largest tension
 _HINT = (
@@ -64,9 +64,9 @@ def find_selfstress(
     any self-stress that has all cables in tension there is a symmetrical one: the mean over the symmetry.
     Values are rounded to 13 significant digits, so that they do not depend on the linear algebra library.
     """
-    if len(pairs) > MOST_MEMBERS:
+    if len(pairs) > MAX_MEMBERS:
         problem, location = "the shape has too many members to find its self-stress", f"{where}.prestress"
-        allowed = f"up to {MOST_MEMBERS} members"
+        allowed = f"up to {MAX_MEMBERS} members"
         raise StructureError(problem, where=location, given=len(pairs), allowed=allowed, hint=_HINT)
     modes = selfstress_modes(points, pairs, alike)
     if len(modes) != 1:

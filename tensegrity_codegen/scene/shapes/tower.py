@@ -181,7 +181,7 @@ def _order(stages: int) -> IntArray:
     return np.concatenate(order)
 
 
-MOST_STAGES_FOR_TWIST = 30
+MAX_STAGES_FOR_TWIST = 30
 _KNOWN_STAGES = (8, 16)  # of the towers that a longer one's twist is followed from
 _SCAN_RANGE = 45.0  # deg above the prism's twist
 _SCAN_STEP = 0.5  # deg
@@ -228,7 +228,7 @@ class TowerShape(ShapeModel):
             if self.prestress is not None and self.stages > 1:
                 twist = find_tower_twist(self, where)
         tension_ratios = None
-        if self.prestress is not None and self.stages > MOST_STAGES_FOR_TWIST:
+        if self.prestress is not None and self.stages > MAX_STAGES_FOR_TWIST:
             tension_ratios = _find_shares(self, twist, where)
         return self._parts(twist).document(self.prestress, where, tension_ratios)
 
@@ -302,7 +302,7 @@ def _find_twist(stages: int, bars: int, overlap: float) -> float | None:
     of 360 / bars, since the diagonals then meet other nodes. The twist is the highest change with taut
     cables: with 3 bars the only one, 2.8 deg above the prism's twist for an overlap of 0.05 and two stages,
     12 deg for 0.2, more for more stages. So changes are looked for from above, in steps smaller than the
-    distance of two. Of more than MOST_STAGES_FOR_TWIST stages the twist follows from those of shorter towers,
+    distance of two. Of more than MAX_STAGES_FOR_TWIST stages the twist follows from those of shorter towers,
     see `find_long_twist`.
     """
 
@@ -311,7 +311,7 @@ def _find_twist(stages: int, bars: int, overlap: float) -> float | None:
         # moments about z and of forces along z).
         return _frame_equations(stages, bars, overlap, twist)[..., :-2, :]
 
-    if stages > MOST_STAGES_FOR_TWIST:
+    if stages > MAX_STAGES_FOR_TWIST:
         known_twists = {count: _find_twist(count, bars, overlap) for count in _KNOWN_STAGES}
         shorter = {count: twist for count, twist in known_twists.items() if twist is not None}
         if len(shorter) < len(known_twists):

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.trajectory.frames import list_input_units
-from tensegrity_codegen.scene.formats.files.csv_table import LARGEST_TABLE, read_lines, read_table
+from tensegrity_codegen.scene.formats.files.csv_table import MAX_TABLE_BYTES, read_lines, read_table
 from tensegrity_codegen.scene.formats.imported import read_text
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
@@ -146,7 +146,7 @@ def _read_file(
 ) -> dict[str, FloatArray]:
     """Return the columns of a table by name; the times by the name TIME."""
     path = Path(measured)
-    first = next(read_lines(read_text(path, LARGEST_TABLE, "a CSV table"), path), (0, []))
+    first = next(read_lines(read_text(path, MAX_TABLE_BYTES, "a CSV table"), path), (0, []))
     is_motion = any(name in TIMES for name in first[1])
     conditions = [
         name

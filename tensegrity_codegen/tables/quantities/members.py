@@ -74,15 +74,15 @@ def check_values(quantity: MemberQuantity, subject: Any) -> None:
             raise FormulationError(problem, where=location, given=value, allowed=allowed, hint=hint)
 
 
-LARGEST_MARGIN = 1e6
+MAX_MARGIN = 1e6
 
 
 def _compute_buckling_margin(member: Any) -> Scalar:
     """Return P / max(-t, P / 1e6), with P = pi^2 EA i^2 / l^2 and the radius of gyration i."""
     if member.tension_only:
-        return LARGEST_MARGIN
+        return MAX_MARGIN
     load = np.pi**2 * member.axial_stiffness * member.gyration_square / (member.length * member.length)
-    return load / member.fmax(-member.tension, load / LARGEST_MARGIN)
+    return load / member.fmax(-member.tension, load / MAX_MARGIN)
 
 
 MEMBER_QUANTITIES = (

@@ -154,8 +154,8 @@ def test_what_is_no_drawing(tmp_path: Path) -> None:
 def test_large_drawings_are_refused_before_they_are_read(
     body: str, problem: str, given: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(import_dxf, "MOST_ENTITIES", 8)
-    monkeypatch.setattr(import_dxf, "MOST_TAGS", 60)
+    monkeypatch.setattr(import_dxf, "MAX_ENTITIES", 8)
+    monkeypatch.setattr(import_dxf, "MAX_TAGS", 60)
     text = f"0\nSECTION\n2\nENTITIES\n{body}0\nENDSEC\n0\nEOF\n"
     (tmp_path / "frame.dxf").write_text(text, encoding="utf-8")
     with monkeypatch.context() as patch:

@@ -256,7 +256,7 @@ def test_a_mesh_is_read_once_for_all_its_nodes(tmp_path: Path, monkeypatch: pyte
 
 
 def test_indices_beyond_the_largest_scene_are_not_paired(tmp_path: Path) -> None:
-    most = import_gltf.MOST_ENTRIES
+    most = import_gltf.MAX_ENTRIES
     order = np.tile(np.array([0, 1], dtype="<u1"), 3 * most)
     content = change("accessors", 1, value={"bufferView": 1, "componentType": 5121, "count": order.size})
     content["meshes"][0]["primitives"][0] |= {"indices": 1}

@@ -232,7 +232,7 @@ def test_files_that_are_no_structure_are_refused(
 
 
 def test_a_file_that_is_too_large_is_refused(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(documents, "LARGEST_JSON", 100)
+    monkeypatch.setattr(documents, "MAX_JSON_BYTES", 100)
     with pytest.raises(SceneSyntaxError, match="too large"):
         load(BY_NAME)
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
+from tensegrity_codegen.scene.checks.limits import MAX_ENTRIES
 from tensegrity_codegen.scene.formats.imported import read_text
 from tensegrity_codegen.scene.names import unknown_key
 from tensegrity_codegen.system.errors import (
@@ -23,7 +23,7 @@ from tensegrity_codegen.system.errors import (
     SceneSyntaxError,
 )
 
-LARGEST_TABLE = 64 * 2**20  # bytes
+MAX_TABLE_BYTES = 64 * 2**20  # bytes
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(_NUMBER.pattern.replace("\\.", ","))
 
@@ -76,11 +76,11 @@ def read_table(
     other_names: columns by other names, in lower case, for headers of upper or lower case; None: there are
     none, and case matters.
     """
-    text = read_text(path, LARGEST_TABLE, "a CSV table")
+    text = read_text(path, MAX_TABLE_BYTES, "a CSV table")
     n_rows = text.count("\n")
-    if n_rows > MOST_ENTRIES:
+    if n_rows > MAX_ENTRIES:
         problem = "the table has too many rows for a scene"
-        raise SceneSyntaxError(problem, where=str(path), given=n_rows, allowed=f"up to {MOST_ENTRIES} rows")
+        raise SceneSyntaxError(problem, where=str(path), given=n_rows, allowed=f"up to {MAX_ENTRIES} rows")
     lines = read_lines(text, path)
     header_line = next(lines, None)
     if header_line is None:

@@ -17,21 +17,21 @@ from tensegrity_codegen.system.errors import (
     UnknownKeyError,
 )
 
-LARGEST_JSON = 32 * 2**20  # bytes
-MOST_VALUES = 4_000_000  # of one file
+MAX_JSON_BYTES = 32 * 2**20  # bytes
+MAX_VALUES = 4_000_000  # of one file
 
 
 def read_json(path: Path, what: str) -> Any:
     """Return the content of a JSON file, which holds `what`; each key once, no NaN, of limited size."""
-    return parse_json(read_text(path, LARGEST_JSON, what), path)
+    return parse_json(read_text(path, MAX_JSON_BYTES, what), path)
 
 
 def parse_json(text: str, path: Path) -> Any:
     """Return the content of JSON text from a file, as `read_json` does."""
     count = sum(text.count(sign) for sign in ",[{")
-    if count > MOST_VALUES:
+    if count > MAX_VALUES:
         problem = "the file has too many values"
-        raise SceneSyntaxError(problem, where=str(path), given=count, allowed=f"up to {MOST_VALUES}")
+        raise SceneSyntaxError(problem, where=str(path), given=count, allowed=f"up to {MAX_VALUES}")
 
     def refuse(word: str) -> Any:
         raise NonFiniteError("not a finite number", where=str(path), given=word, allowed="finite numbers")
@@ -56,15 +56,15 @@ def parse_json(text: str, path: Path) -> Any:
         raise SceneSyntaxError("a number has too many digits", where=str(path)) from None
 
 
-LARGEST_XML = 32 * 2**20  # bytes
-MOST_ELEMENTS = 500_000
-MOST_ATTRIBUTES = 64  # of an element
+MAX_XML_BYTES = 32 * 2**20  # bytes
+MAX_ELEMENTS = 500_000
+MAX_ATTRIBUTES = 64  # of an element
 DEEPEST = 200
 
 
 def read_xml(path: Path, what: str) -> Element:
     """Return the root of an XML file, which holds `what`."""
-    where, text = str(path), read_text(path, LARGEST_XML, what)
+    where, text = str(path), read_text(path, MAX_XML_BYTES, what)
     for mark in ("<!DOCTYPE", "<!ENTITY"):  # entities that stand for each other could grow without limit
         if mark in text:
             line = text.count("\n", 0, text.index(mark)) + 1
@@ -86,7 +86,7 @@ def find_root(path: Path) -> str:
     """Return the name of the first element of a file, "" if there is none, without reading the rest."""
     with suppress(ParseError):
         try:
-            XMLParser(target=_FirstElement()).feed(read_text(path, LARGEST_XML, "XML"))
+            XMLParser(target=_FirstElement()).feed(read_text(path, MAX_XML_BYTES, "XML"))
         except _FirstElementError as found:
             return str(found)
     return ""
@@ -102,8 +102,8 @@ class _LimitedBuilder(TreeBuilder):
     def start(self, tag: str, attrs: dict[str, str]) -> Element:
         self._depth += 1
         self._count += 1
-        if self._depth > DEEPEST or self._count > MOST_ELEMENTS:
-            allowed = f"up to {DEEPEST} levels and {MOST_ELEMENTS} elements"
+        if self._depth > DEEPEST or self._count > MAX_ELEMENTS:
+            allowed = f"up to {DEEPEST} levels and {MAX_ELEMENTS} elements"
             raise SceneSyntaxError("too many or too deep elements", where=self._where, allowed=allowed)
         check_attributes(attrs, tag, self._where)
         return super().start(tag, attrs)
@@ -115,8 +115,8 @@ class _LimitedBuilder(TreeBuilder):
 
 def check_attributes(attributes: Mapping[str, str], tag: str, where: str) -> None:
     """Raise SceneSyntaxError for too many attributes of an element, which others may have by their class."""
-    if len(attributes) > MOST_ATTRIBUTES:
-        allowed = f"up to {MOST_ATTRIBUTES} attributes"
+    if len(attributes) > MAX_ATTRIBUTES:
+        allowed = f"up to {MAX_ATTRIBUTES} attributes"
         problem = "too many attributes"
         raise SceneSyntaxError(problem, where=f"{where}: {tag[:80]}", given=len(attributes), allowed=allowed)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
+from tensegrity_codegen.scene.checks.limits import MAX_ENTRIES
 from tensegrity_codegen.scene.formats.imported import ImportResult, Network, NetworkMember, build_result
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, StructureError
@@ -18,7 +18,7 @@ BARS = ("bar", "strut")  # beginnings of names, in any case
 TOLERANCE = 1e-6  # of the size of the drawing
 AXIAL_STIFFNESS = 1000.0  # N, of cables where none is given
 LARGEST = 1e150  # of coordinates, whose squares are numbers too
-MOST_NEIGHBOURS = 100  # of an end within the tolerance, on average
+MAX_NEIGHBOURS = 100  # of an end within the tolerance, on average
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,9 @@ def build_lines(
     for key, value in (("tolerance", tolerance), ("axial_stiffness", axial_stiffness)):
         if value is not None and not 0 < value < LARGEST:
             raise InvalidValueError("the value is out of range", where=key, given=value, allowed="above 0")
-    if not 0 < len(lines) <= MOST_ENTRIES:
+    if not 0 < len(lines) <= MAX_ENTRIES:
         problem = "the file has too many lines" if lines else "the file has no lines"
-        raise StructureError(problem, where=str(path), given=len(lines), allowed=f"1 to {MOST_ENTRIES}")
+        raise StructureError(problem, where=str(path), given=len(lines), allowed=f"1 to {MAX_ENTRIES}")
     ends = np.array([line.ends for line in lines], dtype=float)
     for number in np.flatnonzero(~(np.abs(ends) < LARGEST).all(axis=(1, 2)))[:1]:  # NaN neither
         shown, where = ends[number].tolist(), lines[number].where
@@ -110,7 +110,7 @@ def _merge(ends: FloatArray, reach: float, path: Path) -> tuple[NDArray[np.int64
     different, row = np.unique(ends, axis=0, return_inverse=True)
     tree, count = cKDTree(different), len(different)
     some = different[:: count // 1000 + 1]
-    if tree.query_ball_point(some, reach, return_length=True).mean() > MOST_NEIGHBOURS:
+    if tree.query_ball_point(some, reach, return_length=True).mean() > MAX_NEIGHBOURS:
         raise InvalidValueError("the tolerance merges nearly all ends", where=str(path), given=reach)
     pairs = tree.query_pairs(reach, output_type="ndarray")
     joined = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))

@@ -57,7 +57,7 @@ def _is_idle(key: str, value: str) -> bool:
 
 
 MAIN = "main"
-MOST_NAMED = 10
+MAX_NAMED = 10
 # Elements of classes; all others there are actuators, whose attributes are those of one element.
 KINDS = ("joint", "geom", "site", "tendon", "mesh", "material", "camera", "light", "pair", "equality")
 # Elements that change the meaning of a file and are not read.
@@ -88,14 +88,14 @@ class Defaults:
         """Record the attributes of an element that act in MuJoCo and are not read."""
         for key in list_unread(tag, values, self._by_range):
             names = self.unread.setdefault(f"{tag} {key[:40]}", [])
-            is_named = len(names) < MOST_NAMED  # of the others only the number is told
+            is_named = len(names) < MAX_NAMED  # of the others only the number is told
             description = f"{values.get('name', owner)[:60]} ({values[key][:40]})" if is_named else ""
             names.append(description.lstrip())
 
     def describe_unread(self) -> list[str]:
         """Return notes on the attributes that act in MuJoCo and are not read."""
         return [
-            f"{attribute} is not read, though it acts in MuJoCo: {name_list(names, MOST_NAMED)}"
+            f"{attribute} is not read, though it acts in MuJoCo: {name_list(names, MAX_NAMED)}"
             for attribute, names in self.unread.items()
         ]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.formats.files.documents import read_number, read_numbers
 from tensegrity_codegen.scene.formats.imported import Network, NetworkMember
-from tensegrity_codegen.scene.formats.mjcf.defaults import MOST_NAMED, Defaults, list_unread
+from tensegrity_codegen.scene.formats.mjcf.defaults import MAX_NAMED, Defaults, list_unread
 from tensegrity_codegen.system.errors import InvalidValueError, name_list
 
 
@@ -146,7 +146,7 @@ def read_actuators(
         if abs(size - 1.0) > RELATIVE_TOLERANCE:
             network.notes.append(f"the input {name} is in newtons: {size:g} times the control of the model")
     if unread:
-        network.notes.append(f"actuators that are not read: {name_list(unread, MOST_NAMED)}")
+        network.notes.append(f"actuators that are not read: {name_list(unread, MAX_NAMED)}")
 
 
 def _is_plain(tag: str, values: Mapping[str, str]) -> bool:

@@ -19,9 +19,9 @@ from tensegrity_codegen.system.errors import (
     SceneSyntaxError,
 )
 
-LARGEST_YAML = 2**20  # bytes
-LARGEST_NUMBER = 1e50  # products of several stay finite
-MOST_VALUES = 200_000  # of one file, each alias counted with all that it stands for
+MAX_YAML_BYTES = 2**20  # bytes
+MAX_NUMBER = 1e50  # products of several stay finite
+MAX_VALUES = 200_000  # of one file, each alias counted with all that it stands for
 _SECTIONS = ("nodes", "pair_groups", "builders", "substructures", "bond_groups")
 
 
@@ -46,7 +46,7 @@ class _KeyTwiceError(Exception):
 
 def read_yaml(path: Path) -> dict[str, Any]:
     """Return the sections of an NTRT structure file."""
-    text = read_text(path, LARGEST_YAML, "an NTRT structure file (YAML)")
+    text = read_text(path, MAX_YAML_BYTES, "an NTRT structure file (YAML)")
     where = str(path)
     try:
         content = yaml.load(text, Loader=_Loader)  # a BaseLoader: builds no objects
@@ -62,9 +62,9 @@ def read_yaml(path: Path) -> dict[str, Any]:
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         problem = "nested too deeply" if isinstance(error, RecursionError) else str(error).split("\n")[0]
         raise SceneSyntaxError(f"not valid YAML: {problem}", where=where) from None
-    if size > MOST_VALUES:
+    if size > MAX_VALUES:
         problem = "the file has too many values, aliases written out"
-        raise SceneSyntaxError(problem, where=where, given=size, allowed=f"up to {MOST_VALUES}")
+        raise SceneSyntaxError(problem, where=where, given=size, allowed=f"up to {MAX_VALUES}")
     table = read_table(content, where)
     check_keys(table, _SECTIONS, where)
     return table
@@ -109,9 +109,9 @@ def parse_number(value: Any, where: str) -> float:
         raise error("not a number", where=where, given=_shown(value), allowed="a finite number")
     if not math.isfinite(number):
         raise NonFiniteError("not a finite number", where=where, given=value, allowed="a finite number")
-    if abs(number) > LARGEST_NUMBER:
+    if abs(number) > MAX_NUMBER:
         problem = "the number is too large"
-        raise InvalidValueError(problem, where=where, given=number, allowed=f"up to {LARGEST_NUMBER:g}")
+        raise InvalidValueError(problem, where=where, given=number, allowed=f"up to {MAX_NUMBER:g}")
     return number
 
 

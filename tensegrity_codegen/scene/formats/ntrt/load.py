@@ -166,10 +166,10 @@ def _places(ends: tuple[NtrtNode, NtrtNode]) -> frozenset[tuple[float, ...]]:
     return frozenset(_locate(node) for node in ends)
 
 
-_MOST_STRUCTURES = 2_000
-_MOST_NODES = 20_000
-_MOST_PAIRS = 50_000
-_MOST_BUILDERS = 200
+_MAX_STRUCTURES = 2_000
+_MAX_NODES = 20_000
+_MAX_PAIRS = 50_000
+_MAX_BUILDERS = 200
 _DEEPEST = 50  # files within files
 _ATTRIBUTES = ("path", "rotation", "translation", "scale", "offset")
 _SUFFIXES = (".yaml", ".yml")
@@ -189,10 +189,10 @@ class _Loading:
     def check(self, path: Path) -> None:
         """Raise StructureError if all that was read so far is beyond reason."""
         for kind, count, limit in (
-            ("substructures", self.n_structures, _MOST_STRUCTURES),
-            ("nodes", self.n_nodes, _MOST_NODES),
-            ("pairs", self.n_pairs, _MOST_PAIRS),
-            ("builders", len(self.builders), _MOST_BUILDERS),
+            ("substructures", self.n_structures, _MAX_STRUCTURES),
+            ("nodes", self.n_nodes, _MAX_NODES),
+            ("pairs", self.n_pairs, _MAX_PAIRS),
+            ("builders", len(self.builders), _MAX_BUILDERS),
             ("levels of files", len(self.open), _DEEPEST),
         ):
             if count > limit:

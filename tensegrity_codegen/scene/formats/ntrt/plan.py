@@ -114,8 +114,8 @@ class Built:
         return math.dist(*self.ends)
 
 
-_MOST_POINTS = 100  # of one rigid body
-_MOST_BRACES = 50_000
+_MAX_POINTS = 100  # of one rigid body
+_MAX_BRACES = 50_000
 
 
 @dataclass(frozen=True)
@@ -185,9 +185,9 @@ def make_plan(structure: NtrtStructure, builders: BuilderBook, where: str) -> Pl
     plan.bodies = find_bodies([rod.ends for rod in plan.rods], [sphere.center for sphere in plan.spheres])
     largest = max(map(len, plan.bodies), default=0)
     braces = sum(len(points) * (len(points) - 1) // 2 for points in plan.bodies)
-    if largest > _MOST_POINTS or braces > _MOST_BRACES:
+    if largest > _MAX_POINTS or braces > _MAX_BRACES:
         problem = "too many points on rigid bodies: bars between all points of a body keep its shape"
-        allowed = f"up to {_MOST_POINTS} points on one body, {_MOST_BRACES} bars"
+        allowed = f"up to {_MAX_POINTS} points on one body, {_MAX_BRACES} bars"
         value = f"{largest} points on one body, {braces} bars in all"
         raise StructureError(problem, where=where, given=value, allowed=allowed)
     _drop_inner_cables(plan)
