@@ -6,6 +6,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, name_list
@@ -67,6 +68,7 @@ def check_rigid_bars(structure: Structure, rigid: NDArray[np.bool_], request: Mo
                 allowed="members that are no rigid bars",
                 hint="name the cables, or a class of them, instead of all members",
             )
+    # Bars whose constraints follow from the others
     members = np.flatnonzero(rigid)
     redundant = find_redundant(structure, members)
     if redundant.size:
@@ -75,7 +77,7 @@ def check_rigid_bars(structure: Structure, rigid: NDArray[np.bool_], request: Mo
         raise FormulationError(
             "rigid bars that repeat what the others hold already: their forces are not determined",
             where=f"{structure.name}: members.{names[0]}",
-            given=shown,
+            given=name_list(names),
             allowed="bars of which none follows from the others and the anchors",
             hint="give these bars a stiffness, or leave out those that hold nothing",
         )

@@ -261,6 +261,7 @@ def implicit_tables(
     axes, n = frame.axes, len(frame.coordinate_name)
     ends = [frame.connectivity[member] for member in (*members, *damped)]
     coordinate = [[coordinate_index.get((node, axis), -1) for node in pair for axis in axes] for pair in ends]
+    # Elimination: coordinates of a node are one block
     masses = _mass_entries(functions["mass_matrix"].pattern, n)
     nodes: dict[int, list[int]] = {}
     for k, (node, _) in enumerate(frame.coordinate_node_axis):
@@ -268,6 +269,7 @@ def implicit_tables(
     saddle = build_saddle_pattern(
         n, list(nodes.values()), masses, [[k for k in row if k >= 0] for row in coordinate]
     )
+    # Values of the constants in the struct of its work memory
     law = int(np.prod(functions["member_law"].shape))
     entries, factors = len(saddle.entry_column), len(saddle.factor_column)
     sizes = {

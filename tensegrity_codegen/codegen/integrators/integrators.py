@@ -69,6 +69,7 @@ def integrator_spec(
             given=name,
             hint='add "acceleration" to the wanted quantities',
         )
+    # Functions that it calls, and the arguments that it passes on to them
     energy_quantities = KEPT_QUANTITIES[:2] if keep and row.keeps_energy else ()
     pulled = OF_NODES if PULL in driven else ()
     _check_called(model, row, functions)
@@ -79,6 +80,7 @@ def integrator_spec(
     called = [f for f in functions if f.quantity in names]
     used = {a for f in called for a in f.arguments} - {*STATE, "column", *WEIGHTS}
     passed = tuple(a for a in model.arguments if a in used)
+    # Work memory: values of the constants in the structs of templates/c
     energy = keeper_memory(model, {f.quantity: f for f in functions}) if energy_quantities else 0
     size = count_driven(model, driven) if row.follows_events else 0
     sizes = {

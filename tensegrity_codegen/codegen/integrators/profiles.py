@@ -4,6 +4,7 @@ from collections.abc import Container, Mapping, Sequence
 from typing import Any
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
+from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.symbolic.columns import list_jumping
 from tensegrity_codegen.system.errors import FormulationError, name_list
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
@@ -74,7 +75,6 @@ def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> N
     if not request.differentiates_motions or "cable" in events:
         return
     if jumping := list_jumping(subject, request):
-        names = [subject.member_name[e] for e in jumping]
         raise FormulationError(
             "forces jump where damped cables become taut, and no event of the library finds that",
             where=f"{subject.name}: columns",

@@ -101,12 +101,14 @@ class _Order:
         ready: list[int] = []
         cycle = divider = oldest = entered = 0
         while len(order) < len(self.printed):
+            # Look ahead from the oldest operation that waits
             while oldest < len(self.printed) and self.printed[oldest] in issued:
                 oldest += 1
             while entered < min(oldest + LOOK_AHEAD, len(self.printed)):
                 ready += [self.printed[entered]] if not self.waits_for[self.printed[entered]] else []
                 entered += 1
             limit = self.printed[entered - 1]
+            # Issue the best of those whose operands and divider are free
             for _ in range(A_CYCLE):
                 free = [
                     k

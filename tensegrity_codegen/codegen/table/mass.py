@@ -246,6 +246,7 @@ class ScaleRows:
         entry, sign = f"{self.target}[k]", "-" if self.turn else ""
         mass = model.diagonal_mass[node]
         mass = np.where(_is_coupled(model), 1.0, mass)
+        # Statements for rows of constant and of changeable mass
         fixed = changed = ""
         if (index < 0).any():
             inverse = 1.0 / np.where(index < 0, mass, 1.0)

@@ -289,6 +289,7 @@ def _state_jacobian(model: TableModel) -> Recipe:
     if groups is not None:
         check_entries(model, name, len(stiff.flat_index) + len(damped.flat_index))
 
+    # Columns of q: -H^-1 K; columns of q': an entry of the identity, then -H^-1 C
     def pattern() -> Pattern:
         identity = np.insert(damped.row + count, damped.start[:-1], np.arange(count))
         late = len(stiff.flat_index) + damped.start + np.arange(count + 1)

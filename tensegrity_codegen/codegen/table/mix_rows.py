@@ -99,6 +99,7 @@ class _Work:
     def __init__(self, mix: MixRows) -> None:
         groups = mix.groups
         n, n_groups = groups.model.n_coordinates, len(groups.coordinate)
+        # Entries of groups, sorted by column and group
         column, row = np.divmod(mix.flat_index(), max(n, 1))
         label = groups.label[row] if n_groups else np.full(len(row), -1)
         held = label >= 0
@@ -109,6 +110,7 @@ class _Work:
         self.group = pairs % max(n_groups, 1)
         self.count = np.diff([*start.tolist(), len(pair)])
         self.size = np.array([len(groups.coordinate[g]) for g in self.group], dtype=np.int64)
+        # Places of rows, rows present and H^-1 of each pair, equal tables once
         entry_table, rows, inverses = _Table(), _Table(), _Table()
         firsts, starts = [], []
         for number, g in enumerate(self.group.tolist()):

@@ -284,16 +284,18 @@ class NameWriter:
 
     def _choose(self, projected: FloatArray) -> list[tuple[str, int, Any]]:
         """Return for each text its offset in points, or the part of its member at which it stands."""
+        # Lines that names keep clear of: members and obstacles, as points along them
         points = projected / self._point
         ends = points[self._structure.strands.first_ends]
         segments = [points[self._structure.strands.ends]]
         for start, end in self._obstacles:
             is_finite = np.isfinite(start).all(axis=1)
-            pair = [self.view.project(ends[is_finite])[0] / self._point for ends in (start, end)]
+            pair = [self.view.project(point[is_finite])[0] / self._point for point in (start, end)]
             segments.append(np.stack(pair, axis=1))
         strokes = np.concatenate(segments)
         fraction = np.linspace(0.1, 0.9, SAMPLES)[:, None, None]
         lines = (strokes[None, :, 0] + fraction * (strokes[:, 1] - strokes[:, 0])[None]).reshape(-1, 2)
+        # Each name goes where it covers least, nodes outward; what is placed is an obstacle of the next
         middle = points.mean(axis=0)
         boxes = list(self._standing)
         spots: list[tuple[str, int, Any]] = []

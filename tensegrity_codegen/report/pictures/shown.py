@@ -51,6 +51,7 @@ def _solve(structure: Structure, tension: FloatArray, rigid: BoolArray) -> Float
     ends, strands = structure.connectivity, structure.strands
     vector = strands.vectors(structure.node_position)
     unit = vector / np.linalg.norm(vector, axis=1)[:, None]
+    # Forces on nodes without the rigid bars: load, weight and the pulls of all others
     force = np.array(structure.node_load, dtype=float)
     mass = np.array(structure.node_mass, dtype=float)
     np.add.at(mass, ends.ravel(), np.repeat(structure.member_mass / 2, 2))
@@ -60,6 +61,7 @@ def _solve(structure: Structure, tension: FloatArray, rigid: BoolArray) -> Float
     np.add.at(force, strands.ends[:, 1], pull)
     free = np.zeros_like(structure.node_anchored)
     free[:, list(structure.axes)] = ~structure.node_anchored[:, list(structure.axes)]
+    # Directions of the rigid bars, A t = f in least squares by singular values
     rows = np.flatnonzero(rigid)
     matrix = np.zeros((*force.shape, len(rows)))
     columns = np.arange(len(rows))
@@ -69,6 +71,7 @@ def _solve(structure: Structure, tension: FloatArray, rigid: BoolArray) -> Float
     left_vectors, size, right = np.linalg.svd(matrix[free], full_matrices=True)
     rank = int((size > DEPENDENT).sum())
     solution = right[:rank].T @ ((left_vectors[:, :rank].T @ force[free]) / size[:rank])
+    # Unknown where the balance misses, or where a self-stress of rigid bars may be added
     missing = float(np.abs(force[free] - matrix[free] @ solution).max(initial=0.0))
     largest = max(float(np.abs(tension).max(initial=0.0)), float(np.abs(solution).max(initial=0.0)))
     undetermined = (np.abs(right[rank:]) > DEPENDENT).any(axis=0)
