@@ -14,7 +14,7 @@ from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline.forming.formed import Form
-    from tensegrity_codegen.report.pictures.choices import PictureChoices
+    from tensegrity_codegen.report.pictures.view import PictureChoices
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.structure.structure import Structure

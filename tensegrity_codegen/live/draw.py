@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 from tensegrity_codegen.pipeline.analyses import find_needs
 from tensegrity_codegen.pipeline.build_library import FEW_CALLS, build_library
 from tensegrity_codegen.pipeline.settle import find_settled, move_near_origin, with_statics
-from tensegrity_codegen.report.pictures.choices import (
+from tensegrity_codegen.report.pictures.draw import Drawable, Shot, draw_shot, find_shot
+from tensegrity_codegen.report.pictures.view import (
     Labels,
     PictureChoices,
     read_labels,
     read_size,
     read_view,
 )
-from tensegrity_codegen.report.pictures.draw import Drawable, Shot, draw_shot, find_shot
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.model.model import CompiledModel

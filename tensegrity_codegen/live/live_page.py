@@ -14,8 +14,8 @@ from tensegrity_codegen.live.draw import check_follow, find_modes, find_request,
 from tensegrity_codegen.live.live_scene import LiveScene, LiveStart, build_live_scene, pack_text
 from tensegrity_codegen.live.three_module import find_three
 from tensegrity_codegen.report.pages.page import html_template
-from tensegrity_codegen.report.pictures.choices import Labels, read_labels, read_view
 from tensegrity_codegen.report.pictures.draw import Drawable, find_shot
+from tensegrity_codegen.report.pictures.view import Labels, read_labels, read_view
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.subject import Subject

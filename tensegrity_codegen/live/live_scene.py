@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.report.loads import compute_loads, compute_reactions
-from tensegrity_codegen.report.pictures.choices import (
+from tensegrity_codegen.report.pictures.draw import outline_motion, pad_tension
+from tensegrity_codegen.report.pictures.shown import find_rest_tension
+from tensegrity_codegen.report.pictures.view import (
     NAMED_VIEWS,
     Direction,
     check_array,
+    check_planar_direction,
     check_tension,
     check_trajectory,
 )
-from tensegrity_codegen.report.pictures.draw import outline_motion, pad_tension
-from tensegrity_codegen.report.pictures.shown import find_rest_tension
-from tensegrity_codegen.report.pictures.view import check_planar_direction
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem

@@ -6,8 +6,8 @@ from typing import Any
 
 from markupsafe import escape
 
-from tensegrity_codegen.report.pictures.choices import PictureChoices
 from tensegrity_codegen.report.pictures.draw import draw_shot, find_shot
+from tensegrity_codegen.report.pictures.view import PictureChoices
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.runtime.records.timed_motion import Motion

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.live.live_scene import LiveStart, build_live_scene
-from tensegrity_codegen.report.pictures.choices import Direction
+from tensegrity_codegen.report.pictures.view import Direction
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tests.cases import thorough
 from tests.live.pages import load, sway, write_page

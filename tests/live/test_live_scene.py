@@ -18,7 +18,7 @@ from tensegrity_codegen.live.live_scene import (
     pack_text,
 )
 from tensegrity_codegen.report.loads import compute_reactions
-from tensegrity_codegen.report.pictures.choices import read_view
+from tensegrity_codegen.report.pictures.view import read_view
 from tensegrity_codegen.structure.member_limits import check_members
 from tests.ground_cases import make_slope
 from tests.live.pages import load, sway

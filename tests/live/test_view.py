@@ -13,7 +13,7 @@ import pytest
 
 from tensegrity_codegen import LivePage, view
 from tensegrity_codegen.live.live_scene import Channel, LiveStart, build_live_scene
-from tensegrity_codegen.report.pictures.choices import read_view
+from tensegrity_codegen.report.pictures.view import read_view
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tests.live.pages import load, require_three, sway
 from tests.report.browser import find_browser

@@ -9,9 +9,9 @@ import numpy as np
 
 from tensegrity_codegen.report.pictures import plots
 from tensegrity_codegen.report.pictures.canvas import PICTURE_SUFFIXES, check_suffix
-from tensegrity_codegen.report.pictures.choices import LABELS, PictureChoices
 from tensegrity_codegen.report.pictures.panel import describe_size, set_up
 from tensegrity_codegen.report.pictures.shown import show_structure
+from tensegrity_codegen.report.pictures.view import LABELS, PictureChoices
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tests.runtime.build import bar, cable, make_structure

@@ -135,7 +135,7 @@ def show(
     """
     output = Output(json)
     with output.guard():
-        from tensegrity_codegen.report.pictures.choices import (
+        from tensegrity_codegen.report.pictures.view import (
             PictureChoices,
             read_labels,
             read_size,

@@ -1,10 +1,9 @@
 """The emitter `table`: which scenes and quantities it serves, and how their bodies come about."""
 
 from tensegrity_codegen.codegen.emitter import Bodies, Emitter, refuse_empty
-from tensegrity_codegen.codegen.table.contacts import WITHOUT_CONTACTS
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import TableFunction
-from tensegrity_codegen.codegen.table.members.writer import Writer
+from tensegrity_codegen.codegen.table.members.writer import TableFunction, Writer
+from tensegrity_codegen.codegen.table.node_quantities import WITHOUT_CONTACTS
 from tensegrity_codegen.codegen.table.quantities import BUILDERS, served_quantities
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure

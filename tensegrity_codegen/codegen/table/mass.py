@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.codegen.table.members.block_pattern import check_constant_masses
 from tensegrity_codegen.codegen.table.members.external import mass_text
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import loop
-from tensegrity_codegen.codegen.table.members.writer import Writer
+from tensegrity_codegen.codegen.table.members.writer import Writer, loop
 from tensegrity_codegen.structure.inertia_plan import refuse_bare
 from tensegrity_codegen.structure.symmetric_factor import SymmetricFactor, factorise
 from tensegrity_codegen.system.arrays import FloatArray, IntArray

@@ -25,8 +25,7 @@ from tensegrity_codegen.codegen.table.members.block_pattern import (
 )
 from tensegrity_codegen.codegen.table.members.member_loops import MemberLoop, member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, Statements, loop
-from tensegrity_codegen.codegen.table.members.writer import Writer
+from tensegrity_codegen.codegen.table.members.writer import Recipe, Stage, Statements, Writer, loop
 from tensegrity_codegen.codegen.table.mix_rows import MixRows
 from tensegrity_codegen.structure.assembly import ABSENT, MemberGroup
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel

@@ -11,8 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity_codegen.codegen.table.members.block_pattern import MassGroups
-from tensegrity_codegen.codegen.table.members.stage import loop
-from tensegrity_codegen.codegen.table.members.writer import Writer
+from tensegrity_codegen.codegen.table.members.writer import Writer, loop
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 

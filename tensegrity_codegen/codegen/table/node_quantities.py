@@ -1,14 +1,14 @@
-"""Quantities of nodes as stages: sums of forces on nodes, and loops that call a kernel a node."""
+"""Quantities of nodes and contacts as stages: sums of forces, and loops that call a kernel a node."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from tensegrity_codegen.codegen.table.contacts import contact_forces
 from tensegrity_codegen.codegen.table.members.access import (
     AddCablesToNodes,
     AddToNodes,
@@ -17,10 +17,180 @@ from tensegrity_codegen.codegen.table.members.access import (
 )
 from tensegrity_codegen.codegen.table.members.external import ExternalForce, force_stages, mass_text
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import Recipe, Statements, loop
-from tensegrity_codegen.codegen.table.members.writer import Writer
+from tensegrity_codegen.codegen.table.members.writer import Recipe, Statements, Writer, loop, only_where
+from tensegrity_codegen.structure.ground import CHANGEABLE, Ground
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
+from tensegrity_codegen.symbolic.node_forces.ground_contact import (
+    Contact,
+    build_contact,
+    count_bristles,
+    put_numbers,
+)
+from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES, NodeQuantity
+
+# Results of the kernel of one contact, by quantity.
+RESULTS: Mapping[str, Callable[[Contact], list[Any]]] = {
+    "contact_force": lambda contact: contact.force,
+    "internal_rate": lambda contact: contact.bristle_rate,
+    "contact_energy": lambda contact: [contact.energy()],
+    "penetration": lambda contact: [contact.depth],
+    "contact_margin": lambda contact: [contact.contact_margin()],
+    "stick_margin": lambda contact: [contact.stick_margin()],
+}
+STORED = ("contact_force", "internal_rate", "penetration", "contact_margin", "stick_margin")
+# Quantities of structures on the ground that loops do not have: forces at rest, and derivatives of forces.
+WITHOUT_CONTACTS = frozenset(
+    (
+        *(
+            quantity.name
+            for quantity in NODE_QUANTITIES
+            if {"static_force", "spring_force"} & set(quantity.uses)
+        ),
+        *("tangent_stiffness", "state_jacobian", "input_jacobian", "rest_length_jacobian"),
+    )
+)
+NEED_FRICTION = ("internal_rate", "stick_margin")
+
+
+@dataclass(frozen=True)
+class ContactLoop:
+    """The loop over contacts that calls their kernel; the result goes to `target`.
+
+    quantity: one of RESULTS; index: (n_nodes, n_axes) entries of `target` that forces on nodes are added to,
+    None where each contact stores its results, from entry `start` on, or adds its energy to a variable.
+    """
+
+    model: TableModel
+    quantity: str
+    target: str
+    index: IntArray | None = None
+    start: int = 0
+
+    @property
+    def ground(self) -> Ground:
+        """The ground of the structure."""
+        assert self.model.structure.ground is not None
+        return self.model.structure.ground
+
+    @property
+    def changeable(self) -> tuple[int, ...]:
+        """Places in CHANGEABLE of the run-time numbers of the ground."""
+        return tuple(self.model.parameters.get("ground", ()))
+
+    @cached_property
+    def kernel(self) -> MemberKernel:
+        """The results as a function of the node's position and velocity, its radius and its bristle."""
+        symbols = {name: ca.SX.sym(name, self.model.n_axes) for name in ("position", "velocity")}
+        symbols["radius"] = ca.SX.sym("radius")
+        count = count_bristles(self.model.structure)
+        bristle = {f"bristle{k}": ca.SX.sym(f"bristle{k}") for k in range(count)}
+        changed = {CHANGEABLE[k]: ca.SX.sym(CHANGEABLE[k]) for k in self.changeable}
+        contact = build_contact(
+            self.ground,
+            put_numbers(self.ground, changed),
+            self.model.structure.axes,
+            (ca.vertsplit(symbols["position"]), ca.vertsplit(symbols["velocity"])),
+            symbols["radius"],
+            list(bristle.values()),
+        )
+        result = ca.cse(ca.densify(ca.vertcat(*RESULTS[self.quantity](contact))))
+        symbols |= bristle | changed
+        inputs = tuple(name for name, symbol in symbols.items() if ca.depends_on(result, symbol))
+        function = ca.Function(self.quantity, [symbols[name] for name in inputs], [result])
+        return MemberKernel(self.quantity, function, inputs, int(result.numel()))
+
+    @property
+    def place(self) -> IntArray:
+        """(n_contacts, n_axes): see TableModel.place."""
+        return self.model.place[self.ground.node]
+
+    @property
+    def arguments(self) -> frozenset[str]:
+        """Names of the arguments that it reads."""
+        used, inputs = set[str](), self.kernel.inputs
+        if "position" in inputs:
+            used |= {"coordinate"} | held_arguments(self.model, self.place)
+        used |= {"velocity"} if "velocity" in inputs else set()
+        used |= {"ground"} if set(CHANGEABLE).intersection(inputs) else set()
+        return frozenset(
+            used | ({"internal"} if any(name.startswith("bristle") for name in inputs) else set())
+        )
+
+    @property
+    def operations(self) -> int:
+        """Floating-point operations of the whole loop."""
+        return self.repeats * (self.kernel.operations + self.kernel.size)
+
+    @property
+    def repeats(self) -> int:
+        """Number of contacts."""
+        return self.ground.n_contacts
+
+    def write(self, writer: Writer) -> list[str]:
+        """Return the loop."""
+        values: list[str] = []
+        count = count_bristles(self.model.structure)
+        for name in self.kernel.inputs:
+            if name in ("position", "velocity"):
+                values += vector_texts(writer, "contact", self.place, is_rate=name == "velocity")
+            elif name in CHANGEABLE:
+                values.append(f"ground[{self.changeable.index(CHANGEABLE.index(name))}]")
+            elif name == "radius":
+                values.append(writer.real_at("contact_radius", self.ground.radius, "n"))
+            else:
+                values.append(f"internal[{count} * n + {name.removeprefix('bristle')}]")
+        results = [f"contact{k}" for k in range(self.kernel.size)]
+        called = ", ".join([*values, *(f"&{name}" for name in results)])
+        lines = [f"{writer.real} {', '.join(results)};", f"{writer.node_kernel(self.kernel)}({called});"]
+        return loop("n", self.repeats, [*lines, *self._use(writer, results)])
+
+    def _use(self, writer: Writer, results: list[str]) -> list[str]:
+        if self.quantity == "contact_energy":
+            return [f"{self.target} += {results[0]};"]
+        size = len(results)
+        if self.index is None:
+            offset = f"{self.start} + " if self.start else ""
+            return [
+                f"{self.target}[{offset}{size} * n + {k}] = {result};" for k, result in enumerate(results)
+            ]
+        entry, lines = self.index[self.ground.node], []
+        table = writer.integers(f"contact_{self.target}_entry", entry)
+        for k, result in enumerate(results):
+            at = f"{table}[{size} * n + {k}]"
+            lines += only_where(entry[:, k], at, f"{self.target}[{at}] += {result};")
+        return lines
+
+
+def contact_forces(model: TableModel, target: str, index: IntArray) -> list[ContactLoop]:
+    """Return the stage that adds the forces of the ground to those on nodes, none without a ground."""
+    if model.structure.ground is None:
+        return []
+    return [ContactLoop(model, "contact_force", target, index)]
+
+
+def contact_energies(model: TableModel, target: str) -> list[ContactLoop]:
+    """Return the stage that adds the energy of ground and bristles, none without a ground."""
+    return [] if model.structure.ground is None else [ContactLoop(model, "contact_energy", target)]
+
+
+def contact_builders() -> dict[str, Callable[[TableModel], Recipe]]:
+    """Return the builders of the quantities of contacts."""
+    return {name: _store(name) for name in STORED}
+
+
+def _store(name: str) -> Callable[[TableModel], Recipe]:
+    def build(model: TableModel) -> Recipe:
+        ground = model.structure.ground
+        if ground is None or (name in NEED_FRICTION and not ground.friction):
+            return Recipe((0, 1), (), is_empty=True)
+        stage = ContactLoop(model, name, name)
+        size, count = stage.kernel.size, ground.n_contacts
+        is_vector = name == "contact_force"
+        return Recipe((size, count) if is_vector else (size * count, 1), (stage,))
+
+    return build
+
 
 # The kernel of members and the sink that sum up each force on nodes.
 FORCES: dict[str, tuple[str, type[AddToNodes]]] = {

@@ -10,12 +10,6 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity_codegen.codegen.table.contacts import (
-    ContactLoop,
-    contact_builders,
-    contact_energies,
-    contact_forces,
-)
 from tensegrity_codegen.codegen.table.mass import DivideByMass, KineticEnergy, SolveCoupled, check_mass
 from tensegrity_codegen.codegen.table.matrices import MATRICES
 from tensegrity_codegen.codegen.table.members.access import (
@@ -32,9 +26,21 @@ from tensegrity_codegen.codegen.table.members.block_pattern import MemberColumns
 from tensegrity_codegen.codegen.table.members.external import ExternalForce, force_stages
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, Statements, loop, only_where
-from tensegrity_codegen.codegen.table.members.writer import Writer
-from tensegrity_codegen.codegen.table.node_quantities import node_builders
+from tensegrity_codegen.codegen.table.members.writer import (
+    Recipe,
+    Stage,
+    Statements,
+    Writer,
+    loop,
+    only_where,
+)
+from tensegrity_codegen.codegen.table.node_quantities import (
+    ContactLoop,
+    contact_builders,
+    contact_energies,
+    contact_forces,
+    node_builders,
+)
 from tensegrity_codegen.structure.assembly import MemberGroup
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
 from tensegrity_codegen.system.arrays import FloatArray, IntArray

@@ -24,8 +24,12 @@ from tensegrity_codegen.report.pictures.canvas import (
     SEQUENCE,
     new_figure,
 )
-from tensegrity_codegen.report.pictures.drawing import StructureDrawing, find_tension_limit
-from tensegrity_codegen.report.pictures.frame import draw_frame, picture_size
+from tensegrity_codegen.report.pictures.drawing import (
+    StructureDrawing,
+    draw_frame,
+    find_tension_limit,
+    picture_size,
+)
 from tensegrity_codegen.report.pictures.panel import add_color_bar
 from tensegrity_codegen.report.pictures.view import View, find_box, fit_view
 from tensegrity_codegen.structure.structure import Structure

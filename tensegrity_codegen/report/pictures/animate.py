@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.report.pictures.canvas import add_clock, add_heading, check_suffix, new_figure
-from tensegrity_codegen.report.pictures.choices import PictureChoices, check_trajectory
 from tensegrity_codegen.report.pictures.panel import (
     Panel,
     Setting,
@@ -24,6 +23,7 @@ from tensegrity_codegen.report.pictures.panel import (
     set_up,
 )
 from tensegrity_codegen.report.pictures.shown import show_motion
+from tensegrity_codegen.report.pictures.view import PictureChoices, check_trajectory
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from tensegrity_codegen.report.loads import compute_loads, compute_static_loads
-from tensegrity_codegen.report.pictures.choices import PictureChoices, check_array, check_tension
 from tensegrity_codegen.report.pictures.drawing import BodyParts
 from tensegrity_codegen.report.pictures.panel import describe_size, set_up
 from tensegrity_codegen.report.pictures.plots import draw_shown
 from tensegrity_codegen.report.pictures.shown import Shown, find_rest_tension, show_motion, show_structure
+from tensegrity_codegen.report.pictures.view import PictureChoices, check_array, check_tension
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium

@@ -17,16 +17,18 @@ from tensegrity_codegen.report.pictures.canvas import (
     SLACK,
     UNKNOWN,
 )
-from tensegrity_codegen.report.pictures.choices import PictureChoices
 from tensegrity_codegen.report.pictures.drawing import (
     BAR_WIDTH,
     CABLE_WIDTH,
     DASHES,
     BodyParts,
     StructureDrawing,
+    draw_frame,
+    draw_plane,
     find_tension_limit,
+    panel_extent,
+    picture_size,
 )
-from tensegrity_codegen.report.pictures.frame import draw_frame, draw_plane, panel_extent, picture_size
 from tensegrity_codegen.report.pictures.marks import (
     Arrows,
     ForceArrows,
@@ -36,7 +38,14 @@ from tensegrity_codegen.report.pictures.marks import (
     lay_out_arrows,
 )
 from tensegrity_codegen.report.pictures.shown import COLOR_NAMES, Shown, compute_colors
-from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, View, choose_view, find_box
+from tensegrity_codegen.report.pictures.view import (
+    Box,
+    PerspectiveView,
+    PictureChoices,
+    View,
+    choose_view,
+    find_box,
+)
 from tensegrity_codegen.structure.ground import Ground
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray

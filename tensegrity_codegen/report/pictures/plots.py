@@ -16,8 +16,7 @@ from tensegrity_codegen.report.pictures.canvas import (
     new_figure,
     save_figure,
 )
-from tensegrity_codegen.report.pictures.choices import PictureChoices, check_trajectory
-from tensegrity_codegen.report.pictures.frame import panel_ratio
+from tensegrity_codegen.report.pictures.drawing import panel_ratio
 from tensegrity_codegen.report.pictures.panel import (
     Panel,
     Setting,
@@ -28,6 +27,7 @@ from tensegrity_codegen.report.pictures.panel import (
     set_up,
 )
 from tensegrity_codegen.report.pictures.shown import Shown, show_motion
+from tensegrity_codegen.report.pictures.view import PictureChoices, check_trajectory
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure

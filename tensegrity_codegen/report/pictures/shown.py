@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.report.loads import compute_loads
-from tensegrity_codegen.report.pictures.choices import check_array, check_tension
 from tensegrity_codegen.report.pictures.drawing import BodyParts
+from tensegrity_codegen.report.pictures.view import check_array, check_tension
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_bodies

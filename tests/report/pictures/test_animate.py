@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from tensegrity_codegen.report.pictures.animate import MOST_FRAMES, find_frames, write_animation
-from tensegrity_codegen.report.pictures.choices import PictureChoices
+from tensegrity_codegen.report.pictures.view import PictureChoices
 from tensegrity_codegen.system.errors import InvalidValueError, MissingExtraError, NonFiniteError, OutputError
 from tests.cases import thorough
 from tests.report.samples import frame, make_trajectory

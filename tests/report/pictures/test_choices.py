@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.report.pictures.choices import PictureChoices, read_labels, read_size, read_view
+from tensegrity_codegen.report.pictures.view import PictureChoices, read_labels, read_size, read_view
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 
 

@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from tensegrity_codegen.report.pictures.choices import PictureChoices
 from tensegrity_codegen.report.pictures.marks import MOST_NAMES, choose_names
+from tensegrity_codegen.report.pictures.view import PictureChoices
 from tests.cases import thorough
 from tests.report.samples import draw_structure, frame
 from tests.runtime.build import prism

@@ -7,10 +7,10 @@ from matplotlib.colors import to_rgb
 from tensegrity_codegen import simulate
 from tensegrity_codegen.report.pictures.animate import write_animation
 from tensegrity_codegen.report.pictures.canvas import SOIL, new_figure
-from tensegrity_codegen.report.pictures.choices import PictureChoices, read_view
 from tensegrity_codegen.report.pictures.panel import Panel, set_up
 from tensegrity_codegen.report.pictures.plots import plot_trajectory
 from tensegrity_codegen.report.pictures.shown import compute_colors, show_motion, show_structure
+from tensegrity_codegen.report.pictures.view import PictureChoices, read_view
 from tensegrity_codegen.system.errors import InvalidValueError
 from tests.cases import thorough
 from tests.ground_cases import make_prism

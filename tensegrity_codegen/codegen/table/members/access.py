@@ -7,8 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import only_where
-from tensegrity_codegen.codegen.table.members.writer import Writer, index_text
+from tensegrity_codegen.codegen.table.members.writer import Writer, index_text, only_where
 from tensegrity_codegen.structure.assembly import ARGUMENT, MemberGroup
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
 from tensegrity_codegen.system.arrays import FloatArray, IntArray

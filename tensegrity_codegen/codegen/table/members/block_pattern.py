@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.table.members.access import MemberAccess, OfFreeMembers
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import Recipe, Stage, only_where
-from tensegrity_codegen.codegen.table.members.writer import Writer
+from tensegrity_codegen.codegen.table.members.writer import Recipe, Stage, Writer, only_where
 from tensegrity_codegen.structure.symmetric_factor import factorise
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
 from tensegrity_codegen.system.arrays import FloatArray, IntArray

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.codegen.table.members.access import AddToNodes
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import Stage, loop
-from tensegrity_codegen.codegen.table.members.writer import Writer
+from tensegrity_codegen.codegen.table.members.writer import Stage, Writer, loop
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 

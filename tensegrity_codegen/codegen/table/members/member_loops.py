@@ -13,8 +13,7 @@ from tensegrity_codegen.codegen.lanes.kernel import AXES, RATES, DensityKernel, 
 from tensegrity_codegen.codegen.table.members.access import AddToNodes, MemberAccess, Sink
 from tensegrity_codegen.codegen.table.members.block_pattern import AddBlocks
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.codegen.table.members.stage import loop
-from tensegrity_codegen.codegen.table.members.writer import Writer
+from tensegrity_codegen.codegen.table.members.writer import Writer, loop
 from tensegrity_codegen.structure.assembly import ABSENT, MemberClass, MemberGroup
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel, build_member_kernel
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
