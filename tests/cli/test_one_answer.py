@@ -175,8 +175,11 @@ def to_json(value: Any) -> Any:
     return json.loads(text, parse_constant=lambda _: None)
 
 
-def compute_row(model: CompiledModel, operation: CaseAnalysis) -> tuple[str, dict[str, Any]]:
-    """Return status and results of the only case of a sweep."""
+def compute_row(document: Document, operation: CaseAnalysis) -> tuple[str, dict[str, Any]]:
+    """Return status and results of the only case of a sweep, of the library that a sweep builds."""
+    structure, request = load_scene(document)
+    request = choose_request(structure, request, operation.analyses)
+    model = build_library(structure, operation.needs(structure, request).alone(request)).load()
     result = operation.run(model, {}, 1)
     return decode_statuses(result.status)[0], {name: array[0] for name, array in result.arrays.items()}
 
@@ -190,15 +193,10 @@ def scene(request: pytest.FixtureRequest, folder: Path) -> tuple[Document, Path]
 
 LIGHT = ("slack", "snapped", "ground", "plastic", "corrected")
 OTHERS = tuple(name for name in SCENES if name not in LIGHT)
-WITH_OWN_SOLVER = ("ring", "bodies", "rigid")  # of equilibria, which no scene of LIGHT has
 every = pytest.mark.parametrize("scene", [*LIGHT, *thorough(*OTHERS)], indirect=True)
 
 
-@pytest.mark.parametrize(
-    "scene",
-    [*LIGHT, *WITH_OWN_SOLVER, *thorough(*(name for name in OTHERS if name not in WITH_OWN_SOLVER))],
-    indirect=True,
-)
+@pytest.mark.parametrize("scene", list(SCENES), indirect=True)
 def test_equilibrium(scene: tuple[Document, Path], run: Run) -> None:
     document, path = scene
     said = run("equilibrium", path, "--json").data
@@ -212,7 +210,7 @@ def test_equilibrium(scene: tuple[Document, Path], run: Run) -> None:
     names = tuple(
         name for name in RESULTS if name not in ("residual", "iterations", "limit_use", "energy_change")
     )
-    status, row = compute_row(model, build_analysis("equilibrium", names))
+    status, row = compute_row(document, build_analysis("equilibrium", names))
     assert status == said["status"]
     for name in names:
         value = to_json(float(row[name]))
@@ -235,7 +233,7 @@ def test_linearize(scene: tuple[Document, Path], run: Run) -> None:
             own = {name: own[name] for name in ("natural_frequency", "damping_ratio", "growing_eigenvalues")}
         check_keys(own, said)
         assert set(linear.warnings) <= set(said.get("warnings", ()))
-        _, row = compute_row(model, build_analysis("linearize", tuple(LINEAR), about=about))
+        _, row = compute_row(document, build_analysis("linearize", tuple(LINEAR), about=about))
         for name in LINEAR:
             stated = len(said[name]) if name == "one_sided_cables" else said[name]
             value = np.asarray(row[name])
@@ -243,9 +241,7 @@ def test_linearize(scene: tuple[Document, Path], run: Run) -> None:
             compare(to_json(value), stated if isinstance(stated, list) else float(stated), name)
 
 
-@pytest.mark.parametrize(
-    "scene", [*LIGHT, *thorough(*(name for name in OTHERS if name != "ring"))], indirect=True
-)
+@pytest.mark.parametrize("scene", [name for name in SCENES if name != "ring"], indirect=True)
 def test_analyse(scene: tuple[Document, Path], run: Run) -> None:
     document, path = scene
     said = run("analyse", path, "--json").data
@@ -253,7 +249,7 @@ def test_analyse(scene: tuple[Document, Path], run: Run) -> None:
     own = to_json(describe_analysis(analyse(model), model.manifest.member_name, model.manifest.node_name))
     check_keys(own, said)
     names = ("n_selfstress", "n_mechanisms", "n_rigid_motions", "smallest_eigenvalue", "residual")
-    _, row = compute_row(model, build_analysis("analyse", ("is_stable", *names)))
+    _, row = compute_row(document, build_analysis("analyse", ("is_stable", *names)))
     assert row["is_stable"] == (said["status"] == "stable")
     for name in names:
         compare(float(row[name]), float(said[name]), f"row {name}")
@@ -266,10 +262,7 @@ def test_simulate(scene: tuple[Document, Path], run: Run) -> None:
     found = simulate(compile_scene(document, for_="simulate"), 0.2, samples=5)
     check_keys(to_json(found.summary()), said)
     operation = build_analysis("simulate", "node_position.final", t_end=0.2, samples=5, method="rk54")
-    structure, request = load_scene(document)
-    request = choose_request(structure, request, operation.analyses)
-    model = build_library(structure, operation.needs(structure, request).alone(request)).load()
-    status, row = compute_row(model, operation)
+    status, row = compute_row(document, operation)
     assert status == said["status"]
     (place,) = row.values()
     final = found.node_position[-1][:, [0, 2] if place.shape[1] == 2 else slice(None)]
