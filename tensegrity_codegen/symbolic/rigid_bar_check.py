@@ -6,7 +6,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, name_list
@@ -73,7 +72,6 @@ def check_rigid_bars(structure: Structure, rigid: NDArray[np.bool_], request: Mo
     redundant = find_redundant(structure, members)
     if redundant.size:
         names = [structure.member_name[e] for e in redundant]
-        shown = name_list(names)
         raise FormulationError(
             "rigid bars that repeat what the others hold already: their forces are not determined",
             where=f"{structure.name}: members.{names[0]}",

@@ -15,7 +15,6 @@ from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.pipeline.settle import choose_request
 from tensegrity_codegen.report.analysis_tables import describe_analysis
-from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.equilibrium import choose_tolerance
 from tensegrity_codegen.scene.write import write_scene
 from tests.cases import thorough

@@ -4,7 +4,6 @@ from collections.abc import Container, Mapping, Sequence
 from typing import Any
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
-from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.symbolic.columns import list_jumping
 from tensegrity_codegen.system.errors import FormulationError, name_list
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
@@ -78,7 +77,7 @@ def check_jumps(subject: Any, request: ModelRequest, events: Sequence[str]) -> N
         raise FormulationError(
             "forces jump where damped cables become taut, and no event of the library finds that",
             where=f"{subject.name}: columns",
-            given=name_list(names),
+            given=name_list(subject.member_name[e] for e in jumping),
             allowed='cables without damping, or the event "cable" among model.events',
             hint='add "cable" to model.events',
         )
