@@ -280,6 +280,14 @@ class PairCoordinates:
             numbers.append(np.average(values[nodes, axes[centre.column]], weights=weight[nodes]))
         return np.array(numbers, dtype=np.float64)
 
+    def centre_map(self) -> ca.SX:
+        """Return J_c (n_centres, n_nodes n_axes), sparse, columns as those of D."""
+        result = ca.SX(len(self.centres), self.structure.n_nodes * len(self.axes))
+        for row, centre in enumerate(self.centres):
+            for node in centre.nodes:
+                result[row, node * len(self.axes) + centre.column] = self.weight[node] / self.mass(centre)
+        return result
+
     def difference_map(self) -> NDArray[np.float64]:
         """Return D (n_differences, n_nodes n_axes), nodes running slower than axes; anchored columns too."""
         result = np.zeros((self.n_differences, self.structure.n_nodes * len(self.axes)))

@@ -181,6 +181,26 @@ def test_diagonal_inertia_carries_the_mass_matrix(structure: Structure, options:
     close(d.T @ inertia @ d, expected, 4e-16 * structure.n_nodes)
 
 
+@given(structures(most_nodes=12), CHOICES, st.integers(0, 2**32 - 1))
+@FEW
+def test_maps_from_nodes_are_those_of_the_paper(
+    structure: Structure, options: dict[str, str], seed: int
+) -> None:
+    """delta = D r, r_c = J_c r, and of free structures H = D^T H_delta D + J_c^T M J_c."""
+    structure = with_masses(structure)
+    position, velocity, _ = moved(structure, seed)
+    found = Evaluated(structure, {**options, "pairs": "full"}).at(position, velocity)
+    axes = list(structure.axes)
+    names = ["difference_map", *(["centre_map"] if found.layout.centres else [])]  # anchors hold them all
+    whole = np.vstack([found(name) for name in names])
+    close(whole @ position[:, axes].ravel(), found.arguments["coordinate"])
+    np.testing.assert_allclose(whole[found.layout.n_differences :].sum(axis=1), 1.0)
+    free = ~structure.node_anchored[:, axes].ravel()
+    close(whole[:, free], found.map())
+    inertia, expected = found("distance_inertia"), ReferenceModel(structure, {}).compute("mass_matrix")
+    close((whole.T @ inertia @ whole)[np.ix_(free, free)], dense(expected), 4e-16 * structure.n_nodes)
+
+
 @given(structures(most_nodes=12), CHOICES)
 @FEW
 def test_factored_form_is_the_formed_inverse_times_the_forces(

@@ -126,6 +126,8 @@ class _NodeDistance:
             "total_energy": self.total_energy,
             "acceleration": self.acceleration,
             "state_derivative": lambda: ca.vertcat(self.velocity, self.acceleration()),
+            "difference_map": lambda: ca.sparsify(ca.SX(self.layout.difference_map())),
+            "centre_map": self.layout.centre_map,
             "distance_force": self.distance_force,
             "distance_inertia": self.distance_inertia,
             "distance_inertia_inverse": lambda: self.inverse_inertia,

@@ -4,6 +4,18 @@ from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 DISTANCES = (
     Quantity(
+        "difference_map", "D", "1", ("n_differences", "n_components"),
+        "Map from positions of all nodes, node by node, to their differences over the pairs.",
+        "S&K 3",
+        sparse=True,
+    ),
+    Quantity(
+        "centre_map", "J_c", "1", ("n_centres", "n_components"),
+        "Map from positions of all nodes, node by node, to the centres of mass.",
+        "S&K 3",
+        sparse=True,
+    ),
+    Quantity(
         "distance_force", "f", "N", ("n_coordinates",),
         "Forces of pairs that move the structure as all forces do, then those on the centre of mass.",
         "S&K 3",
