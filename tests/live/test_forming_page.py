@@ -172,4 +172,4 @@ def test_members_without_a_force_density_have_no_page() -> None:
     with pytest.raises(InvalidValueError, match="needs the force density of every member") as raised:
         add_forming(build_live_scene(found.structure), found, {"edge": 20000.0})
     assert "144" in str(raised.value)
-    assert raised.value.hint.startswith("--density")
+    assert raised.value.hint.startswith("`density`")
