@@ -33,8 +33,7 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
-from tensegrity_codegen.sweeps.store.contents import StoreContents
-from tensegrity_codegen.sweeps.store.store import SweepStore, create_store
+from tensegrity_codegen.sweeps.store.store import StoreContents, SweepStore, create_store
 from tensegrity_codegen.system.provenance import name_processor
 
 WORKERS = (1, 10, 100, 1000)

@@ -77,7 +77,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.structure.catenary import Catenary, find_catenary
     from tensegrity_codegen.structure.structure import Structure
     from tensegrity_codegen.sweeps.cases.sampled import Sampling
-    from tensegrity_codegen.sweeps.engines.cluster import Cluster
+    from tensegrity_codegen.sweeps.engines.dask_engine import Cluster
     from tensegrity_codegen.sweeps.fitting.identification import Identification
     from tensegrity_codegen.sweeps.fitting.identify import identify
     from tensegrity_codegen.sweeps.fitting.optimise import Design, LossGradient, optimise
@@ -190,7 +190,7 @@ _HOME = {
     "Analysis": "runtime.analysis.analysis",
     "BatchTrajectory": "runtime.trajectory.batch_trajectory",
     "Catenary": "structure.catenary",
-    "Cluster": "sweeps.engines.cluster",
+    "Cluster": "sweeps.engines.dask_engine",
     "CompiledModel": "runtime.model.model",
     "ControlRun": "control.feedback.loop.control_run",
     "ControllerBundle": "control.embedded.build_controller",

@@ -18,7 +18,7 @@ from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 if TYPE_CHECKING:
     from tensegrity_codegen.analyses.cases.record import CaseAnalysis
     from tensegrity_codegen.sweeps.cases.cases import Cases
-    from tensegrity_codegen.sweeps.engines.cluster import Cluster
+    from tensegrity_codegen.sweeps.engines.dask_engine import Cluster
     from tensegrity_codegen.sweeps.run import SweepOutcome, SweepProgress
     from tensegrity_codegen.sweeps.sweep import PreparedSweep
 
@@ -118,7 +118,7 @@ class SweepCall:
 
     def _find_workers(self) -> "int | Cluster":
         """Return where the sweep runs; raises InvalidValueError for two places, or a wait for none."""
-        from tensegrity_codegen.sweeps.engines.cluster import Cluster, check_wait, check_workers
+        from tensegrity_codegen.sweeps.engines.dask_engine import Cluster, check_wait, check_workers
 
         workers, scheduler, wait = self.where.workers, self.where.scheduler, self.where.wait
         if scheduler is not None and workers is not None:

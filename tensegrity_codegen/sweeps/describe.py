@@ -3,7 +3,6 @@
 import platform
 import re
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +15,9 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.apply.array_keys import INPUT
 from tensegrity_codegen.sweeps.apply.assembler import read_scene_document
 from tensegrity_codegen.sweeps.cases.cases import Cases
-from tensegrity_codegen.sweeps.key_schema import root_place
-from tensegrity_codegen.sweeps.keys import KeyPath, parse_path
-from tensegrity_codegen.sweeps.plan import SweepPlan
+from tensegrity_codegen.sweeps.engines.dask_engine import find_version
+from tensegrity_codegen.sweeps.engines.work import SweepPlan
+from tensegrity_codegen.sweeps.keys import KeyPath, parse_path, root_place
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.system.provenance import name_processor
 from tensegrity_codegen.system.version import VERSION
@@ -33,10 +32,7 @@ OF_GUSTS = {GUST: ("force of a gust on the node", "N"), GUST_TIME: ("when gusts 
 
 
 def identify_sweep(scene: SceneSource, cases: Cases, operation: CaseAnalysis) -> dict[str, Any]:
-    """Return what the results of a sweep follow from, JSON-ready: the same on every machine.
-
-    Two sweeps of equal identity have equal results; the keys of an identity say what differs in others.
-    """
+    """Return the sources of the results, JSON-ready, the same on every machine: equal for equal results."""
     document, _ = read_scene_document(scene)
     structure, request = load_scene(scene)
     return {
@@ -62,7 +58,7 @@ def describe_facts(scene: SceneSource, plan: SweepPlan, operation: CaseAnalysis)
         "libraries": [
             {"group": group.number, "hash": group.hash, "cases": len(group.rows)} for group in plan.groups
         ],
-        "versions": {name: _find_version(name) for name in PACKAGES} | {"Python": platform.python_version()},
+        "versions": {name: find_version(name) for name in PACKAGES} | {"Python": platform.python_version()},
         "machine": {
             "system": platform.system(),
             "architecture": platform.machine(),
@@ -78,22 +74,11 @@ def _read_text(scene: SceneSource) -> str:
     return Path(scene).read_text(encoding="utf-8", errors="replace")
 
 
-def _find_version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"
-
-
 def describe_key(key: str, document: Mapping[str, Any], subject: Subject) -> dict[str, str]:
-    """Return the attributes of a key's values: `long_name`, and `units` where they are known.
-
-    key: path of a number of the scene, of an array of the structure, or of an input; document: the scene as a
-    plain dictionary; subject: the structure that it describes.
-    """
+    """Return the attributes of a key's values: `long_name`, and `units` where they are known."""
     sentence, unit = _of_scene(key, document) or _of_structure(key, subject)
-    words = {"long_name": f"{key} of the scene" + (f": {sentence}" if sentence else "")}
-    return words | ({"units": unit} if unit else {})
+    attributes = {"long_name": f"{key} of the scene" + (f": {sentence}" if sentence else "")}
+    return attributes | ({"units": unit} if unit else {})
 
 
 def _of_scene(key: str, document: Mapping[str, Any]) -> tuple[str, str] | None:
@@ -102,27 +87,27 @@ def _of_scene(key: str, document: Mapping[str, Any]) -> tuple[str, str] | None:
         steps = KeyPath.find(key, document).steps
     except TensegrityError:
         return None
-    place, sentence = root_place(document), ""
+    node, sentence = root_place(document), ""
     for step in steps:
-        below = place.below(step)
+        below = node.below(step)
         if below is None:
             break
-        place = below
-        sentence = str(place.schema.get("description") or sentence)
-    found = UNIT.search(sentence)
-    return sentence, found[1] if found else ""
+        node = below
+        sentence = str(node.schema.get("description") or sentence)
+    unit = UNIT.search(sentence)
+    return sentence, unit[1] if unit else ""
 
 
 def _of_structure(key: str, subject: Subject) -> tuple[str, str]:
     """Return sentence and unit of entries of an array of the structure, or of an input."""
-    name, *rest = (str(step) for step in parse_path(key))
+    name, *steps = (str(step) for step in parse_path(key))
     if name == INPUT:
-        kind = next((item.kind for item in subject.inputs if rest and item.name == rest[0]), "")
+        kind = next((source.kind for source in subject.inputs if steps and source.name == steps[0]), "")
         return "value of the input", INPUT_UNITS.get(kind, "")
     if name in OF_GUSTS:
         return OF_GUSTS[name]
-    if name in OF_SHAPES and len(rest) > 1:  # a node or member that a shape makes
-        name = OF_SHAPES[name] + rest[1]
+    if name in OF_SHAPES and len(steps) > 1:  # a node or member that a shape makes
+        name = OF_SHAPES[name] + steps[1]
     quantity = ARGUMENTS.get(name) or QUANTITIES.get(name)
     if quantity is None or " or " in quantity.unit or "," in quantity.unit:
         return quantity.sentence if quantity else "", ""

@@ -14,13 +14,19 @@ from tensegrity_codegen.analyses.cases.record import CaseAnalysis, Output
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.apply.group_cases import find_groups
-from tensegrity_codegen.sweeps.apply.mapper import CaseGroup, CaseMapper
+from tensegrity_codegen.sweeps.apply.mapper import CaseGroup
 from tensegrity_codegen.sweeps.cases.cases import Cases
-from tensegrity_codegen.sweeps.cases.distributions import read_count
 from tensegrity_codegen.sweeps.cases.layout import LANES
+from tensegrity_codegen.sweeps.cases.sampled import read_count
 from tensegrity_codegen.sweeps.cases.table import Table
-from tensegrity_codegen.sweeps.engines.work import Libraries, SweepWork, join_outputs, select_arguments
-from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
+from tensegrity_codegen.sweeps.engines.work import (
+    Libraries,
+    SweepPlan,
+    SweepWork,
+    divide_cases,
+    join_outputs,
+    select_arguments,
+)
 from tensegrity_codegen.system.summaries import describe_count
 
 TASK_SECONDS = 0.5  # that a task shall take, so that its overhead is small and little is lost with it
@@ -35,22 +41,14 @@ SLOW = 1.0  # [s] of a first call, from which it counts
 
 @dataclass(frozen=True, eq=False)
 class PlannedSweep:
-    """A sweep before it starts.
+    """A sweep before it starts."""
 
-    work: plan, operation and outputs: what `run_sweep` takes.
-    libraries: libraries of the groups; the first one is loaded.
-    case_seconds: measured time of a case on one core [s].
-    build_seconds: time that the first library took, 0 if it was in the cache [s].
-    workers: number of processes for which the time is estimated.
-    notes: what a user should know of the cases.
-    """
-
-    work: SweepWork
-    libraries: Libraries = field(repr=False)
-    case_seconds: float
-    build_seconds: float
-    workers: int
-    notes: tuple[str, ...]
+    work: SweepWork  # plan, operation and outputs: what `run_sweep` takes
+    libraries: Libraries = field(repr=False)  # libraries of the groups; the first one is loaded
+    case_seconds: float  # measured time of a case on one core [s]
+    build_seconds: float  # time that the first library took, 0 if it was in the cache [s]
+    workers: int  # number of processes for which the time is estimated
+    notes: tuple[str, ...]  # what a user should know of the cases
 
     @property
     def seconds(self) -> float:
@@ -119,20 +117,7 @@ def plan_sweep(
     yes: bool = False,
     option: str = "yes",
 ) -> PlannedSweep:
-    """Plan a sweep: find its libraries, build the first one, measure some cases, divide the others.
-
-    scene: as for `read_scene`.
-    cases: the cases, as from `build_cases`.
-    operation: what is computed for each case.
-    task_size: most cases of a task; by default so many that a task takes about half a second. A sweep that
-        goes on needs that of its folder.
-    workers: number of processes.
-    yes: whether more than 50 libraries are meant.
-    option: how messages name `yes`.
-    Returns work and libraries for `run_sweep`, time, size and notes. Raises SceneError: the scene, a key, or
-    all cases have an error; FormulationError: the formulation or emitter does not serve what varies or what
-    is done; CompilerMissingError, CompileError: no C compiler was found, or it failed.
-    """
+    """Find the libraries of a sweep, build the first one, measure some cases, divide all into tasks."""
     source = cases.points.source if isinstance(cases.points, Table) else ""
     assembler = replace(build_assembler(scene, cases.keys, source=source), analyses=operation.analyses)
     groups = find_groups(assembler, cases, yes=yes, option=option)
@@ -156,8 +141,9 @@ def plan_sweep(
         case_seconds * cases.count,
         cases.count * _row_bytes(outputs),
     )
-    known = {item.name for item in model.manifest.arguments} | set(OF_LOOPS if operation.needs_scene else ())
-    notes = (*_note_sample(cases), *_note_accuracy(operation), *_note_groups(cases, groups, known))
+    loop_names = OF_LOOPS if operation.needs_scene else ()
+    names = {*loop_names, *(argument.name for argument in model.manifest.arguments)}
+    notes = (*_note_sample(cases), *_note_accuracy(operation), *_note_groups(cases, groups, names))
     return PlannedSweep(
         SweepWork(plan, operation, outputs, is_joint), libraries, case_seconds, build_seconds, workers, notes
     )
@@ -182,12 +168,9 @@ def format_bytes(size: int) -> str:
 
 
 def _measure(cases: Cases, group: CaseGroup, libraries: Libraries, operation: CaseAnalysis) -> float:
-    """Return the mean time of a case of the first group on one core [s], its arguments included.
-
-    Of this process: what else a machine does makes no task smaller.
-    """
+    """Return the mean processor time of a case of the first group on one core [s], its arguments included."""
     model = libraries.load(group)
-    each, assembling = 0.0, _assembly_seconds(cases, group)
+    case_seconds, assembling = 0.0, _assembly_seconds(cases, group)
     for number, tried in enumerate(TRIED):
         count = min(tried, len(group.rows))
         chosen = np.unique(np.linspace(0, len(group.rows) - 1, count).astype(np.int64))
@@ -198,16 +181,16 @@ def _measure(cases: Cases, group: CaseGroup, libraries: Libraries, operation: Ca
         if applied.good.any():
             operation.run(model, select_arguments(model, applied), int(applied.good.sum()))
         seconds = time.process_time() - started
-        each = (seconds - applying if assembling else seconds) / count
+        case_seconds = (seconds - applying if assembling else seconds) / count
         if seconds > (MEASURED_SECONDS if number else SLOW) or (number and count == len(group.rows)):
             break
-    return each + assembling / cases.count
+    return case_seconds + assembling / cases.count
 
 
 def _assembly_seconds(cases: Cases, group: CaseGroup) -> float:
     """Return the time to assemble the structures that the arguments of all cases are taken from [s]."""
     mapper = group.mapper
-    if not isinstance(mapper, CaseMapper) or not (mapper.assembles_all or mapper.indirect_keys):
+    if not (mapper.assembles_all or mapper.indirect_keys):
         return 0.0
     sets = math.prod(len(axis) for k, axis in enumerate(cases.axes) if k in mapper.indirect_keys)
     if cases.points is not None and max(mapper.indirect_keys, default=-1) >= len(cases.axes):
@@ -224,14 +207,14 @@ def _find_outputs(
     operation: CaseAnalysis, groups: tuple[CaseGroup, ...], libraries: Libraries
 ) -> tuple[tuple[Output, ...], bool]:
     """Return the outputs of all cases, and whether libraries with other nodes or members share them."""
-    first = groups[0].structure
-    others = [
+    base = groups[0].structure
+    differing = [
         group
         for group in groups
-        if group.structure.node_name != first.node_name or group.structure.member_name != first.member_name
+        if group.structure.node_name != base.node_name or group.structure.member_name != base.member_name
     ]
-    models = [libraries.load(group) for group in (groups[0], *others)]
-    return join_outputs([operation.outputs(model.manifest) for model in models]), bool(others)
+    models = [libraries.load(group) for group in (groups[0], *differing)]
+    return join_outputs([operation.outputs(model.manifest) for model in models]), bool(differing)
 
 
 def _row_bytes(outputs: tuple[Output, ...]) -> int:
@@ -260,15 +243,15 @@ def _note_accuracy(operation: CaseAnalysis) -> Iterator[str]:
 
 
 def _note_groups(cases: Cases, groups: tuple[CaseGroup, ...], known: set[str]) -> Iterator[str]:
-    mappers = [group.mapper for group in groups if isinstance(group.mapper, CaseMapper)]
-    used = {key for item in mappers for key in item.find_used_keys(known)}
+    mappers = [group.mapper for group in groups]
+    used = {key for mapper in mappers for key in mapper.find_used_keys(known)}
     constant = {axis.key for axis in cases.axes if len(axis) == 1}
     idle = [key for number, key in enumerate(cases.keys) if number not in used and key not in constant]
-    if idle and not any(item.assembles_all for item in mappers):
+    if idle and not any(mapper.assembles_all for mapper in mappers):
         yield f"no quantity depends on {', '.join(idle)}"
-    slow = [item for item in mappers if item.assembles_all]
+    slow = [mapper for mapper in mappers if mapper.assembles_all]
     if slow:
         yield "every case is assembled by itself, since some are no scene for reasons that only this finds"
-    elif any(item.indirect_keys for item in mappers):
-        keys = dict.fromkeys(cases.keys[key] for item in mappers for key in item.indirect_keys)
+    elif any(mapper.indirect_keys for mapper in mappers):
+        keys = dict.fromkeys(cases.keys[key] for mapper in mappers for key in mapper.indirect_keys)
         yield f"the structure is assembled for every set of values of {', '.join(keys)}"

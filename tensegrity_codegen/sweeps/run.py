@@ -13,30 +13,26 @@ from tensegrity_codegen.analyses.cases.record import LIMIT_USE
 from tensegrity_codegen.analyses.cases.statuses import GOOD, STATUSES
 from tensegrity_codegen.sweeps.engines.engine import Engine, FinishedTask
 from tensegrity_codegen.sweeps.engines.work import SweepWork
-from tensegrity_codegen.sweeps.store.contents import StoreContents
-from tensegrity_codegen.sweeps.store.folder import check_store_folder, find_finished, locked_store
-from tensegrity_codegen.sweeps.store.identity import check_same_sweep
-from tensegrity_codegen.sweeps.store.store import SweepStore, create_store, restore_coordinates
+from tensegrity_codegen.sweeps.store.folder import (
+    check_same_sweep,
+    check_store_folder,
+    find_finished,
+    locked_store,
+)
+from tensegrity_codegen.sweeps.store.store import StoreContents, SweepStore, create_store, restore_coordinates
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 
 
 @dataclass(frozen=True)
 class SweepProgress:
-    """How far a sweep has come.
+    """How far a sweep has come."""
 
-    cases: number of cases.
-    finished: how many are finished, those of earlier runs too.
-    computed: how many this run has computed.
-    failed: how many of all that are finished are not good.
-    seconds: time since this run began to compute [s].
-    """
-
-    cases: int
-    finished: int
-    computed: int
-    failed: int
-    seconds: float
+    cases: int  # number of cases
+    finished: int  # how many are finished, those of earlier runs too
+    computed: int  # how many this run has computed
+    failed: int  # how many of all that are finished are not good
+    seconds: float  # time since this run began to compute [s]
 
     @property
     def fraction(self) -> float:
@@ -56,28 +52,21 @@ ShowProgress = Callable[[SweepProgress], None]
 class SweepOutcome:
     """How a run of a sweep ended.
 
-    path: the folder with the results.
-    cases: number of cases.
-    counts: how many finished cases have each status.
-    first_message: the first message of each status that this run met and that is not good.
-    computed: how many cases this run has computed.
-    seconds: time that this run took [s].
-    damaged: how many of these were in the folder before, but damaged or incomplete.
-    stopped: whether it ended before all cases were finished, since as many failed as `stop_after` says.
-    beyond: number of cases whose members buckle or exceed a limit: `limit_use` above 1, where it is kept.
-    empty: results that were asked for by `keep` and are NaN in every finished case.
+    first_message: the first message of each status that this run met and that is not good; stopped:
+    whether it ended before all cases were finished, since as many failed as `stop_after` says; beyond:
+    number of cases whose members buckle or exceed a limit: `limit_use` above 1, where it is kept.
     """
 
-    path: Path
-    cases: int
-    counts: Mapping[str, int]
+    path: Path  # the folder with the results
+    cases: int  # number of cases
+    counts: Mapping[str, int]  # how many finished cases have each status
     first_message: Mapping[str, str]
-    computed: int
-    seconds: float
-    damaged: int = 0
+    computed: int  # how many cases this run has computed
+    seconds: float  # time that this run took [s]
+    damaged: int = 0  # how many of these were in the folder before, but damaged or incomplete
     stopped: bool = False
     beyond: int = 0
-    empty: tuple[str, ...] = ()
+    empty: tuple[str, ...] = ()  # results that were asked for by `keep` and are NaN in every finished case
 
     def describe_empty(self) -> str:
         """Return a warning of results that are NaN in every finished case, "" where there are none."""
@@ -92,7 +81,7 @@ class SweepOutcome:
     @property
     def good(self) -> int:
         """Number of cases whose results are there."""
-        return sum(count for word, count in self.counts.items() if word in GOOD)
+        return sum(count for status, count in self.counts.items() if status in GOOD)
 
     @property
     def failed(self) -> int:
@@ -110,18 +99,7 @@ def run_sweep(
     stop_after: int | None = None,
     on_progress: ShowProgress | None = None,
 ) -> SweepOutcome:
-    """Compute the tasks of a plan that are not finished in a folder, and store them there.
-
-    work: plan, operation and outputs.
-    out: folder of the results; made if it does not exist.
-    engine: where the tasks run.
-    identity: what the results follow from; a folder of another identity is refused.
-    facts: attributes of the data set.
-    stop_after: stop once so many cases have failed, those of earlier runs included.
-    on_progress: called after every task.
-    Raises OutputError: the folder holds something else, another sweep is writing to it, or the disk is full.
-    What is finished stays, also after Ctrl-C; MissingExtraError: zarr is not installed.
-    """
+    """Compute the unfinished tasks of a folder of this identity; stop_after counts earlier failures too."""
     check_stop_after(stop_after)
     check_zarr()
     started = time.monotonic()
@@ -171,8 +149,8 @@ class _Run:
         self._show(0.0)
         if self._has_failed_enough():
             return
-        for item in stream:
-            self._store(item)
+        for finished in stream:
+            self._store(finished)
             self._show(time.monotonic() - started)
             if self._has_failed_enough():
                 return
@@ -184,17 +162,17 @@ class _Run:
             path, self.cases, counts, self.first_message, self.computed, seconds, self.damaged, self.stopped
         )
 
-    def _store(self, item: FinishedTask) -> None:
-        result = item.result
-        self.damaged += item.task.count if self.store.has_record(item.task.number) else 0
-        self.store.write(item.task.number, result, {"seconds": item.seconds, **item.facts})
-        self.computed += item.task.count
-        codes, places, numbers = np.unique(result.status, return_index=True, return_counts=True)
-        for code, place, number in zip(codes.tolist(), places.tolist(), numbers.tolist(), strict=True):
-            word = STATUSES[code]
-            self.counts[word] += number
-            if not result.is_good[place]:
-                self.first_message.setdefault(word, result.messages[place])
+    def _store(self, finished: FinishedTask) -> None:
+        result = finished.result
+        self.damaged += finished.task.count if self.store.has_record(finished.task.number) else 0
+        self.store.write(finished.task.number, result, {"seconds": finished.seconds, **finished.facts})
+        self.computed += finished.task.count
+        codes, indices, numbers = np.unique(result.status, return_index=True, return_counts=True)
+        for code, index, number in zip(codes.tolist(), indices.tolist(), numbers.tolist(), strict=True):
+            status = STATUSES[code]
+            self.counts[status] += number
+            if not result.is_good[index]:
+                self.first_message.setdefault(status, result.messages[index])
 
     def _progress(self, seconds: float) -> SweepProgress:
         state = self.outcome(self.store.path, seconds)

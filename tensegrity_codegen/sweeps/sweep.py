@@ -15,14 +15,11 @@ from tensegrity_codegen.sweeps.cases.build_cases import Stated, build_cases
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.sampled import Sampling
 from tensegrity_codegen.sweeps.describe import SceneSource, describe_facts, identify_sweep
-from tensegrity_codegen.sweeps.engines.cluster import Cluster, check_workers
-from tensegrity_codegen.sweeps.engines.dask_engine import DaskEngine
-from tensegrity_codegen.sweeps.engines.engine import Engine
-from tensegrity_codegen.sweeps.engines.local import LocalEngine
+from tensegrity_codegen.sweeps.engines.dask_engine import Cluster, DaskEngine, check_workers
+from tensegrity_codegen.sweeps.engines.engine import Engine, LocalEngine
 from tensegrity_codegen.sweeps.plan_sweep import PlannedSweep, plan_sweep
 from tensegrity_codegen.sweeps.run import ShowProgress, SweepOutcome, check_stop_after, check_zarr, run_sweep
-from tensegrity_codegen.sweeps.store.folder import check_store_folder, open_sweep
-from tensegrity_codegen.sweeps.store.identity import check_same_sweep
+from tensegrity_codegen.sweeps.store.folder import check_same_sweep, check_store_folder, open_sweep
 from tensegrity_codegen.system.checks import check_callback, check_instance, check_switch
 from tensegrity_codegen.system.forked import count_workers
 
@@ -31,14 +28,13 @@ from tensegrity_codegen.system.forked import count_workers
 class PreparedSweep:
     """A sweep that is planned and whose folder is known to be new, or to hold the same sweep.
 
-    planned: cases, libraries, tasks, estimated time and size; identity, facts: what the results follow from,
-    and what else is kept with them; workers: number of processes on this machine, or a cluster.
+    identity, facts: what the results follow from, and what else is kept with them.
     """
 
-    planned: PlannedSweep
+    planned: PlannedSweep  # cases, libraries, tasks, estimated time and size
     identity: Mapping[str, Any] = field(repr=False)
     facts: Mapping[str, Any] = field(repr=False)
-    workers: int | Cluster
+    workers: int | Cluster  # number of processes on this machine, or a cluster
 
     def run(
         self,
@@ -47,13 +43,7 @@ class PreparedSweep:
         stop_after: int | None = None,
         on_progress: ShowProgress | None = None,
     ) -> SweepOutcome:
-        """Compute what is not finished in a folder.
-
-        out: folder of the results (.zarr); stop_after: stop once so many cases have failed; on_progress:
-        called with a `SweepProgress` after every task.
-        Raises OutputError: the folder holds something else, is in use, or the disk is full; ClusterError: no
-        scheduler, no workers, or workers with other versions.
-        """
+        """Compute what is not finished in a folder (.zarr), with progress after every task."""
         engine: Engine = (
             DaskEngine(self.workers.address, self.workers.wait)
             if isinstance(self.workers, Cluster)
@@ -81,22 +71,9 @@ def prepare_sweep(
     yes: bool = False,
     option: str = "yes",
 ) -> PreparedSweep:
-    """Plan a sweep, the tasks as in its folder where that holds a part of it.
-
-    scene: as for `read_scene`.
-    cases: as from `build_cases`.
-    operation: as from `build_analysis`.
-    out: folder of the results.
-    workers: number of processes, by default one a core; or a cluster.
-    task_size: most cases of a task; by default so many that a task takes about half a second.
-    yes: whether more than 50 libraries are meant.
-    option: how messages name `yes`.
-    Returns the plan, ready to run. Raises OutputError: the folder cannot be made, or holds something else or
-    another sweep; the message names what differs; SceneError, FormulationError, CompilerMissingError,
-    CompileError: as for `plan_sweep`.
-    """
-    place = check_workers(workers)
-    count = count_workers() if isinstance(place, Cluster) else place
+    """Plan a sweep, the tasks as in its folder where that holds a part of it."""
+    resources = check_workers(workers)
+    count = count_workers() if isinstance(resources, Cluster) else resources
     identity = identify_sweep(scene, cases, operation)
     stored = None
     if out is not None:
@@ -107,7 +84,7 @@ def prepare_sweep(
         task_size = stored.task_size
     operation = operation.prepared(scene)
     planned = plan_sweep(scene, cases, operation, task_size=task_size, workers=count, yes=yes, option=option)
-    return PreparedSweep(planned, identity, describe_facts(scene, planned.work.plan, operation), place)
+    return PreparedSweep(planned, identity, describe_facts(scene, planned.work.plan, operation), resources)
 
 
 def sweep(
@@ -209,15 +186,15 @@ def sweep(
     )
     operation = build_analysis(do, keep, **options)
     prepared = prepare_sweep(scene, cases, operation, out=out, workers=workers, task_size=task_size, yes=yes)
-    rest: dict[str, Any] = {"stop_after": stop_after, "on_progress": on_progress}
+    run_options: dict[str, Any] = {"stop_after": stop_after, "on_progress": on_progress}
     if out is not None:
         try:
-            return _open_outcome(prepared.run(out, **rest))
+            return _open_outcome(prepared.run(out, **run_options))
         except KeyboardInterrupt as error:
             error.add_note(f"{out} keeps what is finished; the same call goes on where it stopped")
             raise
     with tempfile.TemporaryDirectory(prefix="tensegrity_codegen-") as folder:
-        return _open_outcome(prepared.run(Path(folder) / "sweep.zarr", **rest)).load()
+        return _open_outcome(prepared.run(Path(folder) / "sweep.zarr", **run_options)).load()
 
 
 def _open_outcome(outcome: SweepOutcome) -> Any:

@@ -24,8 +24,7 @@ from tensegrity_codegen.analyses.control import SweptControl
 from tensegrity_codegen.cli.verbs.sweep import build_commands
 from tensegrity_codegen.control.feedback.study.control_study import measure_run
 from tensegrity_codegen.control.feedback.study.linear_loop import build_linear_loop, find_margins
-from tensegrity_codegen.sweeps.apply.assembler import build_assembler
-from tensegrity_codegen.sweeps.apply.slots import hash_constants
+from tensegrity_codegen.sweeps.apply.assembler import build_assembler, hash_constants
 from tensegrity_codegen.sweeps.summary.results import read_results
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tensegrity_codegen.system.errors import (

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.engines.local import LocalEngine
+from tensegrity_codegen.sweeps.engines.engine import LocalEngine
 from tensegrity_codegen.sweeps.run import SweepOutcome, SweepProgress, run_sweep
 from tensegrity_codegen.sweeps.store.folder import find_finished, open_sweep
 from tensegrity_codegen.system.errors import InvalidValueError, OutputError

@@ -13,7 +13,7 @@ import pytest
 from tensegrity_codegen.analyses.cases.registry import build_analysis
 from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.sweeps.cases.sampled import Sampling
-from tensegrity_codegen.sweeps.engines.cluster import Cluster
+from tensegrity_codegen.sweeps.engines.dask_engine import Cluster
 from tensegrity_codegen.sweeps.sweep import sweep
 from tensegrity_codegen.system.errors import (
     InvalidValueError,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.engines.cluster import Cluster
+from tensegrity_codegen.sweeps.engines.dask_engine import Cluster
 from tensegrity_codegen.sweeps.store.folder import find_finished
 from tensegrity_codegen.sweeps.sweep import sweep
 
@@ -36,7 +36,7 @@ OPTIONS: dict[str, Any] = {
 CLIENT = """
 import sys, time
 from tests.sweeps.test_sweep_on_cluster import OPTIONS, SCENE
-from tensegrity_codegen.sweeps.engines.cluster import Cluster
+from tensegrity_codegen.sweeps.engines.dask_engine import Cluster
 from tensegrity_codegen.sweeps.sweep import sweep
 def slow(progress):
     time.sleep(3600 if progress.computed >= 40 else 0)

@@ -11,8 +11,7 @@ from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.sweeps.key_schema import Bounds
-from tensegrity_codegen.sweeps.keys import Steps
+from tensegrity_codegen.sweeps.keys import Bounds, Steps
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
 
 INPUT = "input"
@@ -38,17 +37,13 @@ VECTORS = ("node_load", GUST, "node_position", "anchor_position", "node_velocity
 
 @dataclass(frozen=True)
 class ArrayKey:
-    """Some entries of one array of the structure, which all take the value of the key.
+    """Some entries of one array of the structure, which all take the value of the key."""
 
-    text: the key as it was given; array: field of the structure, or ``"input"``; rows: members, nodes,
-    coordinates or inputs; axis: column of a vector; -1 of a scalar; bounds: which numbers are allowed.
-    """
-
-    text: str
-    array: str
-    rows: tuple[int, ...]
-    axis: int
-    bounds: Bounds
+    text: str  # the key as it was given
+    array: str  # field of the structure, or ``"input"``
+    rows: tuple[int, ...]  # members, nodes, coordinates or inputs
+    axis: int  # column of a vector; -1 of a scalar
+    bounds: Bounds  # which numbers are allowed
 
     @property
     def place(self) -> tuple[object, ...]:
@@ -65,32 +60,21 @@ class ArrayKey:
 
 
 def find_array_key(text: str, steps: Steps, subject: Subject, where: str) -> ArrayKey:
-    """Return the entries that a key names.
-
-    Raises UnknownKeyError (no such name), InvalidValueError (an axis too few or too many, a value that the
-    member, node or axis does not have).
-    """
+    """Return the entries that a key names; raises UnknownKeyError or InvalidValueError."""
     array = str(steps[0])
-    known = _list_names(array, subject)
-    if not known:
-        words = "a scene of bodies" if isinstance(subject, BodySystem) else "a scene of nodes"
+    rows_by_name = _list_names(array, subject)
+    if not rows_by_name:
+        scene_kind = "a scene of bodies" if isinstance(subject, BodySystem) else "a scene of nodes"
         is_input = array == "input"
-        raise InvalidValueError(
-            "the scene has no inputs" if is_input else f"{words} has no such values",
-            where=key_path(where, array),
-            given=text,
-            hint="state them under [[inputs]] or [[actuators]]" if is_input else "",
-        )
-    if len(steps) < 2 or steps[1] not in known:
-        given = str(steps[1]) if len(steps) > 1 else ""
-        raise UnknownKeyError(
-            "unknown name" if given else "the name is missing",
-            where=key_path(where, *steps),
-            given=text,
-            allowed=f"{array}.NAME" + ("[axis]" if array in VECTORS else ""),
-            hint=suggest(given, known),
-        )
-    rows = known[str(steps[1])]
+        problem = "the scene has no inputs" if is_input else f"{scene_kind} has no such values"
+        hint = "state them under [[inputs]] or [[actuators]]" if is_input else ""
+        raise InvalidValueError(problem, where=key_path(where, array), given=text, hint=hint)
+    if len(steps) < 2 or steps[1] not in rows_by_name:
+        name = str(steps[1]) if len(steps) > 1 else ""
+        problem = "unknown name" if name else "the name is missing"
+        allowed, hint = f"{array}.NAME" + ("[axis]" if array in VECTORS else ""), suggest(name, rows_by_name)
+        raise UnknownKeyError(problem, where=key_path(where, *steps), given=text, allowed=allowed, hint=hint)
+    rows = rows_by_name[str(steps[1])]
     axis = _find_axis(text, steps, array, where)
     known_bounds = {**MEMBER_BOUNDS, **NODE_BOUNDS, **COORDINATE_BOUNDS, GUST_TIME: NOT_NEGATIVE}
     bounds = known_bounds.get(array, Bounds())
@@ -102,22 +86,21 @@ def find_array_key(text: str, steps: Steps, subject: Subject, where: str) -> Arr
 def _list_names(array: str, subject: Subject) -> Mapping[str, tuple[int, ...]]:
     """Return what may be named of an array, with its rows; nothing if the structure has no such array."""
     if array == INPUT:
-        names = [item.name for item in subject.inputs]
+        names = [source.name for source in subject.inputs]
         return {name: (row,) for row, name in enumerate(names)}
     if array == GUST_TIME:
         return {name: (row,) for row, name in enumerate(GUST_TIMES)}
     if array in MEMBER_BOUNDS:
         classes = dict.fromkeys(subject.member_class)
         of_class = {
-            word: tuple(e for e, other in enumerate(subject.member_class) if other == word)
-            for word in classes
+            name: tuple(e for e, kind in enumerate(subject.member_class) if kind == name) for name in classes
         }
         single = {name: (row,) for row, name in enumerate(subject.member_name)}
         return {**{name: rows for name, rows in of_class.items() if name}, **subject.groups, **single}
     if isinstance(subject, BodySystem) and array in COORDINATE_BOUNDS:
         return {name: (row,) for row, name in enumerate(subject.coordinate_name)}
-    known = ("node_load", GUST) if isinstance(subject, BodySystem) else NODE_BOUNDS
-    return {name: (row,) for row, name in enumerate(subject.node_name)} if array in known else {}
+    arrays = ("node_load", GUST) if isinstance(subject, BodySystem) else NODE_BOUNDS
+    return {name: (row,) for row, name in enumerate(subject.node_name)} if array in arrays else {}
 
 
 def _find_axis(text: str, steps: Steps, array: str, where: str) -> int:
@@ -127,9 +110,8 @@ def _find_axis(text: str, steps: Steps, array: str, where: str) -> int:
     if array in VECTORS and len(steps) == 3 and axis in (0, 1, 2):
         return int(axis)
     allowed = f"{array}.{steps[1]}" + ("[0], [1] or [2]" if array in VECTORS else "")
-    raise InvalidValueError(
-        "not the path of a number", where=key_path(where, *steps), given=text, allowed=allowed
-    )
+    problem = "not the path of a number"
+    raise InvalidValueError(problem, where=key_path(where, *steps), given=text, allowed=allowed)
 
 
 def _check_entries_exist(
@@ -149,9 +131,5 @@ def _check_entries_exist(
     else:
         return
     if lacking:
-        raise InvalidValueError(
-            f"{problem}: {names[lacking[0]]}",
-            where=key_path(where, field),
-            given=text,
-            allowed="one that has it",
-        )
+        problem = f"{problem}: {names[lacking[0]]}"
+        raise InvalidValueError(problem, where=key_path(where, field), given=text, allowed="one that has it")

@@ -28,8 +28,7 @@ from tensegrity_codegen.structure.ground import CHANGEABLE
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.rigid_bars import find_rigid_bars
 from tensegrity_codegen.sweeps.apply.array_keys import ArrayKey
-from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, FileKey
-from tensegrity_codegen.sweeps.apply.slots import OF_MEMBERS, list_slots
+from tensegrity_codegen.sweeps.apply.assembler import OF_MEMBERS, AssembledCase, FileKey, list_slots
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.laws import LINEAR
@@ -40,13 +39,10 @@ Entry = tuple[str, int]  # slot, and place in it as one row
 
 @dataclass(frozen=True, eq=False)
 class StatedValues:
-    """One number of each of some members, NaN where it has none: factor * key, or a constant.
+    """One number of each of some members, NaN where it has none: factor * key, or a constant."""
 
-    keys: (n,) of int, -1 for a constant; factors: (n,), the constant there.
-    """
-
-    keys: IntArray
-    factors: FloatArray
+    keys: IntArray  # (n,) of int, -1 for a constant
+    factors: FloatArray  # (n,), the constant there
 
     def compute(self, values: FloatArray) -> FloatArray:
         """Return the numbers in cases with these values (n_cases, n_keys), (n_cases, n)."""
@@ -55,39 +51,32 @@ class StatedValues:
 
 @dataclass(frozen=True, eq=False)
 class RestLengths:
-    """Rest lengths that follow from prestress, strain and stiffness of members that keep their lengths.
+    """Rest lengths that follow from prestress, strain and stiffness of members that keep their lengths."""
 
-    members: (n,) of int; length: (n,) [m]; stated: numbers of STATED, (n,) each; tension_only: (n,) of bool.
-    """
-
-    members: IntArray
-    length: FloatArray
-    stated: Mapping[str, StatedValues]
-    tension_only: NDArray[np.bool_]
+    members: IntArray  # (n,) of int
+    length: FloatArray  # (n,) [m]
+    stated: Mapping[str, StatedValues]  # numbers of STATED, (n,) each
+    tension_only: NDArray[np.bool_]  # (n,) of bool
 
     def compute(self, values: FloatArray) -> FloatArray:
         """Return rest lengths [m] of cases, (n_cases, n); NaN where there is none."""
-        given = {name: stated.compute(values) for name, stated in self.stated.items()}
-        tension, strain = given["prestress"], given["strain"]
+        numbers = {name: stated.compute(values) for name, stated in self.stated.items()}
+        tension, strain = numbers["prestress"], numbers["strain"]
         length = np.broadcast_to(self.length, tension.shape)
         with np.errstate(all="ignore"):
-            rest = LINEAR.find_rest_length(length, np.nan_to_num(tension), given)
-            rest = np.where(np.isnan(strain), rest, length / (1 + strain))
-            allowed = (rest > 0) & np.isfinite(rest) & ~(self.tension_only & (tension < 0))
-        return np.where(allowed, rest, np.nan)
+            rest_length = LINEAR.find_rest_length(length, np.nan_to_num(tension), numbers)
+            rest_length = np.where(np.isnan(strain), rest_length, length / (1 + strain))
+            allowed = (rest_length > 0) & np.isfinite(rest_length) & ~(self.tension_only & (tension < 0))
+        return np.where(allowed, rest_length, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
 class DirectKeys:
-    """What follows from keys without the scene being assembled.
+    """What follows from keys without the scene being assembled."""
 
-    entries: the key of each entry that takes the value of one; rest_lengths: those by formulas, None without;
-    keys: all that are served.
-    """
-
-    entries: Mapping[Entry, int]
-    rest_lengths: RestLengths | None
-    keys: frozenset[int]
+    entries: Mapping[Entry, int]  # the key of each entry that takes the value of one
+    rest_lengths: RestLengths | None  # those by formulas, None without
+    keys: frozenset[int]  # all that are served
 
     def find_used_keys(self, slots: Collection[str]) -> set[int]:
         """Return the keys that some of these slots follow from."""
@@ -117,7 +106,7 @@ def find_direct_keys(
     direct: dict[int, list[Entry]] = {k: reader.find_array_entries(key) for k, key in of_array.items()}
     direct |= {k: reader.find_entries(key.path.steps) for k, key in of_file.items()}
     stated = {k: reader.find_stated(key.path.steps, values[k]) for k, key in of_file.items()}
-    stated = {k: found for k, found in stated.items() if found}
+    stated = {k: multiples for k, multiples in stated.items() if multiples}
     served = {k for k in chosen if direct[k] or k in stated}
     rest_lengths = None
     if len(served) < len(chosen):
@@ -148,13 +137,13 @@ class _KeyReader:
             self.members = list_parts(self.scene, "scene").members
         # Gains of temperature follow from rest lengths, pieces and masses of cables from those of the whole.
         stated = [*self.scene.classes.values(), *self.members.values()]
-        self.has_derived = any(isinstance(item, TemperatureInput) for item in self.scene.inputs) or any(
-            item.segments is not None or item.mass_per_length is not None for item in stated
+        self.has_derived = any(isinstance(entry, TemperatureInput) for entry in self.scene.inputs) or any(
+            entry.segments is not None or entry.mass_per_length is not None for entry in stated
         )
         names = self.subject.member_name
         # Of members of other laws the constants depend on stiffness and rest length.
-        others = [np.asarray(item) != 0 for item in self.subject.law_parameter.values()]
-        is_other = np.any([np.zeros(len(names), dtype=np.bool_), *others], axis=0)
+        law_flags = [np.asarray(entry) != 0 for entry in self.subject.law_parameter.values()]
+        is_other = np.any([np.zeros(len(names), dtype=np.bool_), *law_flags], axis=0)
         self.other_law = {name for name, flag in zip(names, is_other.tolist(), strict=True) if flag}
 
     def find_array_entries(self, key: ArrayKey) -> list[Entry]:
@@ -181,8 +170,8 @@ class _KeyReader:
             case ("loads", int(number), "force", int(place)):
                 load = self.scene.loads[number]
                 # Loads on one node add up.
-                others = [item for item in self.scene.loads if isinstance(item, Load) and item is not load]
-                if not isinstance(load, Load) or load.node in {item.node for item in others}:
+                forces = [entry for entry in self.scene.loads if isinstance(entry, Load)]
+                if not isinstance(load, Load) or [entry.node for entry in forces].count(load.node) > 1:
                     return []
                 row = self.subject.node_name.index(load.node)
                 return self._in_vectors("node_load", row, self._axis(place, len(load.force)))
@@ -217,26 +206,27 @@ class _KeyReader:
             return []
         if tuple(steps) == ("shape", "prestress") and self.scene.shape is not None:
             made = {
-                name: item.prestress
-                for name, item in self.members.items()
-                if name not in self.scene.members and item.prestress is not None
+                name: member.prestress
+                for name, member in self.members.items()
+                if name not in self.scene.members and member.prestress is not None
             }
             if made.keys() & self.other_law:
                 return []
-            shares = {names.index(name): prestress / value for name, prestress in made.items()}
-            return [("prestress", row, share) for row, share in shares.items() if not self.rigid[row]]
+            factors = {names.index(name): prestress / value for name, prestress in made.items()}
+            return [("prestress", row, factor) for row, factor in factors.items() if not self.rigid[row]]
         match steps:
             case (_, str(name), str(word)) if word in STATED:
                 rows = self._find_rows(steps[0], name, word)
-                given = {row: self._read_stated(row) for row in rows}
-                follows = [row for row in rows if {"prestress", "strain"} & given[row].keys()]
+                values = {row: self._read_stated(row) for row in rows}
+                follows = [row for row in rows if {"prestress", "strain"} & values[row].keys()]
                 return [(word, row, 1.0) for row in follows]
         return []
 
     def build_rest_lengths(self, stated: Mapping[int, list[tuple[str, int, float]]]) -> RestLengths:
         """Return the rest lengths of the members that keys state something of."""
-        members = np.array(sorted({row for found in stated.values() for _, row, _ in found}), dtype=np.int64)
-        place = {row: number for number, row in enumerate(members.tolist())}
+        rows = {row for factors in stated.values() for _, row, _ in factors}
+        members = np.array(sorted(rows), dtype=np.int64)
+        index = {row: number for number, row in enumerate(members.tolist())}
         # Lengths are those of the scene, without what keys of arrays move.
         subject, _ = assemble_scene(self.scene)
         position = (
@@ -247,40 +237,38 @@ class _KeyReader:
         }
         for name in STIFFNESS:
             columns[name].factors[:] = getattr(subject, name)[members]
-        for row, number in place.items():
+        for row, number in index.items():
             for name, value in self._read_stated(row).items():
                 columns[name].factors[number] = value
-        for key, found in stated.items():
-            for name, row, factor in found:
-                columns[name].keys[place[row]], columns[name].factors[place[row]] = key, factor
+        for key, factors in stated.items():
+            for name, row, factor in factors:
+                columns[name].keys[index[row]], columns[name].factors[index[row]] = key, factor
         length = subject.strands.lengths(position)[members]
         return RestLengths(members, length, columns, subject.tension_only[members])
 
     def _find_rows(self, section: object, name: str, word: str) -> list[int]:
-        """Return the linear members that take this value from there; none if one of another law does.
-
-        None either where cables pass rings with friction, whose strands share values of the whole cable.
-        """
+        """Return the linear members that take this value from there; none with another law or rings."""
         if not isinstance(self.subject, BodySystem) and self.subject.sliding:
             return []
-        group = next((item for item in ALTERNATIVES if word in item), (word,))
-        found = []
-        for row, other in enumerate(self.subject.member_name):
-            item = self.members[other]
-            own = any(getattr(item, key, None) is not None for key in group)
-            of_class = section == "classes" and item.class_name == name and not own
-            if (of_class or (section in ("members", "tendons") and other == name)) and not self.rigid[row]:
-                found.append(row)
-        is_linear = word == "damping" or not {self.subject.member_name[row] for row in found} & self.other_law
-        return found if is_linear else []
+        group = next((keys for keys in ALTERNATIVES if word in keys), (word,))
+        rows = []
+        for row, other_name in enumerate(self.subject.member_name):
+            member = self.members[other_name]
+            stated = any(getattr(member, key, None) is not None for key in group)
+            of_class = section == "classes" and member.class_name == name and not stated
+            is_named = section in ("members", "tendons") and other_name == name
+            if (of_class or is_named) and not self.rigid[row]:
+                rows.append(row)
+        is_linear = word == "damping" or not {self.subject.member_name[row] for row in rows} & self.other_law
+        return rows if is_linear else []
 
     def _read_stated(self, row: int) -> dict[str, float]:
         """Return prestress [N] or strain of a member, by its own or its class's values."""
-        item = self.members[self.subject.member_name[row]]
-        own = any(getattr(item, key) is not None for key in ("rest_length", "prestress", "strain"))
-        source = item if own or item.class_name is None else self.scene.classes[item.class_name]
-        given = {name: getattr(source, name) for name in ("prestress", "strain")}
-        return {name: value for name, value in given.items() if value is not None}
+        member = self.members[self.subject.member_name[row]]
+        has_value = any(getattr(member, key) is not None for key in ("rest_length", "prestress", "strain"))
+        source = member if has_value or member.class_name is None else self.scene.classes[member.class_name]
+        values = {name: getattr(source, name) for name in ("prestress", "strain")}
+        return {name: value for name, value in values.items() if value is not None}
 
     def _find_state(self, array: str, row: int, axis: int) -> list[Entry]:
         """Return the entry of a position or velocity of a node along an axis."""
@@ -293,7 +281,7 @@ class _KeyReader:
             return self._in_vectors("anchor_position", row, axis)
         same = (self.subject.coordinate_node_axis == (row, axis)).all(axis=1)
         slot = "coordinate" if is_position else "velocity"
-        return [(slot, place) for place in np.flatnonzero(same).tolist()]
+        return [(slot, index) for index in np.flatnonzero(same).tolist()]
 
     def _in_vectors(self, slot: str, row: int, axis: int) -> list[Entry]:
         """Return the entry of an axis of a row of vectors, none of an axis that is not modelled."""

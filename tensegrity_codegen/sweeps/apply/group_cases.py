@@ -8,10 +8,17 @@ import numpy as np
 
 from tensegrity_codegen.analyses.cases.quantities import GUST, GUST_TIME, OF_LOOPS
 from tensegrity_codegen.sweeps.apply.array_keys import ArrayKey
-from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler
+from tensegrity_codegen.sweeps.apply.assembler import (
+    STATE,
+    AssembledCase,
+    CaseAssembler,
+    flatten_slots,
+    hash_constants,
+    list_slots,
+    name_changed,
+)
 from tensegrity_codegen.sweeps.apply.direct_keys import NO_DIRECT_KEYS, DirectKeys, find_direct_keys
 from tensegrity_codegen.sweeps.apply.mapper import CaseGroup, CaseMapper
-from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots, name_changed
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
@@ -35,28 +42,21 @@ class _Probe:
     @property
     def entries(self) -> FloatArray:
         """All slots in one row."""
-        return np.concatenate([part.ravel() for part in list_slots(self.case).values()])
+        return flatten_slots(list_slots(self.case))
 
 
 def find_groups(
     assembler: CaseAssembler, cases: Cases, *, yes: bool = False, option: str = "yes"
 ) -> tuple[CaseGroup, ...]:
-    """Return the cases by the library that they share.
-
-    assembler: the scene and the keys, in the order of those of the cases; yes: whether more than
-    MOST_LIBRARIES libraries are meant; option: how messages name `yes`.
-    Returns every case is in one group; cases that are no scene are in that of their neighbours, and get a
-    message when they are applied. Raises TensegrityError: no case is a scene: the error of the first one;
-    InvalidValueError: keys that change the library take too many values.
-    """
+    """Return the cases by the library that they share, those that are no scene with their neighbours."""
     finder = _GroupFinder(assembler, cases)
     probes = finder.try_rows(range(cases.count))
     keys = finder.find_code_keys(probes)
     if not keys:
         return (finder.build_group(0, probes, range(cases.count)),)
-    parts = finder.divide(keys, probes, yes, option)
+    row_sets = finder.divide(keys, probes, yes, option)
     return tuple(
-        finder.build_group(number, finder.try_rows(rows), rows, keys) for number, rows in enumerate(parts)
+        finder.build_group(number, finder.try_rows(rows), rows, keys) for number, rows in enumerate(row_sets)
     )
 
 
@@ -81,11 +81,11 @@ class _GroupFinder:
         spread = [0, count - 1, *self.random.integers(0, count, MOST_TRIED).tolist()]
         tried = list(dict.fromkeys(spread))
         good: list[_Probe] = []
-        for place in tried:
-            number = int(rows[place])
-            found = self.probe(self.cases.values(number, number + 1)[0])
-            if found is not None:
-                good.append(found)
+        for index in tried:
+            number = int(rows[index])
+            probe = self.probe(self.cases.values(number, number + 1)[0])
+            if probe is not None:
+                good.append(probe)
             if len(good) == 4:
                 break
         if not good:
@@ -102,62 +102,65 @@ class _GroupFinder:
 
     def find_code_keys(self, probes: Sequence[_Probe]) -> tuple[int, ...]:
         """Return the keys of which the constants of the library depend, () where all probes share one."""
-        if len({item.constants for item in probes}) == 1:
+        if len({probe.constants for probe in probes}) == 1:
             return ()
         base = probes[0]
-        found = [
+        code_keys = [
             key
             for key in range(len(self.assembler.keys))
             if any(
-                other.values[key] != base.values[key] and self._differs(base, key, other.values[key])
-                for other in probes[1:]
+                second.values[key] != base.values[key] and self._differs(base, key, second.values[key])
+                for second in probes[1:]
             )
         ]
-        return tuple(found) or tuple(range(len(self.assembler.keys)))
+        return tuple(code_keys) or tuple(range(len(self.assembler.keys)))
 
-    def _differs(self, base: _Probe, key: int, value: float) -> bool:
+    def _change_key(self, base: _Probe, key: int, value: float) -> _Probe | None:
         values = base.values.copy()
         values[key] = value
-        probe = self.probe(values)
+        return self.probe(values)
+
+    def _differs(self, base: _Probe, key: int, value: float) -> bool:
+        probe = self._change_key(base, key, value)
         return probe is not None and probe.constants != base.constants
 
     def divide(
         self, keys: tuple[int, ...], probes: Sequence[_Probe], yes: bool, option: str
     ) -> list[range | IntArray]:
         """Return the cases of each library, those that are no scene with the cases of the first one."""
-        most = MOST_CONFIRMED if yes else MOST_LIBRARIES
+        limit = MOST_CONFIRMED if yes else MOST_LIBRARIES
         option = "" if yes else option
-        labels, sets = self._label_sets(keys, 20 * most)
+        labels, sets = self._label_sets(keys, 20 * limit)
         if not labels.size:
-            self._refuse(keys, probes, most, option)
+            self._refuse(keys, probes, limit, option)
         hashes: list[str] = []
         distinct: dict[str, int] = {}
         for number in range(len(sets)):
             hashes.append(self._hash_set(labels, number))
             if hashes[-1]:
                 distinct.setdefault(hashes[-1], len(distinct))
-            if len(distinct) > most:
-                self._refuse(keys, probes, most, option)
+            if len(distinct) > limit:
+                self._refuse(keys, probes, limit, option)
         if not distinct:
             self._raise_nothing_good(min(MOST_TRIED, self.cases.count))
-        group = np.array([distinct[item] if item else 0 for item in hashes], dtype=np.int64)
-        parts: list[range | IntArray] = []
+        group = np.array([distinct[digest] if digest else 0 for digest in hashes], dtype=np.int64)
+        row_sets: list[range | IntArray] = []
         for number in range(len(distinct)):
             rows = np.flatnonzero(group[labels] == number)
             is_whole = len(rows) > 0 and rows[-1] - rows[0] + 1 == len(rows)
-            parts.append(range(int(rows[0]), int(rows[-1]) + 1) if is_whole else rows)
-        return parts
+            row_sets.append(range(int(rows[0]), int(rows[-1]) + 1) if is_whole else rows)
+        return row_sets
 
     def _label_sets(self, keys: tuple[int, ...], most: int | None) -> tuple[IntArray, dict[bytes, int]]:
         """Return the number of the set of values of each case, and the sets; no numbers if too many."""
         sets: dict[bytes, int] = {}
         labels = np.empty(self.cases.count, dtype=np.int64)
-        for first in range(0, self.cases.count, BLOCK):
-            last = min(first + BLOCK, self.cases.count)
-            values = np.ascontiguousarray(self.cases.values(first, last)[:, keys])
+        for start in range(0, self.cases.count, BLOCK):
+            stop = min(start + BLOCK, self.cases.count)
+            values = np.ascontiguousarray(self.cases.values(start, stop)[:, keys])
             unique, inverse = np.unique(values, axis=0, return_inverse=True)
             numbers = [sets.setdefault(row.tobytes(), len(sets)) for row in unique]
-            labels[first:last] = np.array(numbers, dtype=np.int64)[inverse.ravel()]
+            labels[start:stop] = np.array(numbers, dtype=np.int64)[inverse.ravel()]
             if most is not None and len(sets) > most:
                 return labels[:0], sets
         return labels, sets
@@ -179,12 +182,11 @@ class _GroupFinder:
         option: str,
     ) -> None:
         names = ", ".join(self.assembler.keys[key].text for key in keys)
-        changed = next(
-            (found for item in probes[1:] if (found := name_changed(probes[0].case, item.case))), []
-        )
-        what = f", since {' and '.join(changed)} cannot change at run time" if changed else ""
+        changes = (name_changed(probes[0].case, probe.case) for probe in probes[1:])
+        changed = next((names for names in changes if names), [])
+        reason = f", since {' and '.join(changed)} cannot change at run time" if changed else ""
         raise InvalidValueError(
-            f"more than {most:,} libraries for the values of {names}{what}",
+            f"more than {most:,} libraries for the values of {names}{reason}",
             where=self.assembler.where,
             allowed=f"up to {most:,} libraries"
             + (f"; up to {MOST_CONFIRMED:,} with {option}" if option else ""),
@@ -206,7 +208,7 @@ class _GroupFinder:
         of_keys = sorted({*varies, *keys, *gusts})
         direct = find_direct_keys(base.case, self.assembler.keys, base.values, of_keys)
         indirect = [k for k in of_keys if k not in direct.keys]
-        tried = [base, *(item for item in (*probes, *at_ends) if item is not None)]
+        tried = [base, *(probe for probe in (*probes, *at_ends) if probe is not None)]
         varying = _find_varying(tried, slots, direct)
         parameters = _choose_parameters(base.case, slots, varying)
         mapper = CaseMapper(
@@ -231,9 +233,7 @@ class _GroupFinder:
     def _is_idle(self, key: int, base: _Probe, ends: FloatArray) -> bool:
         """Return whether neither end of a key, changed alone, changes an entry or the library."""
         for value in {ends[:, key].min(), ends[:, key].max()}:
-            values = base.values.copy()
-            values[key] = value
-            probe = self.probe(values)
+            probe = self._change_key(base, key, value)
             if probe is None or probe.constants != base.constants:
                 return False
             if not np.array_equal(probe.entries, base.entries):
@@ -241,41 +241,35 @@ class _GroupFinder:
         return True
 
     def _find_ends(self, rows: range | IntArray) -> tuple[FloatArray, list[int]]:
-        """Return the allowed cases with the least and the largest value of each key, and the keys that vary.
-
-        Of more than MOST_KEYS_ALONE keys only the first ones have their cases.
-        """
-        least = np.full(len(self.cases.keys), np.inf)
-        largest, at = -least, np.full((2, len(least)), -1)
-        for first in range(0, len(rows), BLOCK):
-            numbers = np.asarray(rows[first : first + BLOCK], dtype=np.int64)
+        """Return allowed cases with the limits of the first MOST_KEYS_ALONE keys, and varying keys."""
+        lower = np.full(len(self.cases.keys), np.inf)
+        upper, at = -lower, np.full((2, len(lower)), -1)
+        for start in range(0, len(rows), BLOCK):
+            numbers = np.asarray(rows[start : start + BLOCK], dtype=np.int64)
             values = self.cases.select(numbers)
             inside = self.assembler.in_bounds(values)
             if not inside.any():
                 continue
             values, numbers = values[inside], numbers[inside]
-            for sign, best in ((1, least), (-1, largest)):
-                place = (sign * values).argmin(axis=0)
-                found = values[place, np.arange(values.shape[1])]
-                better = sign * found < sign * best
-                best[better] = found[better]
-                at[(1 - sign) // 2, better] = numbers[place][better]
+            for sign, best in ((1, lower), (-1, upper)):
+                index = (sign * values).argmin(axis=0)
+                extreme = values[index, np.arange(values.shape[1])]
+                better = sign * extreme < sign * best
+                best[better] = extreme[better]
+                at[(1 - sign) // 2, better] = numbers[index][better]
         ends = at[:, :MOST_KEYS_ALONE]
-        return self.cases.select(np.unique(ends[ends >= 0])), np.flatnonzero(least < largest).tolist()
+        return self.cases.select(np.unique(ends[ends >= 0])), np.flatnonzero(lower < upper).tolist()
 
 
 def _find_varying(probes: Sequence[_Probe], slots: Mapping[str, FloatArray], direct: DirectKeys) -> IntArray:
-    """Return the entries, of all slots in one row, that differ between probes or follow from direct keys.
-
-    And inputs that are not zero in all cases: those of a library are zero.
-    """
+    """Return the entries that differ between probes or follow from direct keys, and non-zero inputs."""
     starts = dict(zip(slots, accumulate((array.size for array in slots.values()), initial=0), strict=False))
     entries = list(direct.entries)
     if direct.rest_lengths is not None:
         entries += [("rest_length", row) for row in direct.rest_lengths.members.tolist()]
-    named = np.array([starts[slot] + place for slot, place in entries], dtype=np.int64)
+    named = np.array([starts[slot] + index for slot, index in entries], dtype=np.int64)
     named = np.concatenate([named, starts["input"] + np.flatnonzero(slots["input"])])
-    same = np.array([item.entries for item in probes if item.constants == probes[0].constants])
+    same = np.array([probe.entries for probe in probes if probe.constants == probes[0].constants])
     return np.union1d(named, np.flatnonzero((same != same[0]).any(axis=0)))
 
 

@@ -7,15 +7,20 @@ scene is assembled again; cases that agree in these keys share one assembly.
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.sweeps.apply.assembler import CaseAssembler
+from tensegrity_codegen.sweeps.apply.assembler import (
+    WITHOUT_ROWS,
+    CaseAssembler,
+    flatten_slots,
+    hash_constants,
+    list_slots,
+)
 from tensegrity_codegen.sweeps.apply.direct_keys import DirectKeys
-from tensegrity_codegen.sweeps.apply.slots import WITHOUT_ROWS, hash_constants, list_slots
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.request import ModelRequest
@@ -25,11 +30,10 @@ from tensegrity_codegen.tables.request import ModelRequest
 class AppliedCases:
     """What a library takes for some cases, and which cases are no scene.
 
-    arguments (n_cases, ...): arguments that differ from case to case, by name: ``"coordinate"`` and
-        ``"velocity"`` at the start, run-time parameters, ``"input"``. Other arguments have the nominal values
-        of the library.
-    messages: "" for a good case; else why the values of the case are no scene (status ``bad_input``). The
-        rows of such cases in `arguments` are NaN.
+    arguments: (n_cases, ...) arguments that differ from case to case, by name: ``"coordinate"`` and
+    ``"velocity"`` at the start, run-time parameters, ``"input"``. Other arguments have the nominal values
+    of the library; messages: "" for a good case; else why the values of the case are no scene (status
+    ``bad_input``). The rows of such cases in `arguments` are NaN.
     """
 
     arguments: dict[str, FloatArray]
@@ -38,43 +42,26 @@ class AppliedCases:
     @property
     def good(self) -> NDArray[np.bool_]:
         """(n_cases,): which cases are scenes."""
-        return np.array([not text for text in self.messages], dtype=np.bool_)
-
-
-class Mapper(Protocol):
-    """A picklable function from the values of cases to arguments."""
-
-    def __call__(self, values: FloatArray) -> AppliedCases:
-        """Return what the library takes for cases with these values, (n_cases, n_keys)."""
-        ...
+        return np.array([not message for message in self.messages], dtype=np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
 class CaseGroup:
     """The cases that one library serves.
 
-    number: place among the groups of the plan, from 0.
-    hash: hash of the structure without what varies, and of the request: equal groups, equal libraries.
-    structure: the structure of the first good case of the group, from which the library is built.
     request: the request of the scene, with the run-time parameters that the keys need; without what
-        operations need, which `CaseAnalysis.needs` adds.
-    rows: numbers of its cases, ascending.
-    mapper: from values to arguments.
+    operations need, which `CaseAnalysis.needs` adds.
     """
 
-    number: int
-    hash: str
-    structure: Subject
+    number: int  # place among the groups of the plan, from 0
+    hash: str  # hash of the structure without what varies, and of the request: equal groups, equal libraries
+    structure: Subject  # the structure of the first good case of the group, from which the library is built
     request: ModelRequest
-    rows: range | NDArray[np.int64]
-    mapper: Mapper = field(repr=False)
+    rows: range | NDArray[np.int64]  # numbers of its cases, ascending
+    mapper: "CaseMapper" = field(repr=False)  # from values to arguments
 
     def arguments(self, values: FloatArray) -> AppliedCases:
-        """Return what the library takes for cases of this group.
-
-        values (n_cases, n_keys): values of the cases, from `Cases.values` or `Cases.select`. Returns
-        arguments by name, and messages of the cases that are no scene.
-        """
+        """Return the arguments of the library for cases of this group with values (n_cases, n_keys)."""
         return self.mapper(values)
 
     def rows_between(self, first: int, last: int) -> NDArray[np.int64]:
@@ -94,28 +81,19 @@ OTHER_LIBRARY = "the values of this case need another library than those of its 
 class CaseMapper:
     """From values to arguments; picklable.
 
-    assembler: the scene and its keys.
-    base (n_keys,): values of a case of the group that is a scene.
-    template: all slots of that case, see `list_slots`.
-    constants: hash of what the cases of the group have in common.
-    varying (n_varying,): entries, of all slots in one row, that differ between cases.
-    direct: entries that are computed from keys without the scene being assembled.
-    indirect_keys: keys that vary and are not direct.
-    parameters: rows of the run-time parameters of the library, in its order.
-    idle_keys: keys of `indirect_keys` that change no entry where only one of them changes.
-    assembles_all: whether every case has to be assembled, since its values may be no scene although each is
-        allowed.
+    idle_keys: keys of `indirect_keys` that change no entry where only one of them changes; assembles_all:
+    whether every case has to be assembled, since its values may be no scene although each is allowed;
     cache: entries and message of each assembly, by the bytes of the indirect keys' values.
     """
 
-    assembler: CaseAssembler
-    base: FloatArray
-    template: Mapping[str, FloatArray]
-    constants: str
-    varying: IntArray
-    direct: DirectKeys
-    indirect_keys: tuple[int, ...]
-    parameters: Mapping[str, tuple[int, ...]]
+    assembler: CaseAssembler  # the scene and its keys
+    base: FloatArray  # (n_keys,) values of a case of the group that is a scene
+    template: Mapping[str, FloatArray]  # all slots of that case, see `list_slots`
+    constants: str  # hash of what the cases of the group have in common
+    varying: IntArray  # (n_varying,) entries, of all slots in one row, that differ between cases
+    direct: DirectKeys  # entries that are computed from keys without the scene being assembled
+    indirect_keys: tuple[int, ...]  # keys that vary and are not direct
+    parameters: Mapping[str, tuple[int, ...]]  # rows of the run-time parameters of the library, in its order
     idle_keys: tuple[int, ...] = ()
     assembles_all: bool = False
     cache: dict[bytes, tuple[FloatArray, str]] = field(default_factory=dict, repr=False)
@@ -137,8 +115,8 @@ class CaseMapper:
             # Cases of equal values share one assembly, in which direct keys have their values of the base.
             indirect_values = np.ascontiguousarray(values[:, list(self.indirect_keys)])
             for row in np.flatnonzero(~needs_own_assembly).tolist():
-                entries[row], text = self._assemble_cached(indirect_values[row])
-                needs_own_assembly[row] = bool(text)
+                entries[row], message = self._assemble_cached(indirect_values[row])
+                needs_own_assembly[row] = bool(message)
         good = np.flatnonzero(~needs_own_assembly)
         needs_own_assembly[good] = ~self._fill_direct(values, good, entries)
         # A case that is no scene says why; assembled with its own direct values it may be one.
@@ -159,17 +137,17 @@ class CaseMapper:
         is_good = np.ones(len(rows), dtype=np.bool_)
         rest_lengths = self.direct.rest_lengths
         if rest_lengths is not None:
-            places = self._find_places([("rest_length", row) for row in rest_lengths.members.tolist()])
-            n_at_once = max(MAX_REST_LENGTHS_AT_ONCE // len(places), 1)
-            for first in range(0, len(rows), n_at_once):
-                rows_at_once = rows[first : first + n_at_once]
+            columns = self._find_places([("rest_length", row) for row in rest_lengths.members.tolist()])
+            n_at_once = max(MAX_REST_LENGTHS_AT_ONCE // len(columns), 1)
+            for start in range(0, len(rows), n_at_once):
+                rows_at_once = rows[start : start + n_at_once]
                 computed = rest_lengths.compute(values[rows_at_once])
-                entries[np.ix_(rows_at_once, places)] = computed
-                is_good[first : first + n_at_once] = ~np.isnan(computed).any(axis=1)
+                entries[np.ix_(rows_at_once, columns)] = computed
+                is_good[start : start + n_at_once] = ~np.isnan(computed).any(axis=1)
         # These come last: keys of arrays replace rest lengths that follow from others.
-        places = self._find_places(list(self.direct.entries))
+        columns = self._find_places(list(self.direct.entries))
         keys = np.array([*self.direct.entries.values()], dtype=np.int64)
-        entries[np.ix_(rows, places)] = values[np.ix_(rows, keys)]
+        entries[np.ix_(rows, columns)] = values[np.ix_(rows, keys)]
         return is_good
 
     def _assemble_cached(self, indirect_values: FloatArray) -> tuple[FloatArray, str]:
@@ -192,7 +170,7 @@ class CaseMapper:
             return no_entries, str(error)
         if hash_constants(case) != self.constants:
             return no_entries, OTHER_LIBRARY
-        all_entries = np.concatenate([part.ravel() for part in list_slots(case).values()])
+        all_entries = flatten_slots(list_slots(case))
         is_constant = np.ones(len(all_entries), dtype=np.bool_)
         is_constant[self.varying] = False
         if not np.array_equal(all_entries[is_constant], self._flat_template[is_constant]):
@@ -201,7 +179,7 @@ class CaseMapper:
 
     @cached_property
     def _flat_template(self) -> FloatArray:
-        return np.concatenate([part.ravel() for part in self.template.values()])
+        return flatten_slots(self.template)
 
     @cached_property
     def _slot_starts(self) -> dict[str, int]:
@@ -211,7 +189,7 @@ class CaseMapper:
 
     def _find_places(self, entries: list[tuple[str, int]]) -> IntArray:
         """Return the places of entries in `varying`."""
-        flat = np.array([self._slot_starts[slot] + place for slot, place in entries], dtype=np.int64)
+        flat = np.array([self._slot_starts[slot] + index for slot, index in entries], dtype=np.int64)
         return np.searchsorted(self.varying, flat)
 
     def _build_arguments(self, entries: FloatArray) -> dict[str, FloatArray]:

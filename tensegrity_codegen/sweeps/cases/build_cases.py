@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases, Points
-from tensegrity_codegen.sweeps.cases.distributions import read_count, read_number
-from tensegrity_codegen.sweeps.cases.sampled import build_sample
+from tensegrity_codegen.sweeps.cases.sampled import build_sample, read_count, read_number
 from tensegrity_codegen.sweeps.cases.table import to_table
 from tensegrity_codegen.sweeps.keys import parse_path
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
@@ -50,38 +49,34 @@ def build_cases(
     distribution or table, a key stated twice, too many cases.
     """
     names = ("over", "sample", "table", "n", "seed", "sampling", "yes")
-    words = {name: name for name in names} | dict(options or {})
-    axes = [(key, given) for key, given in _pairs(over, words["over"], RANGE_RULE)]
-    drawn = _pairs(sample, words["sample"], "normal(m,s), uniform(a,b), lognormal(m,s)")
-    points = _build_points(drawn, table, n, seed, method, words)
+    option_names = {name: name for name in names} | dict(options or {})
+    axes = [(key, stated) for key, stated in _pairs(over, option_names["over"], RANGE_RULE)]
+    drawn = _pairs(sample, option_names["sample"], "normal(m,s), uniform(a,b), lognormal(m,s)")
+    points = _build_points(drawn, table, n, seed, method, option_names)
     keys = [*(key for key, _ in axes), *(points.keys if points else ())]
-    _check_keys(keys, words)
+    _check_keys(keys, option_names)
     for option, pairs in (("over", axes), ("sample", drawn)):
         for key, _ in pairs:
-            parse_path(key, words[option])
-    cases = Cases(tuple(read_axis(key, given, f"{words['over']} {key}") for key, given in axes), points)
-    _check_count(cases, yes, words)
+            parse_path(key, option_names[option])
+    grid = (read_axis(key, stated, f"{option_names['over']} {key}") for key, stated in axes)
+    cases = Cases(tuple(grid), points)
+    _check_count(cases, yes, option_names)
     return cases
 
 
 def _pairs(given: Stated, where: str, rule: str) -> list[tuple[str, Any]]:
     """Return pairs of key and what is stated for it, from texts KEY=... or a mapping."""
     if isinstance(given, Mapping):
-        return [(str(key), item) for key, item in given.items()]
+        return [(str(key), stated) for key, stated in given.items()]
     if given is not None and (not isinstance(given, Iterable) or getattr(given, "ndim", 1) != 1):
-        raise InvalidValueError(
-            "not keys with their values",
-            where=where,
-            given=given,
-            allowed=f"a dictionary of keys, or texts KEY={rule}",
-        )
+        allowed = f"a dictionary of keys, or texts KEY={rule}"
+        raise InvalidValueError("not keys with their values", where=where, given=given, allowed=allowed)
     pairs = []
-    for text in [given] if isinstance(given, str) else () if given is None else given:
-        key, equals, value = str(text).partition("=")
+    for pair in [given] if isinstance(given, str) else () if given is None else given:
+        key, equals, value = str(pair).partition("=")
         if not (equals and key.strip() and value.strip()):
-            raise InvalidValueError(
-                "not of the form KEY=VALUES", where=where, given=text, allowed=f"KEY={rule}"
-            )
+            problem = "not of the form KEY=VALUES"
+            raise InvalidValueError(problem, where=where, given=pair, allowed=f"KEY={rule}")
         pairs.append((key.strip(), value.strip()))
     return pairs
 
@@ -90,19 +85,15 @@ def _build_points(
     drawn: list[tuple[str, Any]], table: Any, n: Any, seed: Any, method: str, words: Mapping[str, str]
 ) -> Points | None:
     if drawn and table is not None:
-        raise InvalidValueError(
-            "a sample and a table together",
-            where=words["sample"],
-            given=drawn[0][0],
-            allowed=f"{words['sample']} or {words['table']}, each also with {words['over']}",
-        )
+        problem = "a sample and a table together"
+        allowed = f"{words['sample']} or {words['table']}, each also with {words['over']}"
+        raise InvalidValueError(problem, where=words["sample"], given=drawn[0][0], allowed=allowed)
     if not drawn:
         _check_no_sample(n, seed, method, words)
         return None if table is None else to_table(table, words["table"])
     if n is None:
-        raise InvalidValueError(
-            "the number of samples is missing", where=words["n"], allowed="a whole number from 1 on"
-        )
+        problem = "the number of samples is missing"
+        raise InvalidValueError(problem, where=words["n"], allowed="a whole number from 1 on")
     return build_sample(drawn, n, seed, method, words["sample"])
 
 
@@ -113,39 +104,28 @@ def _check_no_sample(n: Any, seed: Any, method: Any, words: Mapping[str, str]) -
         ("seed", seed, seed not in (0, None), "a seed"),
         ("sampling", method, method not in ("random", None), "a way of sampling"),
     )
-    for name, given, is_stated, what in stated:
+    for name, value, is_stated, setting in stated:
         if is_stated:
-            raise InvalidValueError(
-                f"{what} without distributions",
-                where=words[name],
-                given=given,
-                allowed=f"with {words['sample']} KEY=normal(m,s), for example",
-            )
+            problem = f"{setting} without distributions"
+            allowed = f"with {words['sample']} KEY=normal(m,s), for example"
+            raise InvalidValueError(problem, where=words[name], given=value, allowed=allowed)
 
 
 def _check_keys(keys: list[str], words: Mapping[str, str]) -> None:
     if not keys:
-        raise InvalidValueError(
-            "nothing varies",
-            where=f"{words['over']}, {words['sample']}, {words['table']}",
-            allowed="at least one key",
-            hint=f"{words['over']} shape.height=0.2:0.4:11",
-        )
+        location = f"{words['over']}, {words['sample']}, {words['table']}"
+        hint = f"{words['over']} shape.height=0.2:0.4:11"
+        raise InvalidValueError("nothing varies", where=location, allowed="at least one key", hint=hint)
     for key in keys:
         if keys.count(key) > 1:
-            raise DuplicateNameError(
-                "a key varies twice", where=words["over"], given=key, allowed="each key once"
-            )
+            problem = "a key varies twice"
+            raise DuplicateNameError(problem, where=words["over"], given=key, allowed="each key once")
 
 
 def _check_count(cases: Cases, yes: bool, words: Mapping[str, str]) -> None:
     if cases.points is not None and cases.points.count > LARGEST_SAMPLE:
-        raise InvalidValueError(
-            "too many samples",
-            where=words["n"],
-            given=cases.points.count,
-            allowed=f"up to {LARGEST_SAMPLE:,}",
-        )
+        problem, value = "too many samples", cases.points.count
+        raise InvalidValueError(problem, where=words["n"], given=value, allowed=f"up to {LARGEST_SAMPLE:,}")
     if cases.count > MOST_CASES and not yes:
         sizes = " x ".join(f"{size:,}" for size in cases.shape)
         raise InvalidValueError(
@@ -158,12 +138,7 @@ def _check_count(cases: Cases, yes: bool, words: Mapping[str, str]) -> None:
 
 
 def read_axis(key: str, given: Any, where: str) -> Axis:
-    """Return the axis of a key.
-
-    given: a text as `0:1:11`, `1:1000:4:log` or `1,2,5`, or a sequence of numbers. Raises InvalidValueError
-    (no range, an empty one, a logarithmic one with a bound that is not positive, a value twice) or
-    NonFiniteError.
-    """
+    """Return the axis of a key from a text as `0:1:11`, `1:1000:4:log` or `1,2,5`, or from numbers."""
     if isinstance(given, str):
         values = _read_range(given, where) if ":" in given else _read_list(given.split(","), given, where)
     elif isinstance(given, Iterable):
@@ -175,41 +150,35 @@ def read_axis(key: str, given: Any, where: str) -> Axis:
 
 
 def _read_range(text: str, where: str) -> np.ndarray[Any, np.dtype[np.float64]]:
-    parts = text.split(":")
-    if len(parts) not in (3, 4):
+    fields = text.split(":")
+    if len(fields) not in (3, 4):
         raise InvalidValueError("not a range", where=where, given=text, allowed=RANGE_RULE)
-    if len(parts) == 4 and parts[3].strip() != "log":
-        raise InvalidValueError("unknown spacing", where=where, given=parts[3], allowed="log, or nothing")
-    start, stop = read_number(parts[0], where, "start"), read_number(parts[1], where, "stop")
-    count = read_count(parts[2], where, "number of values")
+    if len(fields) == 4 and fields[3].strip() != "log":
+        raise InvalidValueError("unknown spacing", where=where, given=fields[3], allowed="log, or nothing")
+    start, stop = read_number(fields[0], where, "start"), read_number(fields[1], where, "stop")
+    count = read_count(fields[2], where, "number of values")
     if count > MOST_VALUES:
-        raise InvalidValueError(
-            "too many values", where=where, given=count, allowed=f"up to {MOST_VALUES:,} values of one key"
-        )
+        allowed = f"up to {MOST_VALUES:,} values of one key"
+        raise InvalidValueError("too many values", where=where, given=count, allowed=allowed)
     if start == stop and count > 1:
-        raise InvalidValueError(
-            "an empty range", where=where, given=text, allowed="a stop that is not the start, or one value"
-        )
-    if len(parts) == 3:
+        allowed = "a stop that is not the start, or one value"
+        raise InvalidValueError("an empty range", where=where, given=text, allowed=allowed)
+    if len(fields) == 3:
         return np.linspace(start, stop, count)
     if not (start > 0 and stop > 0):
-        raise InvalidValueError(
-            "a logarithmic range with a bound that is not positive",
-            where=where,
-            given=text,
-            allowed="bounds greater than 0",
-            hint=f"without log: {parts[0]}:{parts[1]}:{parts[2]}",
-        )
+        problem = "a logarithmic range with a bound that is not positive"
+        hint = f"without log: {fields[0]}:{fields[1]}:{fields[2]}"
+        raise InvalidValueError(problem, where=where, given=text, allowed="bounds greater than 0", hint=hint)
     return np.geomspace(start, stop, count)
 
 
 def _read_list(parts: Iterable[Any], given: Any, where: str) -> np.ndarray[Any, np.dtype[np.float64]]:
-    items = list(parts)
-    if not items or (len(items) == 1 and isinstance(items[0], str) and not items[0].strip()):
+    values = list(parts)
+    if not values or (len(values) == 1 and isinstance(values[0], str) and not values[0].strip()):
         raise InvalidValueError("no values", where=where, given=given, allowed=RANGE_RULE)
-    if any(isinstance(item, str) and not item.strip() for item in items):
+    if any(isinstance(value, str) and not value.strip() for value in values):
         raise InvalidValueError("a value is missing", where=where, given=given, allowed=RANGE_RULE)
-    return np.array([read_number(item, where, "value") for item in items])
+    return np.array([read_number(value, where, "value") for value in values])
 
 
 def _check_different(values: np.ndarray[Any, np.dtype[np.float64]], given: Any, where: str) -> None:
@@ -217,10 +186,5 @@ def _check_different(values: np.ndarray[Any, np.dtype[np.float64]], given: Any, 
     same = np.flatnonzero(ordered[1:] == ordered[:-1])
     if same.size:
         twice = f" (the value {float(ordered[same[0]])!r} appears twice)"
-        raise InvalidValueError(
-            f"values of a grid must differ{twice}",
-            where=where,
-            given=given,
-            allowed="each value once",
-            hint="give fewer values, or a wider range",
-        )
+        problem, hint = f"values of a grid must differ{twice}", "give fewer values, or a wider range"
+        raise InvalidValueError(problem, where=where, given=given, allowed="each value once", hint=hint)

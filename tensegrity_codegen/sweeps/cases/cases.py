@@ -17,14 +17,10 @@ MOST_LISTED = 1000  # values of an axis that a description lists; of longer ones
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One axis of a grid.
+    """One axis of a grid."""
 
-    key: path of the number in the scene, as ``"classes.cable.spring_constant"``; values (n_values,): its
-    values, in order; read-only.
-    """
-
-    key: str
-    values: NDArray[np.float64]
+    key: str  # path of the number in the scene, as ``"classes.cable.spring_constant"``
+    values: NDArray[np.float64]  # (n_values,) its values, in order; read-only
 
     def __post_init__(self) -> None:
         values = np.array(self.values, dtype=np.float64).reshape(-1)
@@ -89,17 +85,11 @@ class Cases:
         return self.points.seed if self.points else None
 
     def values(self, first: int = 0, last: int | None = None) -> NDArray[np.float64]:
-        """Return the values of some cases, in the order of the keys.
-
-        first, last: cases first to last - 1; by default all. Returns (last - first, n_keys): the values, each
-        bit the same however the cases are divided. Raises InvalidValueError: a range that is not among the
-        cases.
-        """
+        """Return the values of cases first to last - 1, by default all, (last - first, n_keys)."""
         last = self.count if last is None else last
         if not 0 <= first <= last <= self.count:
-            raise InvalidValueError(
-                "not a range of cases", where="first, last", given=(first, last), allowed=f"0 to {self.count}"
-            )
+            problem, value = "not a range of cases", (first, last)
+            raise InvalidValueError(problem, where="first, last", given=value, allowed=f"0 to {self.count}")
         return self.select(np.arange(first, last, dtype=np.int64))
 
     def select(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -108,18 +98,14 @@ class Cases:
         result = np.empty((len(numbers), len(self.keys)))
         grid = numbers // rows
         for column, axis in reversed(list(enumerate(self.axes))):
-            grid, place = np.divmod(grid, len(axis))
-            result[:, column] = axis.values[place]
+            grid, index = np.divmod(grid, len(axis))
+            result[:, column] = axis.values[index]
         if self.points is not None and len(numbers):
             result[:, len(self.axes) :] = _read_rows(self.points, numbers % rows)
         return result
 
     def describe(self) -> dict[str, Any]:
-        """Return what the cases follow from, as plain values: equal for equal sweeps, and for no others.
-
-        Returns method, count and keys; each axis with its values (of long ones the hash); the sample or
-        table.
-        """
+        """Return the sources of the cases as plain values: equal for equal sweeps, and for no others."""
         axes = [{"key": axis.key, "count": len(axis), **_describe_values(axis.values)} for axis in self.axes]
         points = {"points": self.points.describe()} if self.points else {}
         return {"method": self.method, "count": self.count, "keys": list(self.keys), "axes": axes, **points}

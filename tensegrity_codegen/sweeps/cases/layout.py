@@ -40,10 +40,10 @@ class CaseLayout:
         for axis in reversed(range(len(shape))):
             if inner * shape[axis] > task_size:
                 # Parts that are about equal and of whole lanes.
-                n, most = shape[axis], max(task_size // inner, 1)
-                part = -(-n // -(-n // most))
-                whole = -(-part // LANES) * LANES
-                chunk[axis] = whole if whole <= most else part
+                n, limit = shape[axis], max(task_size // inner, 1)
+                length = -(-n // -(-n // limit))
+                rounded = -(-length // LANES) * LANES
+                chunk[axis] = rounded if rounded <= limit else length
                 break
             chunk[axis] = shape[axis]
             inner *= shape[axis]
@@ -73,11 +73,11 @@ class CaseLayout:
         """Return the place of a task's box on the grid of boxes; IndexError for no task."""
         if not 0 <= task < self.n_tasks:
             raise IndexError(task)
-        place = []
+        position = []
         for n in reversed(self.grid):
             task, index = divmod(task, n)
-            place.append(index)
-        return tuple(reversed(place))
+            position.append(index)
+        return tuple(reversed(position))
 
     def box_of(self, task: int) -> tuple[slice, ...]:
         """Return the box of a task, one slice an axis."""
@@ -86,7 +86,7 @@ class CaseLayout:
 
     def cases_of(self, task: int) -> tuple[int, int]:
         """Return the cases (first, last) of a task, which are first to last - 1."""
-        first, last = 0, 0
-        for part, n in zip(self.box_of(task), self.shape, strict=True):
-            first, last = first * n + part.start, last * n + part.stop - 1
-        return first, last + 1
+        start, stop = 0, 0
+        for span, n in zip(self.box_of(task), self.shape, strict=True):
+            start, stop = start * n + span.start, stop * n + span.stop - 1
+        return start, stop + 1

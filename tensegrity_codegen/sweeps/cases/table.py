@@ -24,15 +24,11 @@ LARGEST_TABLE = 512 * 2**20  # bytes
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Rows of values that a file states.
+    """Rows of values that a file states."""
 
-    keys: columns, which are keys of the scene; rows (count, n_keys): the values; read-only; source: the file,
-    for messages.
-    """
-
-    keys: tuple[str, ...]
-    rows: NDArray[np.float64] = field(repr=False)
-    source: str = "table"
+    keys: tuple[str, ...]  # columns, which are keys of the scene
+    rows: NDArray[np.float64] = field(repr=False)  # (count, n_keys) the values; read-only
+    source: str = "table"  # the file, for messages
 
     method = "table"
     seed = None
@@ -53,45 +49,35 @@ class Table:
 
 
 def read_table(path: str | Path) -> Table:
-    """Read a table of cases.
-
-    path: CSV file: a header with keys of the scene, then a row of numbers for each case; separated by commas,
-    semicolons or tabs.
-    Raises SceneError: the file cannot be read; SceneSyntaxError: it is no table: empty, too large, or a row
-    with too few or too many cells; InvalidValueError, NonFiniteError, DuplicateNameError: a cell that is
-    empty, not a number or not finite; a column without a name or there twice; StructureError: there are no
-    rows.
-    """
+    """Read a CSV file (commas, semicolons or tabs): a header with keys, then a row of numbers a case."""
     file = Path(path)
     lines = read_lines(read_text(file, LARGEST_TABLE, "a table of cases"), file)
-    first = next(lines, None)
-    if first is None:
+    header_line = next(lines, None)
+    if header_line is None:
         raise SceneSyntaxError("the file has no header", where=str(file), allowed="a CSV table")
-    header = _read_header(first, file)
+    header = _read_header(header_line, file)
     numbers = array("d")
     for line, cells in lines:
-        _add_row(numbers, line, cells, header, len(first[1]), file)
+        _add_row(numbers, line, cells, header, len(header_line[1]), file)
     if not numbers:
         raise StructureError("the table has no cases", where=str(file), allowed="a row below the header")
     rows = np.frombuffer(numbers, dtype=np.float64).reshape(-1, len(header))
     rows.flags.writeable = False
-    return Table(tuple(header), rows, f"{file}: line {first[0]}")
+    return Table(tuple(header), rows, f"{file}: line {header_line[0]}")
 
 
 def _read_header(line: tuple[int, list[str]], file: Path) -> list[str]:
     number, header = line[0], list(line[1])
-    where = f"{file}: line {number}"
+    location = f"{file}: line {number}"
     while header and not header[-1]:
         header.pop()
-    for place, name in enumerate(header, 1):
+    for column, name in enumerate(header, 1):
         if not name:
-            raise InvalidValueError(
-                "a column without a name", where=where, given=f"column {place}", allowed="a key of the scene"
-            )
+            problem, value = "a column without a name", f"column {column}"
+            raise InvalidValueError(problem, where=location, given=value, allowed="a key of the scene")
         if header.count(name) > 1:
-            raise DuplicateNameError(
-                "a column appears twice", where=where, given=name, allowed="each column once"
-            )
+            problem = "a column appears twice"
+            raise DuplicateNameError(problem, where=location, given=name, allowed="each column once")
     return header
 
 
@@ -128,9 +114,8 @@ def build_table(rows: Any, keys: Sequence[str], where: str = "table") -> Table:
     except (TypeError, ValueError):
         values = np.empty(0)
     if values.ndim != 2 or values.shape[1] != len(keys) or not len(values):
-        raise InvalidValueError(
-            "not a table of numbers", where=where, given=rows, allowed=f"rows of {len(keys)} numbers"
-        )
+        problem = "not a table of numbers"
+        raise InvalidValueError(problem, where=where, given=rows, allowed=f"rows of {len(keys)} numbers")
     _check_finite(values, keys, where)
     values.flags.writeable = False
     return Table(tuple(keys), values, where)
@@ -140,12 +125,8 @@ def _check_finite(values: NDArray[np.float64], keys: Sequence[str], where: str) 
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         row, column = bad[0]
-        raise InvalidValueError(
-            "not a finite number",
-            where=f"{where}: row {row}, column {keys[column]}",
-            given=float(values[row, column]),
-            allowed="finite numbers",
-        )
+        location, value = f"{where}: row {row}, column {keys[column]}", float(values[row, column])
+        raise InvalidValueError("not a finite number", where=location, given=value, allowed="finite numbers")
 
 
 def to_table(table: Any, where: str = "table") -> Table:
@@ -156,16 +137,11 @@ def to_table(table: Any, where: str = "table") -> Table:
         return read_table(table)
     names = list(table.keys()) if hasattr(table, "keys") else []
     if not names or not all(isinstance(name, str) for name in names):
-        raise InvalidValueError(
-            "not a table",
-            where=where,
-            given=type(table).__name__,
-            allowed="a CSV file, a dictionary of key and column, or a DataFrame with keys as columns",
-        )
+        allowed = "a CSV file, a dictionary of key and column, or a DataFrame with keys as columns"
+        raise InvalidValueError("not a table", where=where, given=type(table).__name__, allowed=allowed)
     try:
         rows = np.stack([np.asarray(table[name], dtype=np.float64) for name in names], axis=1)
     except (TypeError, ValueError) as error:
-        raise InvalidValueError(
-            f"columns that do not make a table: {error}", where=where, allowed="numbers, equally many a key"
-        ) from None
+        problem = f"columns that do not make a table: {error}"
+        raise InvalidValueError(problem, where=where, allowed="numbers, equally many a key") from None
     return build_table(rows, names, where)

@@ -1,4 +1,4 @@
-"""The work of a worker: libraries by group, results of one task, outputs that several libraries share."""
+"""The plan of a sweep, known before it starts, and the work of a worker: libraries, results of one task."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,10 +12,70 @@ from tensegrity_codegen.analyses.cases.statuses import encode_status
 from tensegrity_codegen.pipeline.build_library import MANY_CALLS, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.apply.mapper import AppliedCases, CaseGroup
-from tensegrity_codegen.sweeps.plan import SweepPlan, Task
+from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.quantities import PARAMETERS
 from tensegrity_codegen.tables.request import ModelRequest
+
+
+@dataclass(frozen=True)
+class Task:
+    """Consecutive cases that one worker computes: one chunk of every array of results.
+
+    first, last: cases first to last - 1; groups: numbers of the groups that these cases belong to: one
+    unless keys vary that change the library.
+    """
+
+    number: int  # place among the tasks, from 0
+    first: int
+    last: int
+    groups: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of cases."""
+        return self.last - self.first
+
+
+@dataclass(frozen=True, eq=False)
+class SweepPlan:
+    """Cases, groups of cases that share a library, and tasks."""
+
+    cases: Cases
+    groups: tuple[CaseGroup, ...]  # cases by library
+    tasks: tuple[Task, ...]  # consecutive cases, boxes of a grid of cases (`CaseLayout`)
+    task_size: int  # largest number of cases of a task
+    seconds: float | None = None  # estimated time on one core [s]; None if it was not measured
+    bytes: int | None = None  # estimated size of the results before compression; None if unknown
+
+    @property
+    def layout(self) -> CaseLayout:
+        """How the cases lie in stored arrays."""
+        return CaseLayout.of(self.cases.shape, self.task_size)
+
+    def find_rows(self, task: Task) -> tuple[tuple[CaseGroup, NDArray[np.int64]], ...]:
+        """Return the groups of a task, each with the numbers of its cases in this task."""
+        return tuple(
+            (self.groups[number], self.groups[number].rows_between(task.first, task.last))
+            for number in task.groups
+        )
+
+
+def divide_cases(cases: Cases, groups: tuple[CaseGroup, ...], task_size: int) -> tuple[Task, ...]:
+    """Return tasks of at most `task_size` consecutive cases, boxes of the grid of cases (`CaseLayout`)."""
+    layout = CaseLayout.of(cases.shape, task_size)
+    ranges = [layout.cases_of(number) for number in range(layout.n_tasks)]
+    return tuple(
+        Task(
+            number,
+            start,
+            stop,
+            tuple(group.number for group in groups if len(group.rows_between(start, stop))),
+        )
+        for number, (start, stop) in enumerate(ranges)
+    )
+
 
 ON_ANCHORS = "member_length"
 
@@ -27,22 +87,17 @@ LoadModel = Callable[[CaseGroup], CompiledModel]
 class SweepWork:
     """All that a worker needs besides the libraries; processes hand it on by pickling.
 
-    plan: cases, groups and tasks; operation: what is computed for each case; outputs: the arrays of results;
     is_joint: whether libraries have other nodes or members, so that each fills its part of the arrays.
     """
 
-    plan: SweepPlan
-    operation: CaseAnalysis
-    outputs: tuple[Output, ...]
+    plan: SweepPlan  # cases, groups and tasks
+    operation: CaseAnalysis  # what is computed for each case
+    outputs: tuple[Output, ...]  # the arrays of results
     is_joint: bool = False
 
 
 def library_request(group: CaseGroup, operation: CaseAnalysis) -> ModelRequest:
-    """Return the request for the library of a group: what the operation needs and no more.
-
-    Where anchors move, a quantity is added that depends on each of them, so that the library has their
-    positions as an argument even if nothing but positions is kept.
-    """
+    """Return the request for the library of a group: needs of the operation, positions of moved anchors."""
     alone = operation.needs(group.structure, group.request).alone(group.request)
     moved = (ON_ANCHORS,) if "anchor_position" in group.request.parameters else ()
     return replace(alone, quantities=(*alone.quantities, *moved), solvers=group.request.solvers)
@@ -50,25 +105,24 @@ def library_request(group: CaseGroup, operation: CaseAnalysis) -> ModelRequest:
 
 def compute_task(work: SweepWork, task: Task, load: LoadModel) -> TaskResult:
     """Return the results of a task, cases in order; cases whose values are no scene are "bad_input"."""
-    arrays = {output.name: output.full_of_nan(task.count) for output in work.outputs}
-    status = np.full(task.count, encode_status("bad_input"), dtype=np.int8)
-    messages = [""] * task.count
+    empty = build_empty_result(work, task, "bad_input")
+    arrays, status, messages = empty.arrays, empty.status, list(empty.messages)
     for group, numbers in work.plan.find_rows(task):
         applied = group.arguments(work.plan.cases.select(numbers))
-        places, good = numbers - task.first, applied.good
-        for place, message in zip(places.tolist(), applied.messages, strict=True):
-            messages[place] = message
+        case_rows, good = numbers - task.first, applied.good
+        for row, message in zip(case_rows.tolist(), applied.messages, strict=True):
+            messages[row] = message
         if not good.any():
             continue
         model = load(group)
-        found = work.operation.run(model, select_arguments(model, applied), int(good.sum()))
-        own = work.operation.outputs(model.manifest) if work.is_joint else work.outputs
-        for name, inner in _place(own, work.outputs).items():
-            rows: Any = places[good] if inner is None else np.ix_(places[good], *inner)
-            arrays[name][rows] = found.arrays[name]
-        status[places[good]] = found.status
-        for place, message in zip(places[good].tolist(), found.messages, strict=True):
-            messages[place] = message
+        result = work.operation.run(model, select_arguments(model, applied), int(good.sum()))
+        outputs = work.operation.outputs(model.manifest) if work.is_joint else work.outputs
+        for name, inner in _place(outputs, work.outputs).items():
+            rows: Any = case_rows[good] if inner is None else np.ix_(case_rows[good], *inner)
+            arrays[name][rows] = result.arrays[name]
+        status[case_rows[good]] = result.status
+        for row, message in zip(case_rows[good].tolist(), result.messages, strict=True):
+            messages[row] = message
     return TaskResult(arrays, status, tuple(messages))
 
 
@@ -77,33 +131,33 @@ def select_arguments(model: CompiledModel, applied: AppliedCases) -> dict[str, N
     arguments = {name: array[applied.good] for name, array in applied.arguments.items()}
     if not any(name in PARAMETERS for name in arguments):
         return arguments
-    known = {item.name for item in model.manifest.arguments}
-    return {name: array for name, array in arguments.items() if name in known or name not in PARAMETERS}
+    valid_names = {argument.name for argument in model.manifest.arguments}
+    return {name: array for name, array in arguments.items() if name in valid_names or name not in PARAMETERS}
 
 
-def set_task_aside(work: SweepWork, task: Task, message: str) -> TaskResult:
-    """Return the results of a task that cannot be computed."""
+def build_empty_result(work: SweepWork, task: Task, status: str, message: str = "") -> TaskResult:
+    """Return the results of a task of which no case is computed."""
     arrays = {output.name: output.full_of_nan(task.count) for output in work.outputs}
-    status = np.full(task.count, encode_status("set_aside"), dtype=np.int8)
-    return TaskResult(arrays, status, (message,) * task.count)
+    codes = np.full(task.count, encode_status(status), dtype=np.int8)
+    return TaskResult(arrays, codes, (message,) * task.count)
 
 
 def _place(own: tuple[Output, ...], joint: tuple[Output, ...]) -> dict[str, Places]:
     """Return where the results of a library are in the stored arrays, by name; None: in all of them."""
     if own is joint:
         return {output.name: None for output in joint}
-    known = {output.name: output for output in joint}
-    return {output.name: find_places(output, known[output.name]) for output in own}
+    joint_outputs = {output.name: output for output in joint}
+    return {output.name: find_places(output, joint_outputs[output.name]) for output in own}
 
 
 @dataclass(eq=False)
 class Libraries:
     """Libraries by the number of their group.
 
-    operation: what the libraries are for; models: those that are loaded; a forked process has them too.
+    models: those that are loaded; a forked process has them too.
     """
 
-    operation: CaseAnalysis
+    operation: CaseAnalysis  # what the libraries are for
     models: dict[int, CompiledModel] = field(default_factory=dict)
 
     def load(self, group: CaseGroup) -> CompiledModel:
@@ -119,20 +173,15 @@ class Libraries:
 
 
 def join_outputs(parts: Sequence[tuple[Output, ...]]) -> tuple[Output, ...]:
-    """Return outputs that hold the results of several libraries.
-
-    parts: outputs of each library. Returns one for each name, in the order of first appearance. An axis with
-    labels, such as nodes or members, has those of all libraries; cases that lack one have NAN there. Raises
-    InvalidValueError: libraries differ in the size of an axis without labels, or in the axes of an output.
-    """
+    """Return outputs with the results of several libraries; axes with labels have those of all."""
     labels: dict[str, dict[Any, None]] = {}
-    first: dict[str, Output] = {}
+    outputs_by_name: dict[str, Output] = {}
     for outputs in parts:
         for output in outputs:
-            first.setdefault(output.name, output)
+            outputs_by_name.setdefault(output.name, output)
             for dim, names in output.coordinates.items():
                 labels.setdefault(dim, {}).update(dict.fromkeys(names))
-    joint = {name: _widen(output, labels) for name, output in first.items()}
+    joint = {name: _widen(output, labels) for name, output in outputs_by_name.items()}
     for outputs in parts:
         for output in outputs:
             _check_fits(output, joint[output.name])
@@ -149,24 +198,22 @@ def _widen(output: Output, labels: dict[str, dict[Any, None]]) -> Output:
 def _check_fits(output: Output, joint: Output) -> None:
     fixed = [k for k, dim in enumerate(output.dims) if dim not in joint.coordinates]
     if output.dims != joint.dims or any(output.shape[k] != joint.shape[k] for k in fixed):
-        raise InvalidValueError(
-            "results have another size in cases of another library",
-            where="keep",
-            given=f"{output.name}: {output.shape} and {joint.shape}",
-            allowed="results with the same axes in all cases, or with names of nodes or members",
-            hint="keep numbers, such as max(member_tension), or sweep these cases by themselves",
-        )
+        problem = "results have another size in cases of another library"
+        value = f"{output.name}: {output.shape} and {joint.shape}"
+        allowed = "results with the same axes in all cases, or with names of nodes or members"
+        hint = "keep numbers, such as max(member_tension), or sweep these cases by themselves"
+        raise InvalidValueError(problem, where="keep", given=value, allowed=allowed, hint=hint)
 
 
 def find_places(own: Output, joint: Output) -> tuple[NDArray[np.int64], ...] | None:
     """Return where a library's results are along the axes of the joint ones; None: everywhere."""
     if own.shape == joint.shape and dict(own.coordinates) == dict(joint.coordinates):
         return None
-    places = []
+    indices = []
     for dim, size in zip(own.dims, own.shape, strict=True):
         if dim in joint.coordinates:
             at = {name: k for k, name in enumerate(joint.coordinates[dim])}
-            places.append(np.array([at[name] for name in own.coordinates[dim]], dtype=np.int64))
+            indices.append(np.array([at[name] for name in own.coordinates[dim]], dtype=np.int64))
         else:
-            places.append(np.arange(size))
-    return tuple(places)
+            indices.append(np.arange(size))
+    return tuple(indices)

@@ -19,24 +19,20 @@ EQUAL = 0.05  # of the largest part of a direction: parts that count as equal
 
 @dataclass(frozen=True)
 class Undetermined:
-    """A direction of the numbers that the data do not show.
+    """A direction of the numbers that the data do not show."""
 
-    part: key -> its part, as a part of its value, the largest first; error: standard error along it, as a
-    part of the values.
-    """
-
-    part: Mapping[str, float]
-    error: float
+    part: Mapping[str, float]  # key -> its part, as a part of its value, the largest first
+    error: float  # standard error along it, as a part of the values
 
     def describe(self) -> str:
         """Return the direction in words: what may change together, and what alone is known."""
-        keys, parts = list(self.part), list(self.part.values())
+        keys, sizes = list(self.part), list(self.part.values())
         if len(keys) == 1:
             return f"{keys[0]} at all"
         named = f"{', '.join(keys[:-1])} and {keys[-1]}"
-        if max(parts) - min(parts) < EQUAL * max(parts):
+        if max(sizes) - min(sizes) < EQUAL * max(sizes):
             return f"the sizes of {named}, only their {'ratio' if len(keys) == 2 else 'ratios'}"
-        if len(keys) == 2 and abs(sum(parts)) < EQUAL * max(parts):
+        if len(keys) == 2 and abs(sum(sizes)) < EQUAL * max(sizes):
             return f"{named} apart, only their product"
         return "together " + ", ".join(f"{value:+.2g} of {key}" for key, value in self.part.items())
 
@@ -115,11 +111,11 @@ class Identification(Summarised):
     def facts(self) -> list[Fact]:
         """Return the values with their standard errors, then residual and noise."""
         rows = zip(self.key, self.value, self.standard_error, strict=True)
-        found = [(key, f"{value:.6g} +- {error:.2g}") for key, value, error in rows]
+        values = [(key, f"{value:.6g} +- {error:.2g}") for key, value, error in rows]
         noise = [
             (f"noise of {kind}", describe_number(size, KINDS[kind][0])) for kind, size in self.noise.items()
         ]
-        return [*found, ("residual over noise", f"{self.residual:.3g}"), *noise]
+        return [*values, ("residual over noise", f"{self.residual:.3g}"), *noise]
 
     def as_evidence(self) -> dict[str, Any]:
         """Return all results by name, JSON-ready."""
@@ -142,8 +138,8 @@ class Identification(Summarised):
             "whiteness": self.whiteness,
             "held_out": self.held_out,
             "undetermined": [
-                {"part": dict(item.part), "error": item.error, "text": item.describe()}
-                for item in self.undetermined
+                {"part": dict(direction.part), "error": direction.error, "text": direction.describe()}
+                for direction in self.undetermined
             ],
             "without_influence": list(self.without_influence),
             "n_values": self.n_values,
@@ -168,10 +164,7 @@ class Identification(Summarised):
             The file cannot be written, or exists.
         """
         if not self.document:
-            raise InvalidValueError(
-                "some of the numbers are of the assembled structure, and no scene states them",
-                where=str(path),
-                given=", ".join(self.key),
-                allowed="numbers of the scene, as members.NAME.rest_length",
-            )
+            problem = "some of the numbers are of the assembled structure, and no scene states them"
+            allowed = "numbers of the scene, as members.NAME.rest_length"
+            raise InvalidValueError(problem, where=str(path), given=", ".join(self.key), allowed=allowed)
         write_scene(dict(self.document), path, overwrite=overwrite)

@@ -58,19 +58,15 @@ KNOT_SIZE = 0.01  # size of the knots of an input that are all zero, in the unit
 
 def _find_knot(text: str, schedule: Profile | None, where: str) -> tuple[str, int]:
     """Return input and number of a knot; raises InvalidValueError or UnknownNameError where there is none."""
-    found = KNOT.fullmatch(text)
-    assert found is not None
-    name, number = found[1], int(found[2])
+    knot = KNOT.fullmatch(text)
+    assert knot is not None
+    name, number = knot[1], int(knot[2])
     if schedule is None:
         raise InvalidValueError("there is no profile", where=where, given=text, allowed="inputs over time")
     check_choice(name, schedule.values, "input of the profile", where)
     if number >= len(schedule.time):
-        raise InvalidValueError(
-            "the profile has fewer knots",
-            where=where,
-            given=text,
-            allowed=f"profile.{name}[0] to profile.{name}[{len(schedule.time) - 1}]",
-        )
+        allowed = f"profile.{name}[0] to profile.{name}[{len(schedule.time) - 1}]"
+        raise InvalidValueError("the profile has fewer knots", where=where, given=text, allowed=allowed)
     return name, number
 
 
@@ -96,27 +92,27 @@ class KeyedMotion(KeyedScene):
         backwards: bool = False,
     ) -> None:
         check_instance(settings.method, str, "method", "the name of an integrator")
-        knots = [text for text in keys if KNOT.fullmatch(text)]
-        super().__init__(scene, [text for text in keys if text not in knots])
+        knots = [key for key in keys if KNOT.fullmatch(key)]
+        super().__init__(scene, [key for key in keys if key not in knots])
         self.settings, self.n_scene = settings, len(self.keys)
-        self.knots = tuple(_find_knot(text, settings.schedule, self.assembler.where) for text in knots)
+        self.knots = tuple(_find_knot(key, settings.schedule, self.assembler.where) for key in knots)
         if self.knots:
             self.keys = (*self.keys, *knots)
             self.start = np.append(self.start, [self._schedule.values[name][k] for name, k in self.knots])
             largest = [float(np.abs(self._schedule.values[name]).max()) for name, _ in self.knots]
             self.size = np.append(self.size, [size or KNOT_SIZE for size in largest])
         request = self.group.request
-        wanted = find_needs("simulate", self.structure, request, method=settings.method).alone(request)
+        needs = find_needs("simulate", self.structure, request, method=settings.method).alone(request)
         # What columns are along, as parts of each key.
         self.mix = np.eye(len(self.keys))
         if backwards:
             self.mix = np.random.default_rng(0).choice([-1.0, 1.0], (len(self.keys), 1))
         names = ("all",) if backwards else self.keys
-        wanted = replace(wanted, directions=names, batch_width=0, keep=(), interfaces=(), flags="native")
+        needs = replace(needs, directions=names, batch_width=0, keep=(), interfaces=(), flags="native")
         # Forces of contacts are not measured, and take longer than the motion.
-        needed = [name for name in wanted.quantities if name not in CONTACT_QUANTITIES]
-        wanted = replace(wanted, quantities=(*needed, "tension_column", *(BACKWARDS if backwards else ())))
-        built = build_library(self.structure, wanted, compiler=compiler, calls=MANY_CALLS)
+        needed = [name for name in needs.quantities if name not in CONTACT_QUANTITIES]
+        needs = replace(needs, quantities=(*needed, "tension_column", *(BACKWARDS if backwards else ())))
+        built = build_library(self.structure, needs, compiler=compiler, calls=MANY_CALLS)
         self.model: CompiledModel = built.load()
 
     @property
@@ -125,46 +121,38 @@ class KeyedMotion(KeyedScene):
         return self.settings.schedule
 
     def build_schedule(self, values: FloatArray, direction: FloatArray | None = None) -> Profile | None:
-        """Return the inputs over time with values (n_keys,) of the keys, and what columns are along.
-
-        direction: (n_directed, n_columns), what does not change with time; None leaves it out.
-        """
+        """Return the inputs over time with values (n_keys,) and directions (n_directed, n_columns)."""
         if not self.knots:
             return self.settings.schedule
-        found = {name: np.array(column) for name, column in self._schedule.values.items()}
+        courses = {name: np.array(column) for name, column in self._schedule.values.items()}
         for (name, k), value in zip(self.knots, values[self.n_scene :], strict=True):
-            found[name][k] = value
+            courses[name][k] = value
         if direction is not None:
             rows = np.tile(direction, (len(self._schedule.time), 1, 1))
-            first = direction.shape[0] - len(self.model.manifest.input_name)
+            first_input = direction.shape[0] - len(self.model.manifest.input_name)
             for column, (name, k) in enumerate(self.knots, start=self.n_scene):
-                row = first + self.model.manifest.input_name.index(name)
+                row = first_input + self.model.manifest.input_name.index(name)
                 rows[k, row] += self.size[column] * self.mix[column]
-            found["direction"] = rows
-        return Profile(self._schedule.time, found, self._schedule.kind)
+            courses["direction"] = rows
+        return Profile(self._schedule.time, courses, self._schedule.kind)
 
     def differentiate(self, values: FloatArray) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-        """Return the arguments of the library for values (n_keys,), and their derivatives (..., n_keys).
-
-        The derivatives are to each value over its size at the start.
-        """
+        """Return arguments for values (n_keys,), and derivatives (..., n_keys) to values over their sizes."""
         count = self.n_scene
         rows = self.vary(values[:count], np.zeros(0), STEP)
-        found = self.apply(rows)
+        arguments = self.apply(rows)
         over = (np.diagonal(rows[1 : count + 1]) - np.diagonal(rows[count + 1 :])) / self.size[:count]
         slopes = {}
-        for name, value in found.items():
-            own = np.moveaxis(value[1 : count + 1] - value[count + 1 :], 0, -1) / over
-            slopes[name] = np.concatenate([own, np.zeros((*own.shape[:-1], len(values) - count))], axis=-1)
-        return {name: value[0] for name, value in found.items()}, slopes
+        for name, value in arguments.items():
+            change = np.moveaxis(value[1 : count + 1] - value[count + 1 :], 0, -1) / over
+            unchanged = np.zeros((*change.shape[:-1], len(values) - count))
+            slopes[name] = np.concatenate([change, unchanged], axis=-1)
+        return {name: value[0] for name, value in arguments.items()}, slopes
 
     def find_loss_of_meaning(
         self, values: FloatArray, data: Measurements, slopes: FloatArray
     ) -> float | None:
-        """Return the first time [s] from which derivatives mean nothing, None where they do to the end.
-
-        slopes: (n_t, n_channels, n_keys); they are compared with those of steps a hundred times as accurate.
-        """
+        """Return the first time [s] from which slopes (n_t, n_channels, n_keys) mean nothing, or None."""
         _, exact = self.observe(values, data, len(data.time), accuracy=FINER)
         size = np.maximum.accumulate(np.abs(exact).max(axis=1), axis=0)
         error = np.abs(slopes - exact).max(axis=1)
@@ -174,74 +162,59 @@ class KeyedMotion(KeyedScene):
     def observe(
         self, values: FloatArray, data: Measurements, until: int, accuracy: float = 1.0
     ) -> tuple[FloatArray, FloatArray]:
-        """Return what is measured at the times before `until`, and its derivatives (..., n_keys).
-
-        accuracy: the relative tolerance is divided by it. Raises ConvergenceError where the motion fails.
-        """
+        """Return measured values before `until`, and derivatives (..., n_keys); raises ConvergenceError."""
         time = data.time[:until]
         run = self.run(values, time if time[0] == 0.0 else np.concatenate([[0.0], time]), accuracy)
         if run.motion.status != "ok":
-            raise ConvergenceError(
-                f"the motion fails: {run.motion.message}",
-                where=self.assembler.where,
-                hint="values of the scene nearer to what was measured, or a shorter time",
-            )
-        places: list[Any] = [(item, (slice(-len(time), None), *item.place)) for item in data.channels]
+            problem = f"the motion fails: {run.motion.message}"
+            hint = "values of the scene nearer to what was measured, or a shorter time"
+            raise ConvergenceError(problem, where=self.assembler.where, hint=hint)
+        rows: list[Any] = [(channel, (slice(-len(time), None), *channel.place)) for channel in data.channels]
         return (
-            np.stack([run.find(item.quantity)[place] for item, place in places], axis=1),
-            np.stack([getattr(run, item.quantity)[place] for item, place in places], axis=1),
+            np.stack([run.find(channel.quantity)[index] for channel, index in rows], axis=1),
+            np.stack([getattr(run, channel.quantity)[index] for channel, index in rows], axis=1),
         )
 
     def run(self, values: FloatArray, times: FloatArray, accuracy: float = 1.0) -> "MotionSlopes":
         """Return the motion at sample times (n_t,), the first 0, with values (n_keys,) of the keys."""
-        given = self._give(values)
+        run_inputs = self._give(values)
         motion = simulate(
             self.model,
             float(times[-1]),
             samples=times,
             method=self.settings.method,
             rtol=self.settings.rtol / accuracy,
-            arguments=given.arguments | given.columns,
-            schedule=given.schedule,
-            coordinate=given.coordinate,
-            velocity=given.velocity,
+            **run_inputs.options,
             stepping=Stepping(control="steps"),
         )
-        return self._differentiate(given, motion)
+        return self._differentiate(run_inputs, motion)
 
     def differentiate_loss(
         self, values: FloatArray, times: FloatArray, loss: Loss
     ) -> tuple[MotionGradient, FloatArray, float]:
-        """Return the gradient of a loss backwards, to each value over its size (n_keys,), and its error.
-
-        The error is the difference of two ways to compute the derivative along all keys: the column that is
-        integrated beside the motion, and this gradient; as a part of the largest entry.
-        """
-        given = self._give(values)
-        found = motion_gradient(
+        """Return the gradient of a loss backwards, over sizes (n_keys,), and its error by the column."""
+        run_inputs = self._give(values)
+        gradient = motion_gradient(
             self.model,
             loss,
             float(times[-1]),
             samples=times,
             method=self.settings.method,
             rtol=self.settings.rtol,
-            arguments=given.arguments | given.columns,
-            schedule=given.schedule,
-            coordinate=given.coordinate,
-            velocity=given.velocity,
+            **run_inputs.options,
             check=False,
         )
         slopes = np.zeros(len(values))
-        for name, part in given.slopes.items():
-            if name in found.by:
-                slopes += np.tensordot(found.by[name], part, axes=part.ndim - 1)
+        for name, derivative in run_inputs.slopes.items():
+            if name in gradient.by:
+                slopes += np.tensordot(gradient.by[name], derivative, axes=derivative.ndim - 1)
         for column, (name, k) in enumerate(self.knots, start=self.n_scene):
-            slopes[column] += float(found.knots[name][k]) * self.size[column]
-        run, along = self._differentiate(given, found.motion), 0.0
-        for name, part in found.parts.items():
-            along += float(np.tensordot(part, getattr(run, name)[..., 0], axes=part.ndim))
+            slopes[column] += float(gradient.knots[name][k]) * self.size[column]
+        run, along = self._differentiate(run_inputs, gradient.motion), 0.0
+        for name, derivative in gradient.parts.items():
+            along += float(np.tensordot(derivative, getattr(run, name)[..., 0], axes=derivative.ndim))
         error = abs(along - float(slopes @ self.mix[:, 0])) / max(np.abs(slopes).max(), 1e-300)
-        return found, slopes, float(error)
+        return gradient, slopes, float(error)
 
     def _give(self, values: FloatArray) -> "_Given":
         """Return the arguments of a motion with values (n_keys,) of the keys, and of its columns."""
@@ -249,8 +222,8 @@ class KeyedMotion(KeyedScene):
         arguments: dict[str, Any] = {**self.settings.arguments, **moved}
         coordinate, velocity = (arguments.pop(name, None) for name in ("coordinate", "velocity"))
         manifest, count = self.model.manifest, self.mix.shape[1]
-        shapes = {item.name: item.shape for item in manifest.arguments}
-        mixed = {name: part @ self.mix for name, part in slopes.items()}
+        shapes = {argument.name: argument.shape for argument in manifest.arguments}
+        mixed = {name: derivative @ self.mix for name, derivative in slopes.items()}
 
         def stack(names: Sequence[str]) -> FloatArray:
             sizes = {name: int(np.prod(shapes[name])) for name in names if name in shapes}
@@ -274,33 +247,32 @@ class KeyedMotion(KeyedScene):
 
 @dataclass(frozen=True)
 class _Given:
-    """What a motion is given: arguments, start, columns, inputs over time; derivatives of the arguments.
-
-    slopes: to each value over its size; mixed: along the columns.
-    """
+    """What a motion is given: arguments, start, columns, inputs over time; derivatives of the arguments."""
 
     arguments: dict[str, FloatArray]
     coordinate: FloatArray | None
     velocity: FloatArray | None
     columns: dict[str, FloatArray]
     schedule: Profile | None
-    slopes: dict[str, FloatArray]
-    mixed: dict[str, FloatArray]
+    slopes: dict[str, FloatArray]  # to each value over its size
+    mixed: dict[str, FloatArray]  # along the columns
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Start, arguments and inputs, as `simulate` takes them."""
+        start = {"coordinate": self.coordinate, "velocity": self.velocity}
+        return start | {"arguments": self.arguments | self.columns, "schedule": self.schedule}
 
 
 @dataclass(frozen=True)
 class MotionSlopes:
-    """A motion, and the derivatives of what can be measured along it, one for each column.
-
-    arguments: of the motion, without what follows a profile; direction: (n_directed, n_columns), or the
-    profile that has it; slopes: derivatives of the arguments.
-    """
+    """A motion, and the derivatives of what can be measured along it, one for each column."""
 
     model: CompiledModel
     motion: Trajectory
-    arguments: Mapping[str, FloatArray]
-    direction: FloatArray | Profile | None
-    slopes: Mapping[str, FloatArray]
+    arguments: Mapping[str, FloatArray]  # of the motion, without what follows a profile
+    direction: FloatArray | Profile | None  # (n_directed, n_columns), or the profile that has it
+    slopes: Mapping[str, FloatArray]  # derivatives of the arguments
 
     @property
     def columns(self) -> FloatArray:
@@ -328,7 +300,7 @@ class MotionSlopes:
     def node_position(self) -> FloatArray:
         """Derivatives of all positions, (n_t, n_nodes, 3, n_keys) [m]."""
         manifest = self.model.manifest
-        found = self._place(0)
+        positions = self._place(0)
         moved = self.slopes.get("anchor_position")
         if moved is not None:
             anchors = manifest.argument("anchor_position").over
@@ -337,8 +309,8 @@ class MotionSlopes:
                 node = manifest.node_name.index(name)
                 held = [axis for axis in axes if (node, axis) not in manifest.coordinate_node_axis]
                 for axis in held:
-                    found[:, node, axis] = moved[row, axes.index(axis)]
-        return found
+                    positions[:, node, axis] = moved[row, axes.index(axis)]
+        return positions
 
     @cached_property
     def node_velocity(self) -> FloatArray:
@@ -355,27 +327,27 @@ class MotionSlopes:
     @cached_property
     def member_tension(self) -> FloatArray:
         """Derivatives of all member tensions, (n_t, n_members, n_keys) [N]."""
-        spec = next(item for item in self.model.manifest.functions if item.quantity == "tension_column")
-        motion, given = self.motion, {**self.arguments}
+        spec = next(entry for entry in self.model.manifest.functions if entry.quantity == "tension_column")
+        motion, arguments = self.motion, {**self.arguments}
         if isinstance(self.direction, np.ndarray):
-            given["direction"] = self.direction
-        found = np.empty((len(motion.time), len(motion.member_name), self.columns.shape[2]))
+            arguments["direction"] = self.direction
+        tensions = np.empty((len(motion.time), len(motion.member_name), self.columns.shape[2]))
         for k in range(len(motion.time)):
-            given |= {"coordinate": motion.coordinate[k], "velocity": motion.velocity[k]}
-            given["column"] = self.columns[k]
+            arguments |= {"coordinate": motion.coordinate[k], "velocity": motion.velocity[k]}
+            arguments["column"] = self.columns[k]
             if isinstance(self.direction, Profile):
-                given["direction"] = self.direction(float(motion.time[k]))["direction"]
+                arguments["direction"] = self.direction(float(motion.time[k]))["direction"]
             if motion.input is not None:
-                given["input"] = motion.input[k]
-            found[k] = self.model.compute(
-                "tension_column", **{name: given[name] for name in spec.arguments if name in given}
+                arguments["input"] = motion.input[k]
+            tensions[k] = self.model.compute(
+                "tension_column", **{name: arguments[name] for name in spec.arguments if name in arguments}
             )
-        return found
+        return tensions
 
     def _place(self, first: int) -> FloatArray:
         """Return rows of coordinates from `first` on by nodes and axes, (n_t, n_nodes, 3, n_keys)."""
         manifest = self.model.manifest
         node, axis = np.array(manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2).T
-        found = np.zeros((len(self.motion.time), len(manifest.node_name), 3, self.columns.shape[2]))
-        found[:, node, axis] = self.columns[:, first : first + len(node)]
-        return found
+        placed = np.zeros((len(self.motion.time), len(manifest.node_name), 3, self.columns.shape[2]))
+        placed[:, node, axis] = self.columns[:, first : first + len(node)]
+        return placed

@@ -56,21 +56,16 @@ class Channel:
 class Measurements:
     """Values of channels over time, or in states at rest.
 
-    time (n_t,) [s]: increasing, from 0 or later on; the motion starts at 0 in the state of the scene. Of
-        states at rest their numbers.
-    channels: what was measured.
-    value (n_t, n_channels): values in the units of the channels, NaN where one is missing.
-    source: the file, for messages.
-    is_static: whether these are states at rest.
-    conditions (n_t,): keys of the scene, and their values in each state at rest; inputs of motions at the
-        times.
+    time: (n_t,) [s] increasing, from 0 or later on; the motion starts at 0 in the state of the scene. Of
+    states at rest their numbers; conditions: (n_t,) keys of the scene, and their values in each state at
+    rest; inputs of motions at the times.
     """
 
     time: FloatArray
-    channels: tuple[Channel, ...]
-    value: FloatArray
-    source: str = "measured"
-    is_static: bool = False
+    channels: tuple[Channel, ...]  # what was measured
+    value: FloatArray  # (n_t, n_channels) values in the units of the channels, NaN where one is missing
+    source: str = "measured"  # the file, for messages
+    is_static: bool = False  # whether these are states at rest
     conditions: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
@@ -80,11 +75,8 @@ class Measurements:
 
 
 def list_channels(structure: Structure) -> dict[str, Channel]:
-    """Return all that can be measured of a structure, by its name as in files of motions.
-
-    ``t1.x [m]``, ``t1.vx [m/s]``, ``bar1.length [m]``, ``bar1.tension [N]``; ``frequency.1 [Hz]``.
-    """
-    return {f"{item.name} [{item.unit}]": item for item in _list(structure)}
+    """Return all that can be measured, by names as in files of motions: ``t1.x [m]``."""
+    return {f"{channel.name} [{channel.unit}]": channel for channel in _list(structure)}
 
 
 def _list(structure: Structure) -> Iterator[Channel]:
@@ -120,25 +112,25 @@ def read_measurements(
         return measured
     if not isinstance(measured, Mapping):
         check_path(measured, "measured")
-    known = list_channels(structure)
-    known |= {item.name: item for item in known.values()}
+    valid = list_channels(structure)
+    valid |= {channel.name: channel for channel in valid.values()}
     source = str(measured) if isinstance(measured, str | Path) else "measured"
     units = list_input_units(structure).items()
     inputs = {
-        text: f"input.{name}" for name, unit in units for text in (f"input.{name}", f"input.{name} [{unit}]")
+        key: f"input.{name}" for name, unit in units for key in (f"input.{name}", f"input.{name} [{unit}]")
     }
     read: Any = _read_arrays if isinstance(measured, Mapping) else _read_file
-    columns = {inputs.get(name, name): values for name, values in read(measured, known, inputs).items()}
+    columns = {inputs.get(name, name): values for name, values in read(measured, valid, inputs).items()}
     time = columns.pop(TIME, None)
-    channels = tuple(known[name] for name in columns if name in known)
+    channels = tuple(valid[name] for name in columns if name in valid)
     _check_twice(channels, source)
     count = len(next(iter(columns.values()))) if columns else 0
-    value = np.array([columns[name] for name in columns if name in known]).reshape(len(channels), count).T
-    conditions = {name: values for name, values in columns.items() if name not in known}
+    value = np.array([columns[name] for name in columns if name in valid]).reshape(len(channels), count).T
+    conditions = {name: values for name, values in columns.items() if name not in valid}
     numbers = np.arange(count, dtype=float) if time is None else time
-    found = Measurements(numbers, channels, value, source, time is None, conditions)
-    _check(found)
-    return found
+    measurements = Measurements(numbers, channels, value, source, time is None, conditions)
+    _check(measurements)
+    return measurements
 
 
 def _read_file(
@@ -146,26 +138,25 @@ def _read_file(
 ) -> dict[str, FloatArray]:
     """Return the columns of a table by name; the times by the name TIME."""
     path = Path(measured)
-    first = next(read_lines(read_text(path, MAX_TABLE_BYTES, "a CSV table"), path), (0, []))
-    is_motion = any(name in TIMES for name in first[1])
+    header = next(read_lines(read_text(path, MAX_TABLE_BYTES, "a CSV table"), path), (0, []))
+    is_motion = any(name in TIMES for name in header[1])
     conditions = [
         name
-        for name in first[1]
+        for name in header[1]
         if name and (name in inputs if is_motion else name not in (*known, *IGNORED))
     ]
     rows = read_table(path, (*TIMES, *known, *IGNORED, *conditions), ())
     if not rows:
-        raise InvalidValueError(
-            "the table has no rows", where=str(path), allowed="a row for each time or state"
-        )
-    found = {}
+        problem = "the table has no rows"
+        raise InvalidValueError(problem, where=str(path), allowed="a row for each time or state")
+    columns = {}
     for name in (name for name in rows[0].cells if name not in IGNORED):
         if name in TIMES or name in conditions:
             for row in rows:
                 row.text(name)  # which refuses an empty cell
         cells = [row.number(name) for row in rows]
-        found[TIME if name in TIMES else name] = np.array([np.nan if x is None else x for x in cells])
-    return found
+        columns[TIME if name in TIMES else name] = np.array([np.nan if x is None else x for x in cells])
+    return columns
 
 
 def _read_arrays(
@@ -173,64 +164,57 @@ def _read_arrays(
 ) -> dict[str, FloatArray]:
     """Return arrays by name; the times by the name TIME."""
     is_motion = any(name in TIMES for name in measured)
-    found = {}
-    for name, given in measured.items():
+    columns = {}
+    for name, values in measured.items():
         if name in IGNORED:
             continue
         if is_motion:
             check_choice(name, (*TIMES, *known, *inputs), "measured number", "measured")
-        found[TIME if name in TIMES else name] = np.atleast_1d(to_doubles(given, name, "(n_t,)"))
-    count = len(next(iter(found.values()))) if found else 0
-    for name, array in found.items():
+        columns[TIME if name in TIMES else name] = np.atleast_1d(to_doubles(values, name, "(n_t,)"))
+    count = len(next(iter(columns.values()))) if columns else 0
+    for name, array in columns.items():
         if array.shape != (count,):
-            raise InvalidValueError(
-                "as many values as times or states are needed",
-                where=f"measured: {name}",
-                given=array.shape,
-                allowed=f"({count},), NaN where a value is missing",
-            )
-    return found
+            problem = "as many values as times or states are needed"
+            allowed = f"({count},), NaN where a value is missing"
+            raise InvalidValueError(problem, where=f"measured: {name}", given=array.shape, allowed=allowed)
+    return columns
 
 
 def _check_twice(channels: Sequence[Channel], source: str) -> None:
-    names = [item.name for item in channels]
+    names = [channel.name for channel in channels]
     twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
     if twice is not None:
         raise InvalidValueError("measured twice", where=source, given=twice, allowed="each number once")
 
 
-def _check(found: Measurements) -> None:
-    time, where = found.time, f"{found.source}: {TIME}"
-    wrong = OF_MOTIONS if found.is_static else (FREQUENCY,)
-    for item in found.channels:
-        if item.kind in wrong:
-            raise InvalidValueError(
-                "states at rest have no velocities" if found.is_static else "motions have no frequencies",
-                where=found.source,
-                given=item.name,
-                allowed="other measurements",
-                hint=f"a table with the column {TIME} is a motion, one without it states at rest",
-            )
-    if np.isinf(found.value).any():
-        raise NonFiniteError("a measured value is infinite", where=found.source, allowed="finite values")
-    if not found.channels or not found.count:
-        raise InvalidValueError(
-            "nothing was measured", where=found.source, allowed="columns such as t1.x [m] or bar1.length [m]"
-        )
+def _check(measurements: Measurements) -> None:
+    time, source = measurements.time, measurements.source
+    where = f"{source}: {TIME}"
+    wrong = OF_MOTIONS if measurements.is_static else (FREQUENCY,)
+    for channel in measurements.channels:
+        if channel.kind in wrong:
+            is_static, allowed = measurements.is_static, "other measurements"
+            problem = "states at rest have no velocities" if is_static else "motions have no frequencies"
+            hint = f"a table with the column {TIME} is a motion, one without it states at rest"
+            raise InvalidValueError(problem, where=source, given=channel.name, allowed=allowed, hint=hint)
+    if np.isinf(measurements.value).any():
+        raise NonFiniteError("a measured value is infinite", where=source, allowed="finite values")
+    if not measurements.channels or not measurements.count:
+        allowed = "columns such as t1.x [m] or bar1.length [m]"
+        raise InvalidValueError("nothing was measured", where=measurements.source, allowed=allowed)
     if not np.isfinite(time).all():
         raise NonFiniteError("a time is not finite", where=where, allowed="finite times")
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if back.size or time[0] < 0.0:
-        first: Any = (
+        problem_time: Any = (
             f"{time[0]:g} s" if not back.size else f"{time[back[0] + 1]:g} s after {time[back[0]]:g} s"
         )
         raise InvalidValueError(
             "times go back, or stand still" if back.size else "a time lies before the start of the motion",
             where=where,
-            given=first,
+            given=problem_time,
             allowed="increasing times from 0 on",
         )
-    if time[-1] == 0.0 and not found.is_static:
-        raise InvalidValueError(
-            "all was measured at the start", where=where, given="0 s", allowed="times after 0"
-        )
+    if time[-1] == 0.0 and not measurements.is_static:
+        problem = "all was measured at the start"
+        raise InvalidValueError(problem, where=where, given="0 s", allowed="times after 0")

@@ -143,25 +143,22 @@ class LossGradient:
         Raises ConvergenceError where the motion fails, InvalidValueError for values that make no scene or a
         loss of another form, NonFiniteError for a loss that is not finite.
         """
-        given = to_doubles(values, "values", "one value a key")
-        if given.shape != self.problem.start.shape:
-            raise InvalidValueError(
-                "one value a key is needed",
-                where="values",
-                given=given.shape,
-                allowed=f"({len(self.problem.keys)},): {', '.join(self.problem.keys)}",
-            )
+        point = to_doubles(values, "values", "one value a key")
+        if point.shape != self.problem.start.shape:
+            problem = "one value a key is needed"
+            allowed = f"({len(self.problem.keys)},): {', '.join(self.problem.keys)}"
+            raise InvalidValueError(problem, where="values", given=point.shape, allowed=allowed)
         self.n_motions += 1
         if self.backwards:
-            found, slopes, self.disagreement = self.problem.differentiate_loss(given, self.times, self.loss)
-            self.motion, value = found.motion, found.loss
+            result, slopes, self.disagreement = self.problem.differentiate_loss(point, self.times, self.loss)
+            self.motion, value = result.motion, result.loss
         else:
-            value, slopes = self._differentiate(given)
+            value, slopes = self._differentiate(point)
         if self.check and self.n_motions == 1:
             way = self.problem.size * np.sign(slopes)
 
             def compute_loss(step: float) -> float:
-                return read_loss(self.loss, self._run(given + step * way, TIGHTER).motion)[0]
+                return read_loss(self.loss, self._run(point + step * way, TIGHTER).motion)[0]
 
             self.error = compare_with_differences(compute_loss, float(np.abs(slopes).sum()))
         return value, slopes / self.problem.size
@@ -170,19 +167,18 @@ class LossGradient:
         """Return the motion and its columns; raises ConvergenceError where it fails."""
         run = self.problem.run(values, self.times, min(accuracy, self.problem.settings.rtol / LEAST_RTOL))
         if run.motion.status != "ok":
-            raise ConvergenceError(
-                f"the motion fails: {run.motion.message}", where=self.problem.assembler.where
-            )
+            problem = f"the motion fails: {run.motion.message}"
+            raise ConvergenceError(problem, where=self.problem.assembler.where)
         return run
 
     def _differentiate(self, values: FloatArray) -> tuple[float, FloatArray]:
         """Return the loss and its derivatives to each value over its size, from columns beside the motion."""
         run = self._run(values)
         self.motion = run.motion
-        value, parts = read_loss(self.loss, run.motion)
+        value, derivatives = read_loss(self.loss, run.motion)
         slopes = np.zeros(len(self.problem.keys))
-        for name, part in parts.items():
-            slopes += np.tensordot(part, getattr(run, name), axes=part.ndim)
+        for name, derivative in derivatives.items():
+            slopes += np.tensordot(derivative, getattr(run, name), axes=derivative.ndim)
         if not np.isfinite(slopes).all():
             raise NonFiniteError("the gradient of the loss is not finite", where="loss", given=value)
         return value, slopes
@@ -292,8 +288,8 @@ def optimise(
     problem = gradient.problem
     low, high = read_bounds(problem, bounds) / problem.size
     start = problem.start / problem.size
-    start_loss, first = gradient(problem.start)
-    best: list[Any] = [start_loss, problem.start, first, gradient.motion]
+    start_loss, start_slope = gradient(problem.start)
+    best: list[Any] = [start_loss, problem.start, start_slope, gradient.motion]
 
     def compute(scaled: FloatArray) -> tuple[float, FloatArray]:
         values = scaled * problem.size
@@ -305,7 +301,7 @@ def optimise(
             best[:] = [loss, values.copy(), slope, gradient.motion]
         return loss, slope * problem.size
 
-    found = scipy.optimize.minimize(
+    search = scipy.optimize.minimize(
         compute,
         start,
         jac=True,
@@ -313,11 +309,11 @@ def optimise(
         bounds=list(zip(low.tolist(), high.tolist(), strict=True)),
         options={"maxiter": max_iterations, "ftol": tolerance, "gtol": 1e-12},
     )
-    is_found = bool(found.success)
-    text = f"loss {best[0]:.6g} from {start_loss:.6g}, {gradient.n_motions} motions"
+    is_found = bool(search.success)
+    summary = f"loss {best[0]:.6g} from {start_loss:.6g}, {gradient.n_motions} motions"
     return Design(
         status="ok" if is_found else "not_converged",
-        message=text if is_found else f"{text}; {found.message}",
+        message=summary if is_found else f"{summary}; {search.message}",
         key=problem.keys,
         value=best[1],
         start=problem.start,

@@ -15,8 +15,17 @@ from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.fitting.keyed_scene import require_nodes
-from tensegrity_codegen.sweeps.gaits.facets import Facet, Facets, Step
-from tensegrity_codegen.sweeps.gaits.rolls import KNOTS, SAMPLES, RollLoss, SceneLike, Winches, find_roll
+from tensegrity_codegen.sweeps.gaits.rolls import (
+    KNOTS,
+    SAMPLES,
+    Facet,
+    Facets,
+    RollLoss,
+    SceneLike,
+    Step,
+    Winches,
+    find_roll,
+)
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import ConvergenceError, FormulationError, InvalidValueError
@@ -84,11 +93,11 @@ class Gait(Summarised):
 
     def find(self, step: Step) -> FloatArray | None:
         """Return the changes of rest lengths (n_winches, n_knots) [m] of a step, by symmetry; None: none."""
-        for own, values in self.rolls.items():
-            row = self.facets.find_symmetry(own, step)
+        for known_step, values in self.rolls.items():
+            row = self.facets.find_symmetry(known_step, step)
             if row is not None:
-                places = self.facets.map_members(row)
-                order = [self.winches.member.index(places[member]) for member in self.winches.member]
+                member_map = self.facets.map_members(row)
+                order = [self.winches.member.index(member_map[member]) for member in self.winches.member]
                 return values[np.argsort(order)]
         return None
 
@@ -160,12 +169,12 @@ class _Run:
         times = np.array([0.0, 1.0]) if values is None else KNOTS
         schedule = Profile(times, dict(zip(winches.name, bound, strict=True)))
         if start is None:
-            last = self.motions[-1]
-            start = {"coordinate": last.coordinate[-1], "velocity": last.velocity[-1]}
-            if last.internal is not None:
-                self.arguments["internal"] = last.internal[-1]
-        given = {"arguments": self.arguments, "schedule": schedule, **start}
-        motion = simulate(self.gait.model, times[-1], samples=SAMPLES, **given)
+            previous = self.motions[-1]
+            start = {"coordinate": previous.coordinate[-1], "velocity": previous.velocity[-1]}
+            if previous.internal is not None:
+                self.arguments["internal"] = previous.internal[-1]
+        options = {"arguments": self.arguments, "schedule": schedule, **start}
+        motion = simulate(self.gait.model, times[-1], samples=SAMPLES, **options)
         work = winches.find_work(motion, schedule)
         self.work += work[work > 0.0].sum(), work.sum()
         self.motions.append(motion)
@@ -181,26 +190,26 @@ class _Run:
         """Roll over the edge that leads along a line (2,) through the start; rest where no facet is down."""
         gait, position = self.gait, self.motions[-1].node_position[-1]
         facet = gait.facets.find_standing(position)
-        steps = [] if facet is None else [(facet, one) for one in gait.facets.list_next(facet)]
-        known = [(step, values) for step in steps if (values := gait.find(step)) is not None]
-        if not known:
+        steps = [] if facet is None else [(facet, target) for target in gait.facets.list_next(facet)]
+        rolls = [(step, values) for step in steps if (values := gait.find(step)) is not None]
+        if not rolls:
             self.move(None)
             return
-        known = [pair for pair in known if pair[0][1] not in self.facet[-2:-1]] or known  # back at last
-        share = gait.winches.share
-        centre = (share @ position)[:2]
-        ends = np.array([(share @ gait.facets.turn_over(position, step))[:2] for step, _ in known])
+        rolls = [pair for pair in rolls if pair[0][1] not in self.facet[-2:-1]] or rolls  # back at last
+        mass_fraction = gait.winches.share
+        centre = (mass_fraction @ position)[:2]
+        ends = np.array([(mass_fraction @ gait.facets.turn_over(position, step))[:2] for step, _ in rolls])
         length = float(np.linalg.norm(ends - centre, axis=1).mean())
         goal = self.start + ((centre - self.start) @ heading + AHEAD * length) * heading
         nearest = int(np.linalg.norm(ends - goal, axis=1).argmin())
-        self.move(known[nearest][1] * (1.0 + MORE * self.tries))
+        self.move(rolls[nearest][1] * (1.0 + MORE * self.tries))
 
     def finish(self, n_facets: int) -> Walk:
         """Return the walk."""
-        winches, last = self.gait.winches, self.motions[-1]
-        way, names = winches.find_centre(last)[-1] - self.start, self.gait.model.manifest.node_name
+        winches, latest = self.gait.winches, self.motions[-1]
+        way, names = winches.find_centre(latest)[-1] - self.start, self.gait.model.manifest.node_name
         done = len(self.facet) - 1
-        text = f"{done} of {n_facets} facets in {len(self.motions) - 1} rolls"
+        summary = f"{done} of {n_facets} facets in {len(self.motions) - 1} rolls"
         time, values = self.schedules[0].time, dict(self.schedules[0].values)
         for schedule in self.schedules[1:]:  # each begins with the values with which the last one ends
             time = np.append(time, time[-1] + schedule.time[1:])
@@ -208,7 +217,7 @@ class _Run:
         cost = self.work / (winches.weight * max(float(np.linalg.norm(way)), 1e-300))
         return Walk(
             status="ok" if done >= n_facets else "lost",
-            message=text if last.status == "ok" else f"{text}; {last.message}",
+            message=summary if latest.status == "ok" else f"{summary}; {latest.message}",
             cost_of_transport=float(cost[0]),
             net_cost_of_transport=float(cost[1]),
             way=way,
@@ -277,8 +286,8 @@ def design_gait(scene: SceneLike, *, max_iterations: int = 100) -> Gait:
     while waiting:
         run = waiting.pop(0)
         motion = run.motions[-1]
-        for step in ((run.facet[-1], one) for one in gait.facets.list_next(run.facet[-1])):
-            if any(gait.facets.find_symmetry(own, step) is not None for own in (*rolls, *failed)):
+        for step in ((run.facet[-1], target) for target in gait.facets.list_next(run.facet[-1])):
+            if any(gait.facets.find_symmetry(old, step) is not None for old in (*rolls, *failed)):
                 continue
             goal = (winches.share @ gait.facets.turn_over(motion.node_position[-1], step))[:2]
             loss = RollLoss(scene, winches, goal, {"coordinate": motion.coordinate[-1]})
@@ -292,44 +301,38 @@ def design_gait(scene: SceneLike, *, max_iterations: int = 100) -> Gait:
             else:
                 failed.append(step)
     if not rolls:
-        raise ConvergenceError(
-            "no roll over an edge was found",
-            where=structure.name,
-            hint="give winches more range, or allow more iterations",
-        )
+        hint = "give winches more range, or allow more iterations"
+        raise ConvergenceError("no roll over an edge was found", where=structure.name, hint=hint)
     return replace(gait, rolls=rolls, failed=tuple(failed))
 
 
 def _find_winches(structure: Structure) -> Winches:
     """Return the winches of a structure on a horizontal ground; raises what design_gait raises."""
-    ground, inputs = structure.ground, [item for item in structure.inputs if item.kind == "rest_length"]
-    inputs = [item for item in inputs if len(item.targets) == 1 and item.gain in ((), (1.0,))]
-    inputs = list({item.targets[0]: item for item in inputs}.values())  # one a member
+    ground, inputs = structure.ground, [source for source in structure.inputs if source.kind == "rest_length"]
+    inputs = [source for source in inputs if len(source.targets) == 1 and source.gain in ((), (1.0,))]
+    inputs = list({source.targets[0]: source for source in inputs}.values())  # one a member
     is_free = len(structure.axes) == 3 and not structure.node_anchored.any()
     if ground is None or ground.normal[2] != 1.0 or not is_free or not inputs:
         has = "no ground" if ground is None else f"a ground with the normal {ground.normal.tolist()}"
-        raise FormulationError(
-            "only structures that winches move freely on a horizontal ground roll",
-            where=structure.name,
-            given=f"{len(inputs)} winches, {has}, {'no ' if is_free else 'a planar scene or '}anchors",
-            allowed="[ground] with the normal z, no anchors, and inputs of rest lengths with one member each",
-            hint="write an [[actuators]] for each cable",
-        )
-    member = [item.targets[0] for item in inputs]
-    rest = structure.rest_length[member]
-    low, high = -LENGTH_PART * rest, LENGTH_PART * rest
-    ranges = {item.name: item.range for item in structure.actuators}
-    for k, item in enumerate(inputs):
-        least, most = ranges.get(item.name, (0.0, np.inf))
-        low[k], high[k] = max(low[k], least - rest[k]), min(high[k], most - rest[k])
+        problem = "only structures that winches move freely on a horizontal ground roll"
+        value = f"{len(inputs)} winches, {has}, {'no ' if is_free else 'a planar scene or '}anchors"
+        allowed = "[ground] with the normal z, no anchors, and inputs of rest lengths with one member each"
+        hint = "write an [[actuators]] for each cable"
+        raise FormulationError(problem, where=structure.name, given=value, allowed=allowed, hint=hint)
+    member = [source.targets[0] for source in inputs]
+    rest_length = structure.rest_length[member]
+    low, high = -LENGTH_PART * rest_length, LENGTH_PART * rest_length
+    ranges = {source.name: source.range for source in structure.actuators}
+    for k, source in enumerate(inputs):
+        lower, upper = ranges.get(source.name, (0.0, np.inf))
+        low[k], high[k] = max(low[k], lower - rest_length[k]), min(high[k], upper - rest_length[k])
         if not low[k] <= 0.0 <= high[k]:
-            raise InvalidValueError(
-                "a winch starts outside of its range",
-                where=f"{structure.name}: actuators.{item.name}.range",
-                given=f"the rest length of {structure.member_name[member[k]]}, {rest[k]:.6g} m",
-                allowed=f"{least:.6g} to {most:.6g} m, the range of the winch",
-                hint="a range with the rest length, or another rest length",
-            )
+            problem = "a winch starts outside of its range"
+            location = f"{structure.name}: actuators.{source.name}.range"
+            value = f"the rest length of {structure.member_name[member[k]]}, {rest_length[k]:.6g} m"
+            allowed = f"{lower:.6g} to {upper:.6g} m, the range of the winch"
+            hint = "a range with the rest length, or another rest length"
+            raise InvalidValueError(problem, where=location, given=value, allowed=allowed, hint=hint)
     mass = structure.lumped_mass
     weight = float(mass.sum() * np.linalg.norm(structure.gravity))
-    return Winches(tuple(item.name for item in inputs), member, low, high, mass / mass.sum(), weight)
+    return Winches(tuple(source.name for source in inputs), member, low, high, mass / mass.sum(), weight)

@@ -3,22 +3,80 @@
 import hashlib
 import itertools
 import json
+import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from filelock import FileLock, Timeout
 
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
-from tensegrity_codegen.sweeps.store.chunks import check_array, is_whole
 from tensegrity_codegen.system.errors import OutputError, suggest
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 from tensegrity_codegen.system.files import check_ending, explain_unwritable
 from tensegrity_codegen.system.output_folder import check_folder
+
+CRC_BYTES = 4  # of the checksum at the end of a chunk
+CODECS = {True: ["vlen-utf8", "zstd", "crc32c"], False: ["bytes", "blosc", "crc32c"]}  # of text, of numbers
+MAX_CHUNKS = 2_000_000  # of an array
+MAX_TEXT_BYTES, OTHER_BYTES = 4096, 2**16  # of an entry of text on average; of what is in each chunk besides
+
+
+def check_array(array: Mapping[str, Any]) -> None:
+    """Raise ValueError, or an error of look-ups or types, for an array that no sweep has written."""
+    chunk = array["chunk_grid"]["configuration"]["chunk_shape"]
+    numbers = [*array["shape"], *chunk]
+    is_counted = all(type(number) is int and number >= 0 for number in numbers) and min(chunk, default=1) > 0
+    codecs = [codec["name"] for codec in array["codecs"]]
+    if not is_counted or codecs != CODECS[array["data_type"] == "string"]:
+        raise ValueError("an array of another kind")
+    chunk_counts = (-(-size // length) for size, length in zip(array["shape"], chunk, strict=True))
+    if math.prod(chunk_counts) > MAX_CHUNKS:
+        raise ValueError("an array with too many chunks")
+
+
+def is_whole(file: Path, array: Mapping[str, Any]) -> bool:
+    """Return whether a chunk has the checksum (CRC-32C), the size and the kind of what was written."""
+    is_text = array["data_type"] == "string"
+    count: int = math.prod(array["chunk_grid"]["configuration"]["chunk_shape"])
+    limit = OTHER_BYTES + count * (MAX_TEXT_BYTES if is_text else np.dtype(array["data_type"]).itemsize)
+    try:
+        if file.stat().st_size > limit:
+            return False
+        data = file.read_bytes()
+    except OSError:
+        return False
+    content, checksum = data[:-CRC_BYTES], data[-CRC_BYTES:]
+    computed = import_extra("google_crc32c", SWEEP).value(content)
+    if not content or computed != int.from_bytes(checksum, "little"):
+        return False
+    numcodecs = import_extra("numcodecs", SWEEP)
+    try:
+        if not is_text:
+            size = int.from_bytes(content[4:8], "little")
+            return size == limit - OTHER_BYTES and len(numcodecs.blosc.decompress(content)) == size
+        if read_frame_size(content) > limit:
+            return False
+        decoded = numcodecs.zstd.decompress(content)
+        return int.from_bytes(decoded[:4], "little") == count == len(numcodecs.VLenUTF8().decode(decoded))
+    except (IndexError, RuntimeError, ValueError):
+        return False
+
+
+def read_frame_size(data: bytes) -> int:
+    """Return the size in a header of Zstandard (RFC 8878, 3.1.1.1); raises ValueError, IndexError."""
+    is_single = data[4] >> 5 & 1
+    width = (is_single, 2, 4, 8)[data[4] >> 6]
+    if data[:4] != b"\x28\xb5\x2f\xfd" or not width:
+        raise ValueError("no frame with a size")
+    start = 6 - is_single + (0, 1, 2, 4)[data[4] & 3]
+    return int.from_bytes(data[start : start + width], "little") + 256 * (width == 2)
+
 
 ATTRIBUTE = "tensegrity_codegen_sweep"
 FORMAT = 2
@@ -30,17 +88,13 @@ MOST_NAMED = 4
 
 @dataclass(frozen=True)
 class StoredSweep:
-    """What the folder of a sweep says of it.
+    """What the folder of a sweep says of it."""
 
-    path: the folder; identity: what its results follow from; task_size: largest number of cases of a task;
-    attributes: all attributes of the data set; arrays: metadata of each array.
-    """
-
-    path: Path
-    identity: Mapping[str, Any]
-    task_size: int
-    attributes: Mapping[str, Any]
-    arrays: Mapping[str, Mapping[str, Any]] = field(repr=False)
+    path: Path  # the folder
+    identity: Mapping[str, Any]  # what its results follow from
+    task_size: int  # largest number of cases of a task
+    attributes: Mapping[str, Any]  # all attributes of the data set
+    arrays: Mapping[str, Mapping[str, Any]] = field(repr=False)  # metadata of each array
 
     @cached_property
     def layout(self) -> CaseLayout:
@@ -50,16 +104,16 @@ class StoredSweep:
     @cached_property
     def results(self) -> tuple[str, ...]:
         """Names of the arrays with a chunk for each task, in the order of writing: the status is last."""
-        own = self.attributes[ATTRIBUTE]
-        dims, keys = own["case_dims"], own["keys"].values()
-        found = [
+        sweep = self.attributes[ATTRIBUTE]
+        dims, keys = sweep["case_dims"], sweep["keys"].values()
+        names = [
             name
             for name, array in self.arrays.items()
             if name not in (STATUS, MESSAGE, *keys)
             and array["dimension_names"][: len(dims)] == dims
             and 0 not in array["shape"]
         ]
-        return (*found, MESSAGE, STATUS)
+        return (*names, MESSAGE, STATUS)
 
     @cached_property
     def coordinate_files(self) -> tuple[Path, ...]:
@@ -67,14 +121,14 @@ class StoredSweep:
         files = []
         for name in sorted(self.arrays.keys() - {*self.results, RECORD}):
             sizes = zip(self.arrays[name]["shape"], self._chunk(name), strict=True)
-            places = itertools.product(*(range(-(-size // part)) for size, part in sizes))
-            files += [self._chunk_file(name, place) for place in places]
+            positions = itertools.product(*(range(-(-size // length)) for size, length in sizes))
+            files += [self._chunk_file(name, position) for position in positions]
         return tuple(files)
 
     def chunk_file(self, name: str, task: int) -> Path:
         """Return the file of a result of a task, of its status or record."""
-        place = (task,) if name == RECORD else self.layout.place_of(task)
-        return self._chunk_file(name, (*place, *[0] * (len(self.arrays[name]["shape"]) - len(place))))
+        position = (task,) if name == RECORD else self.layout.place_of(task)
+        return self._chunk_file(name, (*position, *[0] * (len(self.arrays[name]["shape"]) - len(position))))
 
     def is_whole(self, file: Path) -> bool:
         """Return whether a chunk is as it was written."""
@@ -88,10 +142,7 @@ class StoredSweep:
 
 
 def check_store_folder(path: str | Path) -> StoredSweep | None:
-    """Return the sweep in a folder, None where there is nothing yet.
-
-    Raises OutputError: the folder cannot be made or written, or holds something else.
-    """
+    """Return the sweep in a folder, None where there is nothing yet; raises OutputError for anything else."""
     check_store_name(path)
     target = check_folder(path)
     if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):
@@ -101,7 +152,7 @@ def check_store_folder(path: str | Path) -> StoredSweep | None:
 
 def check_store_name(path: Any) -> None:
     """Raise OutputError for what cannot be the name of a folder of results."""
-    problem, given = "", str(path) if isinstance(path, Path) else path
+    problem, name = "", str(path) if isinstance(path, Path) else path
     if not isinstance(path, str | Path):
         problem = "not the name of a folder"
     elif Path(path).name in ("", ".."):
@@ -109,64 +160,53 @@ def check_store_name(path: Any) -> None:
     elif "\0" in str(path):
         problem = "the name of the folder has a zero character"
     if problem:
-        raise OutputError(problem, where="out", given=given, allowed=f"a name that ends in {ENDING}")
+        raise OutputError(problem, where="out", given=name, allowed=f"a name that ends in {ENDING}")
     check_ending(path, ENDING)
 
 
 def read_stored_sweep(path: str | Path, *, is_output: bool = False) -> StoredSweep:
-    """Return what the folder of a sweep says of it; raises OutputError for any other folder.
-
-    is_output: whether a sweep is to be written there; else it is only read, and near names are shown.
-    """
+    """Return what the folder of a sweep says of it; raises OutputError for any other folder."""
     folder = Path(path)
     try:
         data = json.loads((folder / METADATA).read_bytes())
         attributes = data["attributes"]
-        found = attributes[ATTRIBUTE]["format"]
-        arrays = data["consolidated_metadata"]["metadata"] if found == FORMAT else {}
+        format = attributes[ATTRIBUTE]["format"]
+        arrays = data["consolidated_metadata"]["metadata"] if format == FORMAT else {}
         for array in arrays.values():
             check_array(array)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         new = ", or a new name for another one" if is_output else ""
         reason = f": {METADATA} is damaged or of another program" if (folder / METADATA).exists() else ""
-        raise OutputError(
-            f"this is not a sweep{reason}" if folder.exists() else "there is no such folder",
-            where=str(path),
-            allowed=f"a Zarr folder that `sweep` wrote{new}",
-            hint="choose another name, or remove what is there" if is_output else _suggest_near(folder),
-        ) from error
-    if found != FORMAT:
-        raise OutputError(
-            "the sweep was written in another format of its folder",
-            where=str(path),
-            given=found,
-            allowed=str(FORMAT),
-            hint="use the version of tensegrity_codegen that wrote it, or choose another name",
-        )
-    own = attributes[ATTRIBUTE]
-    if own.get("checksum") != compute_checksum(data):
-        raise OutputError(
-            "this file is damaged or was edited: its checksum is not that of its content",
-            where=str(folder / METADATA),
-            allowed="the file as `sweep` wrote it",
-            hint="restore it from a copy, or remove the folder and run the sweep again",
-        )
-    return StoredSweep(folder, own["identity"], own["task_size"], attributes, arrays)
+        problem = f"this is not a sweep{reason}" if folder.exists() else "there is no such folder"
+        allowed = f"a Zarr folder that `sweep` wrote{new}"
+        hint = "choose another name, or remove what is there" if is_output else _suggest_near(folder)
+        raise OutputError(problem, where=str(path), allowed=allowed, hint=hint) from error
+    if format != FORMAT:
+        problem = "the sweep was written in another format of its folder"
+        hint = "use the version of tensegrity_codegen that wrote it, or choose another name"
+        raise OutputError(problem, where=str(path), given=format, allowed=str(FORMAT), hint=hint)
+    sweep = attributes[ATTRIBUTE]
+    if sweep.get("checksum") != compute_checksum(data):
+        problem = "this file is damaged or was edited: its checksum is not that of its content"
+        location = str(folder / METADATA)
+        hint = "restore it from a copy, or remove the folder and run the sweep again"
+        raise OutputError(problem, where=location, allowed="the file as `sweep` wrote it", hint=hint)
+    return StoredSweep(folder, sweep["identity"], sweep["task_size"], attributes, arrays)
 
 
 def compute_checksum(metadata: Mapping[str, Any]) -> str:
     """Return the sha256 of what is read from a file of metadata: the sweep and its arrays."""
-    own = {key: value for key, value in metadata["attributes"][ATTRIBUTE].items() if key != "checksum"}
-    content = [own, metadata.get("consolidated_metadata")]
+    sweep = {key: value for key, value in metadata["attributes"][ATTRIBUTE].items() if key != "checksum"}
+    content = [sweep, metadata.get("consolidated_metadata")]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _suggest_near(folder: Path) -> str:
     """Return a hint that lists the sweeps beside a folder that is none."""
-    place = folder if folder.is_dir() else folder.parent
+    parent = folder if folder.is_dir() else folder.parent
     with suppress(OSError):
-        found = [path.name for path in place.iterdir() if path.suffix == ENDING and path != folder]
-        return f"in {place.absolute()}: {suggest(folder.name, found)}" if found else ""
+        names = [path.name for path in parent.iterdir() if path.suffix == ENDING and path != folder]
+        return f"in {parent.absolute()}: {suggest(folder.name, names)}" if names else ""
     return ""
 
 
@@ -198,14 +238,11 @@ def check_not_damaged(stored: StoredSweep) -> None:
     """Raise OutputError, naming files, where a stored sweep is not as it was written."""
     damaged = [str(file.relative_to(stored.path)) for file in find_damaged(stored)]
     if damaged:
-        more = [f"{len(damaged) - MOST_NAMED} more"] if len(damaged) > MOST_NAMED else []
-        raise OutputError(
-            "files of results are damaged or missing",
-            where=str(stored.path),
-            given=", ".join(damaged[:MOST_NAMED] + more),
-            allowed="files as `sweep` wrote them",
-            hint="run the same sweep again with this folder: it computes again what is damaged",
-        )
+        hidden = [f"{len(damaged) - MOST_NAMED} more"] if len(damaged) > MOST_NAMED else []
+        problem, value = "files of results are damaged or missing", ", ".join(damaged[:MOST_NAMED] + hidden)
+        allowed = "files as `sweep` wrote them"
+        hint = "run the same sweep again with this folder: it computes again what is damaged"
+        raise OutputError(problem, where=str(stored.path), given=value, allowed=allowed, hint=hint)
 
 
 @contextmanager
@@ -216,25 +253,22 @@ def locked_store(path: str | Path) -> Iterator[None]:
         folder.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise explain_unwritable(path, error.strerror or type(error).__name__, "folder") from error
-    place = folder.with_name(f".{folder.name}.lock")
-    lock = FileLock(str(place), timeout=0)
+    lock_file = folder.with_name(f".{folder.name}.lock")
+    lock = FileLock(str(lock_file), timeout=0)
     try:
         lock.acquire()
     except Timeout as error:
-        if not place.exists():
+        if not lock_file.exists():
             raise explain_unwritable(path, "no file can be made there", "folder") from error
-        raise OutputError(
-            "another sweep is writing to this folder",
-            where=str(path),
-            hint="wait for its end, or choose another name",
-        ) from error
+        hint = "wait for its end, or choose another name"
+        raise OutputError("another sweep is writing to this folder", where=str(path), hint=hint) from error
     except (OSError, NotImplementedError):  # the file system has no locks
         yield
         return
     try:
         yield
     finally:
-        place.unlink(missing_ok=True)
+        lock_file.unlink(missing_ok=True)
         lock.release()
 
 
@@ -250,5 +284,80 @@ def open_sweep(path: str | Path) -> Any:
     check_not_damaged(stored)
     import_extra("zarr", SWEEP)
     xarray = import_extra("xarray", SWEEP)
-    found = xarray.open_zarr(str(stored.path), chunks=None, consolidated=True, zarr_format=3)
-    return found.drop_vars(RECORD)
+    dataset = xarray.open_zarr(str(stored.path), chunks=None, consolidated=True, zarr_format=3)
+    return dataset.drop_vars(RECORD)
+
+
+MAX_DIFFERENCES = 8
+LONGEST = 60  # characters of a value in a message
+ABSENT = object()
+# Values of an identity, and those that they follow from by the beginnings of their keys.
+FOLLOWING = {
+    "structure_hash": ("scene",),
+    "cases.method": ("cases.points.method",),
+    "cases.count": ("cases.axes", "cases.points"),
+}
+
+
+def check_same_sweep(path: str | Path, stored: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+    """Raise OutputError, naming what differs, unless two identities are equal."""
+    differences = find_differences(stored, asked)
+    if not differences:
+        return
+    n_hidden = len(differences) - MAX_DIFFERENCES
+    rows = [*differences[:MAX_DIFFERENCES], *([f"and {n_hidden} more"] if n_hidden > 0 else [])]
+    raise OutputError(
+        f"the folder holds another sweep; {len(differences)} of its settings "
+        f"{'differs' if len(differences) == 1 else 'differ'}:\n    " + "\n    ".join(rows),
+        where=str(path),
+        allowed="the sweep that the folder holds, which then goes on where it stopped",
+        hint="choose another name, or remove the folder",
+    )
+
+
+def find_differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
+    """Return a line for each value that differs, without those that follow from others that do."""
+    differences = {key: (old, new) for key, old, new in _compare("", _normalise(stored), _normalise(asked))}
+    for result, sources in FOLLOWING.items():
+        if result in differences and any(key != result and key.startswith(sources) for key in differences):
+            del differences[result]
+    return [f"{key}: {_show(old)} in the folder, {_show(new)} now" for key, (old, new) in differences.items()]
+
+
+def _normalise(value: Mapping[str, Any]) -> Any:
+    """Return the value as JSON gives it back: tuples are lists."""
+    return json.loads(json.dumps(value))
+
+
+def _compare(key: str, old: Any, new: Any) -> Iterator[tuple[str, Any, Any]]:
+    if isinstance(old, dict) and isinstance(new, dict):
+        for name in [*old, *(name for name in new if name not in old)]:
+            path = f"{key}.{name}" if key else name
+            yield from _compare(path, old.get(name, ABSENT), new.get(name, ABSENT))
+    elif (
+        isinstance(old, list)
+        and isinstance(new, list)
+        and len(old) == len(new)
+        and any(isinstance(entry, dict) for entry in old)
+    ):
+        for index, (a, b) in enumerate(zip(old, new, strict=True)):
+            yield from _compare(f"{key}[{_label(index, a, b)}]", a, b)
+    elif old is ABSENT or new is ABSENT or old != new:
+        yield key, old, new
+
+
+def _label(place: int, a: Any, b: Any) -> str:
+    """Return the key or name that two entries of a list have in common, else their place."""
+    for key in ("key", "name"):
+        if isinstance(a, dict) and isinstance(b, dict) and a.get(key) and a.get(key) == b.get(key):
+            return str(a[key])
+    return str(place)
+
+
+def _show(value: Any) -> str:
+    if value is ABSENT:
+        return "absent"
+    if isinstance(value, Sequence) and not isinstance(value, str) and len(value) > 6:
+        return f"{len(value)} values from {value[0]} to {value[-1]}"
+    shown = json.dumps(value)
+    return shown if len(shown) <= LONGEST else shown[: LONGEST - 3] + "..."

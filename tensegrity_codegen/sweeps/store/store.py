@@ -7,17 +7,22 @@ import json
 import os
 import shutil
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tensegrity_codegen.analyses.cases.record import TaskResult
-from tensegrity_codegen.sweeps.store.contents import StoreContents, StoredArray
+from tensegrity_codegen.analyses.cases.record import Output, TaskResult
+from tensegrity_codegen.analyses.cases.statuses import NOT_COMPUTED, STATUSES
+from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.sweeps.store.folder import (
     ATTRIBUTE,
+    FORMAT,
     MESSAGE,
     METADATA,
     RECORD,
@@ -32,6 +37,154 @@ from tensegrity_codegen.system.extras import SWEEP, import_extra
 from tensegrity_codegen.system.files import explain_unwritable
 from tensegrity_codegen.system.forked import deferred_signals
 from tensegrity_codegen.system.temporary_files import work_folder
+
+TASK = "task"
+NOT_COMPUTED_CODE = -1  # status of a case whose task is not finished
+OWN_NAMES = (STATUS, MESSAGE, RECORD, TASK, "case", "sample")
+TEXT = "string"
+
+
+@dataclass(frozen=True, eq=False)
+class StoredArray:
+    """One array of a store.
+
+    shape, chunks: its size, and the size of its chunks, along each.
+    """
+
+    name: str  # its name
+    dims: tuple[str, ...]  # names of its dimensions
+    shape: tuple[int, ...]
+    chunks: tuple[int, ...]
+    dtype: str  # ``"string"``, or a type of NumPy
+    fill: Any  # the value where nothing was written
+    attributes: dict[str, Any]  # units and description
+    values: NDArray[Any] | None = None  # what it holds from the beginning; None for results
+
+
+@dataclass(frozen=True, eq=False)
+class StoreContents:
+    """Cases and results of a sweep, as they are stored.
+
+    identity: what the results follow from, JSON-ready: another sweep has another identity; facts: what
+    else is known of it, JSON-ready: attributes of the data set.
+    """
+
+    cases: Cases
+    layout: CaseLayout  # how they lie in the arrays
+    outputs: tuple[Output, ...]  # results of a case
+    identity: Mapping[str, Any]
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def case_dims(self) -> tuple[str, ...]:
+        """Dimensions of the cases: the axes of the grid, then "sample"; "case" without a grid."""
+        axes = tuple(self.name_key(axis.key) for axis in self.cases.axes)
+        if self.cases.points is None:
+            return axes
+        return (*axes, "sample") if axes else ("case",)
+
+    @property
+    def output_dims(self) -> dict[str, tuple[str, ...]]:
+        """Dimensions of each result besides the cases; where two differ under one name, the name is added."""
+        axes: dict[str, tuple[int, tuple[Any, ...]]] = {}
+        named = {}
+        for output in self.outputs:
+            dims = []
+            for dim, size in zip(output.dims, output.shape, strict=True):
+                axis = (size, tuple(output.coordinates.get(dim, ())))
+                dims.append(dim if axes.setdefault(dim, axis) == axis else f"{dim}_of_{output.name}")
+            named[output.name] = tuple(dims)
+        return named
+
+    def name_key(self, key: str) -> str:
+        """Return the name of the coordinate of a key: the key, unless a result has that name."""
+        used_names = {*OWN_NAMES, *(name for output in self.outputs for name in (output.name, *output.dims))}
+        return f"varied.{key}" if key in used_names else key
+
+    def list_arrays(self) -> list[StoredArray]:
+        """Return all arrays but the values of a sample or table."""
+        sentence = {"long_name": "JSON of each finished task: its cases, time, attempts and machine"}
+        return [
+            *self._axes(),
+            *self._labels(),
+            *self._results(),
+            StoredArray(RECORD, (TASK,), (self.layout.n_tasks,), (1,), TEXT, "", sentence),
+        ]
+
+    def list_key_arrays(self) -> list[StoredArray]:
+        """Return the arrays of the values of a sample or table, one a key."""
+        points = self.cases.points
+        if points is None:
+            return []
+        chunk = (max(self.layout.chunk[-1], min(points.count, 2**16)),)
+        return [
+            StoredArray(
+                name, self.case_dims[-1:], (points.count,), chunk, "float64", np.nan, self._describe_key(key)
+            )
+            for key, name in zip(points.keys, map(self.name_key, points.keys), strict=True)
+        ]
+
+    def list_attributes(self) -> dict[str, Any]:
+        """Return the attributes of the data set."""
+        names = [array.name for array in self.list_key_arrays()]
+        coordinates = {"coordinates": " ".join(names)} if names else {}
+        sweep = {
+            "format": FORMAT,
+            "identity": dict(self.identity),
+            "task_size": self.layout.task_size,
+            "case_dims": list(self.case_dims),
+            "keys": {key: self.name_key(key) for key in self.cases.keys},
+        }
+        return {**self.facts, **coordinates, ATTRIBUTE: sweep}
+
+    def _describe_key(self, key: str) -> dict[str, Any]:
+        attributes: Mapping[str, dict[str, Any]] = self.facts.get("key_attributes", {})
+        return dict(attributes.get(key, {"long_name": f"{key} of the scene"}))
+
+    def _axes(self) -> Iterator[StoredArray]:
+        for axis in self.cases.axes:
+            name = self.name_key(axis.key)
+            yield _whole(name, (name,), axis.values, self._describe_key(axis.key))
+
+    def _labels(self) -> Iterator[StoredArray]:
+        done = set()
+        for output in self.outputs:
+            for dim, name in zip(output.dims, self.output_dims[output.name], strict=True):
+                labels = output.coordinates.get(dim)
+                if labels is not None and name not in done:
+                    done.add(name)
+                    unit = {"units": "s"} if dim == "time" else {}
+                    yield _whole(name, (name,), np.asarray(labels), unit)
+
+    def _results(self) -> Iterator[StoredArray]:
+        shape, chunk, dims = self.layout.shape, self.layout.chunk, self.case_dims
+        statuses = [NOT_COMPUTED, *STATUSES]
+        flags = {"flag_values": list(range(-1, len(STATUSES))), "flag_meanings": " ".join(statuses)}
+        sentence = {"long_name": "how the case ended", **flags}
+        yield StoredArray(STATUS, dims, shape, chunk, "int8", NOT_COMPUTED_CODE, sentence)
+        sentence = {"long_name": "why the case ended so, where there is something to say"}
+        yield StoredArray(MESSAGE, dims, shape, chunk, TEXT, "", sentence)
+        for output in self.outputs:
+            attributes = {"units": output.unit, "long_name": output.sentence}
+            attributes |= {"expression": output.expression} if output.expression else {}
+            is_float = np.dtype(output.dtype).kind == "f"
+            yield StoredArray(
+                output.name,
+                (*dims, *self.output_dims[output.name]),
+                (*shape, *output.shape),
+                (*chunk, *(max(size, 1) for size in output.shape)),
+                output.dtype,
+                np.nan if is_float else -1,
+                attributes,
+            )
+
+
+def _whole(name: str, dims: tuple[str, ...], values: NDArray[Any], attributes: dict[str, Any]) -> StoredArray:
+    is_text = values.dtype.kind in "UO"
+    dtype, fill = (TEXT, "") if is_text else (values.dtype.name, np.nan if values.dtype.kind == "f" else 0)
+    chunks = tuple(max(size, 1) for size in values.shape)
+    return StoredArray(name, dims, values.shape, chunks, dtype, fill, attributes, values)
+
 
 PARTIAL = ".partial"  # ending of the temporary files of Zarr's store
 
@@ -54,11 +207,11 @@ class SweepStore:
         self._group = open_group(self._stored, "r+")
         self._arrays: dict[str, Any] = {}
         # Temporary files that a killed process left are removed.
-        for place, _, names in os.walk(self.path):
+        for folder, _, names in os.walk(self.path):
             for name in names:
                 if name.endswith(PARTIAL):
                     with suppress(OSError):
-                        Path(place, name).unlink()
+                        Path(folder, name).unlink()
 
     def find_finished(self) -> frozenset[int]:
         """Return the numbers of the tasks that have a record and of which no file is damaged."""
@@ -96,13 +249,9 @@ class SweepStore:
         return all(bool(np.isnan(values).all()) for values in boxes)
 
     def write(self, task: int, result: TaskResult, record: Mapping[str, Any]) -> None:
-        """Write the results of a task, then its record; signals wait until that is done.
-
-        Raises OutputError: the disk is full, or the folder cannot be written any more; nothing of the task is
-        left, and what was written before stays readable.
-        """
-        first, last = self.layout.cases_of(task)
-        facts = json.dumps({"first": first, "last": last, **record})
+        """Write a task, then its record, signals held; raises OutputError and leaves nothing of the task."""
+        start, stop = self.layout.cases_of(task)
+        facts = json.dumps({"first": start, "last": stop, **record})
         values = {
             **result.arrays,
             MESSAGE: np.array(result.messages, dtype=object),
@@ -112,7 +261,7 @@ class SweepStore:
             self._remove(task)  # what is damaged, or was written without its record
             try:
                 box = self.layout.box_of(task)
-                shape = tuple(part.stop - part.start for part in box)
+                shape = tuple(span.stop - span.start for span in box)
                 for name, array in values.items():
                     stored = self._array(name)
                     stored[box] = array.reshape(*shape, *stored.shape[len(shape) :])
@@ -181,11 +330,7 @@ def _explain(path: Path, error: OSError) -> OutputError:
 
 
 def create_store(path: str | Path, contents: StoreContents) -> None:
-    """Make the folder of a sweep without results.
-
-    Raises MissingExtraError: zarr is not installed; OutputError: the folder exists already and is not empty,
-    or cannot be made.
-    """
+    """Make the folder of a sweep without results."""
     target = Path(path).absolute()
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -204,8 +349,8 @@ def create_store(path: str | Path, contents: StoreContents) -> None:
 def _write_metadata(folder: Path, contents: StoreContents) -> None:
     zarr = import_extra("zarr", SWEEP)
     group = zarr.create_group(str(folder), zarr_format=3, attributes=contents.list_attributes())
-    for item in [*contents.list_arrays(), *contents.list_key_arrays()]:
-        _create_array(group, item)
+    for array in [*contents.list_arrays(), *contents.list_key_arrays()]:
+        _create_array(group, array)
     _write_coordinates(group, contents)
     with warnings.catch_warnings():  # Zarr's reader finds all arrays in one file; other readers ignore it
         warnings.filterwarnings("ignore", message="Consolidated metadata")
@@ -216,10 +361,7 @@ def _write_metadata(folder: Path, contents: StoreContents) -> None:
 
 
 def restore_coordinates(stored: StoredSweep, contents: StoreContents) -> None:
-    """Write the values of keys and labels of a sweep again where files of them are damaged.
-
-    Raises OutputError: they cannot be written.
-    """
+    """Write the values of keys and labels of a sweep again where files of them are damaged."""
     if all(map(stored.is_whole, stored.coordinate_files)):
         return
     try:
@@ -233,17 +375,18 @@ def restore_coordinates(stored: StoredSweep, contents: StoreContents) -> None:
 def _write_coordinates(group: Any, contents: StoreContents) -> None:
     """Write labels and grid values; of a sample or table the values of each key, chunk by chunk."""
     with writing_empty_chunks():
-        for item in contents.list_arrays():
-            if item.values is not None and item.values.size:
-                group[item.name][...] = item.values.astype(object) if item.dtype == "string" else item.values
+        for entry in contents.list_arrays():
+            if entry.values is not None and entry.values.size:
+                values = entry.values.astype(object) if entry.dtype == TEXT else entry.values
+                group[entry.name][...] = values
         if contents.cases.points is not None:
             sampled = contents.cases.points
-            key_arrays = [group[item.name] for item in contents.list_key_arrays()]
+            key_arrays = [group[entry.name] for entry in contents.list_key_arrays()]
             chunk_size = key_arrays[0].chunks[0]
-            for first in range(0, sampled.count, chunk_size):
-                last = min(first + chunk_size, sampled.count)
-                for key_array, key_values in zip(key_arrays, sampled.values(first, last).T, strict=True):
-                    key_array[first:last] = key_values
+            for start in range(0, sampled.count, chunk_size):
+                stop = min(start + chunk_size, sampled.count)
+                for key_array, key_values in zip(key_arrays, sampled.values(start, stop).T, strict=True):
+                    key_array[start:stop] = key_values
 
 
 def _create_array(group: Any, item: StoredArray) -> Any:

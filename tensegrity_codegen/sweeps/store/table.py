@@ -28,11 +28,7 @@ GROUP_ROWS = 2**16  # rows of a row group of Parquet
 
 
 def check_table(path: str | Path, format: str, *, overwrite: bool = False) -> Path:
-    """Return the file that a table is written to, before any work.
-
-    Raises UnknownNameError: an unknown format; MissingExtraError: parquet without pyarrow; OutputError: the
-    file cannot be written, or exists (without `overwrite`).
-    """
+    """Return the file that a table is written to, before any work."""
     check_choice(format, TABLE_FORMATS, "format", "format")
     check_ending(path, f".{format}")
     if format == "parquet":
@@ -81,9 +77,9 @@ class _SweepTable:
     @classmethod
     def of(cls, path: str | Path) -> "_SweepTable":
         """Return the table of a store."""
-        stored, found = read_stored_sweep(path), open_sweep(path)
-        return cls(stored, found, stored.attributes[ATTRIBUTE]["keys"], {
-            name: _find_headings(found[name], len(stored.layout.shape))
+        stored, dataset = read_stored_sweep(path), open_sweep(path)
+        return cls(stored, dataset, stored.attributes[ATTRIBUTE]["keys"], {
+            name: _find_headings(dataset[name], len(stored.layout.shape))
             for name in sorted(set(stored.results) - {STATUS, MESSAGE})
         })  # fmt: skip
 
@@ -100,21 +96,21 @@ class _SweepTable:
 
     def pieces(self) -> Iterator[list[NDArray[Any]]]:
         """Give the columns of the cases of one task after the other."""
-        words = np.array([*STATUSES, NOT_COMPUTED], dtype=object)
+        statuses = np.array([*STATUSES, NOT_COMPUTED], dtype=object)
         dims, layout = self.found[STATUS].dims, self.stored.layout
         for task in range(layout.n_tasks):
-            first, last = layout.cases_of(task)
-            part = self.found.isel(dict(zip(dims, layout.box_of(task), strict=True)))
-            status = part[STATUS]
-            columns: list[NDArray[Any]] = [np.arange(first, last), words[status.values.ravel()]]
+            start, stop = layout.cases_of(task)
+            cases = self.found.isel(dict(zip(dims, layout.box_of(task), strict=True)))
+            status = cases[STATUS]
+            columns: list[NDArray[Any]] = [np.arange(start, stop), statuses[status.values.ravel()]]
             for name in self.keys.values():
                 columns.append(
-                    part[name].astype(float).broadcast_like(status).transpose(*dims).values.ravel()
+                    cases[name].astype(float).broadcast_like(status).transpose(*dims).values.ravel()
                 )
             for name, headings in self.headings.items():
                 if headings:
-                    columns += list(part[name].values.reshape(last - first, -1).T)
-            yield [*columns, part[MESSAGE].values.astype(object).ravel()]
+                    columns += list(cases[name].values.reshape(stop - start, -1).T)
+            yield [*columns, cases[MESSAGE].values.astype(object).ravel()]
 
 
 def _find_headings(array: Any, lead: int) -> tuple[str, ...]:
@@ -129,9 +125,9 @@ def _find_headings(array: Any, lead: int) -> tuple[str, ...]:
 
 def _write_parquet(path: Path, header: Sequence[str], pieces: Iterator[list[NDArray[Any]]]) -> None:
     pyarrow, parquet = import_extra("pyarrow", TABLES), import_extra("pyarrow.parquet", TABLES)
-    first = pyarrow.table(dict(zip(header, next(pieces), strict=True)))
-    schema = first.schema
-    waiting = [first]
+    head = pyarrow.table(dict(zip(header, next(pieces), strict=True)))
+    schema = head.schema
+    waiting = [head]
     with parquet.ParquetWriter(path, schema) as writer:
         for piece in pieces:
             waiting.append(pyarrow.table(dict(zip(header, piece, strict=True)), schema=schema))

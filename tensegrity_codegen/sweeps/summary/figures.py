@@ -10,10 +10,10 @@ from tensegrity_codegen.report.pages.diagram import HEIGHT, TEXT_SIZE, WIDTH, dr
 from tensegrity_codegen.report.pages.page import Figure
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.canvas import GRID, INK, MUTED, SEQUENCE, new_figure
-from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
-from tensegrity_codegen.sweeps.summary.indices import Indices
-from tensegrity_codegen.sweeps.summary.results import SweepResults
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.sweeps.summary.results import SweepResults, shorten_key
+from tensegrity_codegen.sweeps.summary.statistics import Indices
+from tensegrity_codegen.sweeps.summary.summary import ChosenResult
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,9 +75,8 @@ def draw_scatter(results: SweepResults, key_index: int, result: ChosenResult, na
         _draw_colored_bins(figure, axes, edges, np.where(counts > 0, counts, np.nan), "cases", log=True)
         caption = f"{result.name} over {key}: {len(x):,} cases in {counts.shape[0]} x {counts.shape[1]} bins."
         data = {"x_edges": edges[0].tolist(), "y_edges": edges[1].tolist(), "count": counts.tolist()}
-    dress_axes(
-        axes, results.label_key(key), result.label, log=(_has_logarithmic_axis(x), _has_logarithmic_axis(y))
-    )
+    log = _has_logarithmic_axis(x), _has_logarithmic_axis(y)
+    dress_axes(axes, results.label_key(key), result.label, log=log)
     return _make_figure(figure, name, caption, data)
 
 
@@ -85,23 +84,16 @@ def draw_heat_map(
     results: SweepResults, key_indices: tuple[int, int], result: ChosenResult, name: str
 ) -> Figure:
     """Return the mean of a result over two keys: the points of two axes of a grid, or bins of a sample."""
-    grid = dict(results.axes)
-    keys = [results.keys[key_index] for key_index in key_indices]
-    columns = [results.key_values[:, key_index] for key_index in key_indices]
-    edges = [
-        find_edges(np.unique(grid[key])) if key in grid else make_bins(column, 24)
-        for key, column in zip(keys, columns, strict=True)
-    ]
+    keys, columns, edges = _bin_keys(results, key_indices, np.ones(results.count, dtype=np.bool_), 24)
     means = bin_means(columns[0], columns[1], result.values, edges[0], edges[1])
     figure, axes = _new_axes()
     _draw_colored_bins(figure, axes, (edges[0], edges[1]), means, result.label)
     axes.set_facecolor(GRID)
     names = [results.label_key(key) for key in keys]
-    dress_axes(
-        axes, names[0], names[1], log=(_has_logarithmic_axis(columns[0]), _has_logarithmic_axis(columns[1]))
-    )
-    others = len(results.keys) > 2 or results.count > means.size
-    caption = f"{'Mean of ' if others else ''}{result.name} over {keys[0]} and {keys[1]}"
+    log = _has_logarithmic_axis(columns[0]), _has_logarithmic_axis(columns[1])
+    dress_axes(axes, names[0], names[1], log=log)
+    is_mean = len(results.keys) > 2 or results.count > means.size
+    caption = f"{'Mean of ' if is_mean else ''}{result.name} over {keys[0]} and {keys[1]}"
     caption += "; grey: no result." if not np.isfinite(means).all() else "."
     data = {"x_edges": edges[0].tolist(), "y_edges": edges[1].tolist(), "mean": _to_json(means)}
     return _make_figure(figure, name, caption, data)
@@ -111,15 +103,9 @@ def draw_failures(results: SweepResults, key_indices: Sequence[int], name: str) 
     """Return the percentage of failed cases over one key, or over two."""
     is_computed = results.is_computed
     failed = np.where(results.is_good[is_computed], 0.0, 100.0)
-    columns = [results.key_values[is_computed, key_index] for key_index in key_indices[:2]]
-    keys = [results.keys[key_index] for key_index in key_indices[:2]]
-    names = [results.label_key(key) for key in keys]
-    grid = dict(results.axes)
     bins = 24 if len(failed) >= 2000 else 8
-    edges = [
-        find_edges(np.unique(grid[key])) if key in grid else make_bins(column, bins)
-        for key, column in zip(keys, columns, strict=True)
-    ]
+    keys, columns, edges = _bin_keys(results, key_indices[:2], is_computed, bins)
+    names = [results.label_key(key) for key in keys]
     figure, axes = _new_axes()
     if len(keys) == 1:
         inside = np.digitize(columns[0], edges[0][1:-1])
@@ -136,12 +122,8 @@ def draw_failures(results: SweepResults, key_indices: Sequence[int], name: str) 
             figure, axes, (edges[0], edges[1]), failed_percent, "failed cases [%]", color_map="Oranges"
         )
         axes.set_facecolor(GRID)
-        dress_axes(
-            axes,
-            names[0],
-            names[1],
-            log=(_has_logarithmic_axis(columns[0]), _has_logarithmic_axis(columns[1])),
-        )
+        log = _has_logarithmic_axis(columns[0]), _has_logarithmic_axis(columns[1])
+        dress_axes(axes, names[0], names[1], log=log)
     grey = "; grey: no cases" if not np.isfinite(failed_percent).all() else ""
     caption = f"Share of failed cases over {' and '.join(keys)}{grey}."
     return _make_figure(figure, name, caption, {"failed_percent": _to_json(failed_percent)})
@@ -163,12 +145,26 @@ def draw_indices(result: ChosenResult, indices: Indices, name: str) -> Figure:
             error_kw={"ecolor": INK, "elinewidth": 1.0, "capsize": 2.5},
         )  # fmt: skip
     dress_axes(axes, "share of the variance", "")
-    axes.set_yticks(bar_position, [_shorten(indices.keys[k]) for k in order])
+    axes.set_yticks(bar_position, [shorten_key(indices.keys[k], 24) for k in order])
     figure.legend(
         loc="outside upper center", ncols=2, frameon=False, fontsize=TEXT_SIZE - 0.5, labelcolor=INK
     )
     data = {"key": list(indices.keys), "first": _to_json(indices.first), "total": _to_json(indices.total)}
     return _make_figure(figure, name, f"Which share of the variance of {result.name} each key causes.", data)
+
+
+def _bin_keys(
+    results: SweepResults, key_indices: Sequence[int], is_chosen: BoolArray, count: int
+) -> tuple[list[str], list[FloatArray], list[FloatArray]]:
+    """Return keys, their values in some cases, and edges: around points of a grid, else of `count` bins."""
+    grid = dict(results.axes)
+    keys = [results.keys[key_index] for key_index in key_indices]
+    columns = [results.key_values[is_chosen, key_index] for key_index in key_indices]
+    edges = [
+        find_edges(np.unique(grid[key])) if key in grid else make_bins(column, count)
+        for key, column in zip(keys, columns, strict=True)
+    ]
+    return keys, columns, edges
 
 
 def _draw_colored_bins(
@@ -227,16 +223,8 @@ def _to_json(values: FloatArray) -> Any:
     return table.tolist()
 
 
-def _shorten(key: str, most: int = 24) -> str:
-    """Return the end of a long key: what differs stands there."""
-    return key if len(key) <= most else "…" + key[1 - most :]
-
-
 def is_logarithmic(values: FloatArray) -> bool:
-    """Return whether values are all positive and lie so far apart that a logarithmic axis shows them better.
-
-    They must also fill it: the middle value lies nearer to the middle of the logarithms.
-    """
+    """Return whether values are positive, far apart, and fill a logarithmic axis better than a linear one."""
     if not len(values) or values.min() <= 0.0 or values.max() < MIN_LOGARITHMIC_RATIO * values.min():
         return False
     low, high, middle = float(values.min()), float(values.max()), float(np.median(values))
@@ -244,10 +232,7 @@ def is_logarithmic(values: FloatArray) -> bool:
 
 
 def make_bins(values: FloatArray, count: int) -> FloatArray:
-    """Return the edges (count + 1,) of bins that hold all finite values, logarithmic where these are.
-
-    Values that are equal, but for rounding, are in the middle of one bin.
-    """
+    """Return the edges (count + 1,) of bins of all finite values, logarithmic where these are."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return np.array([0.0, 1.0])

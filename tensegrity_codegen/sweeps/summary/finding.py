@@ -9,11 +9,14 @@ from tensegrity_codegen.analyses.cases.record import LIMIT_USE
 from tensegrity_codegen.analyses.cases.statuses import NOT_COMPUTED
 from tensegrity_codegen.report.long_table import LongTable, rank_rows
 from tensegrity_codegen.report.number_text import format_short
-from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
-from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.results import SweepResults
-from tensegrity_codegen.sweeps.summary.statistics import Distribution, describe_count, is_difference_clear
-from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
+from tensegrity_codegen.sweeps.summary.statistics import (
+    Distribution,
+    Indices,
+    describe_count,
+    is_difference_clear,
+)
+from tensegrity_codegen.sweeps.summary.summary import ChosenResult, ResultSummary, SweepSummary
 from tensegrity_codegen.system.errors import name_list
 
 MOST_STATUSES = 2
@@ -24,21 +27,21 @@ def describe_finding(summary: SweepSummary) -> str:
     """Return how many cases have a result, why others have none, and the range of the first result."""
     results = summary.results
     good = int(results.is_good.sum())
-    text = describe_count(results)
+    finding = describe_count(results)
     if good == results.count and good > 1:
-        text = f"All {text.partition(' of ')[2]}"
-    words = [item.status for item in summary.endings if not item.good and item.status != NOT_COMPUTED]
-    if words:
-        shown = ", ".join(word.replace("_", " ") for word in words[:MOST_STATUSES])
-        text += f" ({shown}{', ...' if len(words) > MOST_STATUSES else ''})"
+        finding = f"All {finding.partition(' of ')[2]}"
+    statuses = [entry.status for entry in summary.endings if not entry.good and entry.status != NOT_COMPUTED]
+    if statuses:
+        shown = ", ".join(status.replace("_", " ") for status in statuses[:MOST_STATUSES])
+        finding += f" ({shown}{', ...' if len(statuses) > MOST_STATUSES else ''})"
     beyond = _count_beyond(results)
     if beyond:
-        text += f"; in {beyond:,} {BEYOND}"
-    found = [item for item in summary.chosen if item.distribution.count]
-    if not found:
-        return text
-    item = found[0]
-    return f"{text}; {describe_range(item.result, item.distribution)}"
+        finding += f"; in {beyond:,} {BEYOND}"
+    summaries = [entry for entry in summary.chosen if entry.distribution.count]
+    if not summaries:
+        return finding
+    entry = summaries[0]
+    return f"{finding}; {describe_range(entry.result, entry.distribution)}"
 
 
 def _count_beyond(results: SweepResults) -> int:
@@ -74,7 +77,7 @@ def _format(value: float, spread: Distribution) -> str:
 def describe_lead(summary: SweepSummary) -> str:
     """Return the main findings in two or three sentences."""
     results, keys = summary.results, summary.results.keys
-    varied = [_describe_varied(summary, place) for place in range(len(keys))]
+    varied = [_describe_varied(summary, index) for index in range(len(keys))]
     texts = [f"Varied: {name_list(varied, MOST_NAMED)}."] if varied else []
     for row in [row for row in summary.failing if is_difference_clear(results, row)][:1]:
         unit = _unit(results.key_units.get(row.key, ""))
@@ -82,12 +85,12 @@ def describe_lead(summary: SweepSummary) -> str:
             f"Failed cases differ most in {row.key}: median {format_short(row.failed)}{unit}, "
             f"{format_short(row.good)}{unit} of the others."
         )
-    for item in summary.chosen[:1]:
-        if isinstance(item.indices, Indices) and len(keys) > 1:
-            top = int(np.argmax(item.indices.total))
+    for entry in summary.chosen[:1]:
+        if isinstance(entry.indices, Indices) and len(keys) > 1:
+            top = int(np.argmax(entry.indices.total))
             texts.append(
-                f"{keys[top]} causes {100 * item.indices.first[top]:.0f} % of the variance of "
-                f"{item.result.name} alone, {100 * item.indices.total[top]:.0f} % together with other keys."
+                f"{keys[top]} causes {100 * entry.indices.first[top]:.0f} % of the variance of "
+                f"{entry.result.name} alone, {100 * entry.indices.total[top]:.0f} % together with other keys."
             )
     return " ".join(texts)
 
@@ -108,7 +111,7 @@ def _unit(unit: str) -> str:
 
 def list_tables(summary: SweepSummary) -> Iterator[LongTable | str]:
     """Yield endings, keys of failures, results, what these depend on, and worst cases."""
-    endings = [(item.status, f"{item.count:,}", str(item.first), item.message) for item in summary.endings]
+    endings = [(end.status, f"{end.count:,}", str(end.first), end.message) for end in summary.endings]
     yield _table("frrf", ("status", "cases", "first case", "its message"), endings, "statuses")
     failing = [
         (row.key, f"{row.distance:.2f}", f"{row.failed:.5g}", f"{row.good:.5g}") for row in summary.failing
@@ -119,9 +122,9 @@ def list_tables(summary: SweepSummary) -> Iterator[LongTable | str]:
     if not summary.chosen:
         return
     columns = ("result", "unit", "least", "5 %", "median", "mean", "95 %", "largest")
-    yield _table("ffrrrrrr", columns, [_describe_spread(item) for item in summary.chosen], "results")
+    yield _table("ffrrrrrr", columns, [_describe_spread(entry) for entry in summary.chosen], "results")
     yield from _causes(summary)
-    worst = [(str(item.case), _list_keys(item.keys), item.reason) for item in summary.worst]
+    worst = [(str(entry.case), _list_keys(entry.keys), entry.reason) for entry in summary.worst]
     yield _table("rff", ("worst case", "its keys", "why"), worst, "worst cases")
 
 
@@ -142,20 +145,20 @@ def _describe_spread(item: ResultSummary) -> tuple[str, ...]:
 def _causes(summary: SweepSummary) -> Iterator[LongTable | str]:
     """Yield a table of indices and correlations; reasons where there are no indices."""
     rows = []
-    for item in summary.chosen:
-        found = item.indices if isinstance(item.indices, Indices) else None
-        for place, key in enumerate(summary.results.keys):
-            words = ("", "")
-            if found is not None:
-                words = (
-                    f"{found.first[place]:.3f} ± {found.first_error[place]:.3f}",
-                    f"{found.total[place]:.3f} ± {found.total_error[place]:.3f}",
+    for entry in summary.chosen:
+        indices = entry.indices if isinstance(entry.indices, Indices) else None
+        for index, key in enumerate(summary.results.keys):
+            shares_text = ("", "")
+            if indices is not None:
+                shares_text = (
+                    f"{indices.first[index]:.3f} ± {indices.first_error[index]:.3f}",
+                    f"{indices.total[index]:.3f} ± {indices.total_error[index]:.3f}",
                 )
-            rows.append((item.result.name, key, *words, f"{item.correlation[place]:.2f}"))
-    order = rank_rows(-np.concatenate([item.strength for item in summary.chosen]))
+            rows.append((entry.result.name, key, *shares_text, f"{entry.correlation[index]:.2f}"))
+    order = rank_rows(-np.concatenate([entry.strength for entry in summary.chosen]))
     heads = ("result", "key", "first order", "total", "rank\ncorrelation")
     yield _table("ffrrr", heads, rows, "pairs of result and key", "strongest", order)
-    for reason in sorted({item.indices for item in summary.chosen if isinstance(item.indices, str)}):
+    for reason in sorted({entry.indices for entry in summary.chosen if isinstance(entry.indices, str)}):
         yield f"no Sobol' indices: {reason}"
 
 

@@ -15,7 +15,6 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.sweeps.apply.array_keys import INPUT, ArrayKey
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
-from tensegrity_codegen.sweeps.store.contents import NOT_COMPUTED_CODE
 from tensegrity_codegen.sweeps.store.folder import (
     ATTRIBUTE,
     MESSAGE,
@@ -25,7 +24,7 @@ from tensegrity_codegen.sweeps.store.folder import (
     check_not_damaged,
     read_stored_sweep,
 )
-from tensegrity_codegen.sweeps.store.store import open_group
+from tensegrity_codegen.sweeps.store.store import NOT_COMPUTED_CODE, open_group
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
@@ -36,20 +35,17 @@ MOST_LETTERS = 36  # of a key along an axis
 class KeptQuantity:
     """A quantity of all cases.
 
-    name, unit, sentence: what it is.
-    dims: names of its dimensions after that of the case.
-    shape: their lengths.
-    labels: what stands along each dimension, as texts or numbers.
-    blocks: blocks() yields (first, values): the first case and the values (n, *shape) of consecutive cases,
-        read one after the other; cases that are not computed need not be among them.
+    name, unit, sentence: what it is; blocks: blocks() yields (first, values): the first case and the
+    values (n, *shape) of consecutive cases, read one after the other; cases that are not computed need
+    not be among them.
     """
 
     name: str
-    dims: tuple[str, ...]
-    shape: tuple[int, ...]
+    dims: tuple[str, ...]  # names of its dimensions after that of the case
+    shape: tuple[int, ...]  # their lengths
     unit: str
     sentence: str
-    labels: tuple[Sequence[Any], ...]
+    labels: tuple[Sequence[Any], ...]  # what stands along each dimension, as texts or numbers
     blocks: Callable[[], Iterator[tuple[int, FloatArray]]]
 
 
@@ -57,39 +53,25 @@ class KeptQuantity:
 class SweepResults:
     """A sweep as it is stored.
 
-    path: the store.
     scene, operation: name of the scene; what was done with each case.
-    options: options of the operation, by the names of Python arguments.
-    keep: what was kept, as on the command line.
-    keys: what varies.
-    axes: axes of the grid; empty without a grid.
-    method: how cases were made: grid, random, latin_hypercube, sobol, saltelli, table.
-    ranges: how each key varies, as it was written on the command line.
-    seed: of the samples.
-    key_values: values of the keys.
-    status: place of the status of each case in `words`.
-    words: statuses.
-    message: message(case) returns the message of a case, "" if there is none.
-    kept: quantities by name.
-    key_units: units of keys, where they are known.
     """
 
-    path: Path
+    path: Path  # the store
     scene: str
     operation: str
-    options: Mapping[str, Any]
-    keep: tuple[str, ...]
-    keys: tuple[str, ...]
-    axes: tuple[tuple[str, FloatArray], ...]
-    method: str
-    ranges: Mapping[str, str]
-    seed: int | None
-    key_values: FloatArray
-    status: NDArray[np.int64]
-    words: tuple[str, ...]
-    message: Callable[[int], str]
-    kept: Mapping[str, KeptQuantity]
-    key_units: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, Any]  # options of the operation, by the names of Python arguments
+    keep: tuple[str, ...]  # what was kept, as on the command line
+    keys: tuple[str, ...]  # what varies
+    axes: tuple[tuple[str, FloatArray], ...]  # axes of the grid; empty without a grid
+    method: str  # how cases were made: grid, random, latin_hypercube, sobol, saltelli, table
+    ranges: Mapping[str, str]  # how each key varies, as it was written on the command line
+    seed: int | None  # of the samples
+    key_values: FloatArray  # values of the keys
+    status: NDArray[np.int64]  # place of the status of each case in `words`
+    words: tuple[str, ...]  # statuses
+    message: Callable[[int], str]  # message(case) returns the message of a case, "" if there is none
+    kept: Mapping[str, KeptQuantity]  # quantities by name
+    key_units: Mapping[str, str] = field(default_factory=dict)  # units of keys, where they are known
 
     @property
     def count(self) -> int:
@@ -99,17 +81,16 @@ class SweepResults:
     @property
     def is_good(self) -> NDArray[np.bool_]:
         """Which cases have a result, shape (count,)."""
-        return np.isin(self.status, [k for k, word in enumerate(self.words) if word in GOOD])
+        return np.isin(self.status, [k for k, status in enumerate(self.words) if status in GOOD])
 
     @property
     def is_computed(self) -> NDArray[np.bool_]:
         """Which cases are computed, shape (count,)."""
-        return np.isin(self.status, [k for k, word in enumerate(self.words) if word != NOT_COMPUTED])
+        return np.isin(self.status, [k for k, status in enumerate(self.words) if status != NOT_COMPUTED])
 
     def label_key(self, key: str) -> str:
         """Return a key with its unit, for axes; of a long key the end, where keys differ."""
-        short = key if len(key) <= MOST_LETTERS else "…" + key[1 - MOST_LETTERS :]
-        unit = self.key_units.get(key, "")
+        short, unit = shorten_key(key, MOST_LETTERS), self.key_units.get(key, "")
         return f"{short} [{unit}]" if unit not in ("", "1") else short
 
     @property
@@ -118,19 +99,20 @@ class SweepResults:
         return bool(self.axes) and len(self.axes) == len(self.keys)
 
 
-def read_results(path: str | Path) -> SweepResults:
-    """Return a stored sweep, finished or not.
+def shorten_key(key: str, length: int) -> str:
+    """Return the end of a long key, where keys differ."""
+    return key if len(key) <= length else "…" + key[1 - length :]
 
-    Raises OutputError: the folder is not a sweep, or files in it are damaged or missing; MissingExtraError:
-    zarr is not installed.
-    """
+
+def read_results(path: str | Path) -> SweepResults:
+    """Return a stored sweep, finished or not."""
     stored = read_stored_sweep(path)
     check_not_damaged(stored)
     group, layout = open_group(stored), stored.layout
-    own = stored.attributes[ATTRIBUTE]
+    sweep = stored.attributes[ATTRIBUTE]
     status = group[STATUS]
     cases = stored.identity.get("cases", {})
-    keys: Mapping[str, str] = own["keys"]
+    keys: Mapping[str, str] = sweep["keys"]
     columns = [np.asarray(group[name][...], dtype=np.float64) for name in keys.values()]
     n_axes = len(cases.get("axes", ()))
     codes = np.asarray(status[...]).ravel().astype(np.int64)
@@ -180,10 +162,10 @@ def _describe_ranges(cases: Mapping[str, Any]) -> dict[str, str]:
 def _spread(columns: list[FloatArray], n_axes: int, layout: CaseLayout) -> FloatArray:
     """Return the values of all keys for all cases, (count, n_keys)."""
     values = np.empty((layout.count, len(columns)))
-    for place, column in enumerate(columns):
-        dim = place if place < n_axes else len(layout.shape) - 1
+    for index, column in enumerate(columns):
+        dim = index if index < n_axes else len(layout.shape) - 1
         inner = math.prod(layout.shape[dim + 1 :])
-        values[:, place] = np.tile(np.repeat(column, inner), layout.count // max(inner * len(column), 1))
+        values[:, index] = np.tile(np.repeat(column, inner), layout.count // max(inner * len(column), 1))
     return values
 
 
@@ -191,13 +173,13 @@ def _find_kept(group: Any, coordinates: set[str], layout: CaseLayout) -> dict[st
     """Return the arrays whose first dimensions are those of the cases."""
     lead = len(layout.shape)
     dims = tuple(group[STATUS].metadata.dimension_names)
-    kept = {}
+    quantities = {}
     for name, array in sorted(group.arrays()):
         names = tuple(array.metadata.dimension_names or ())
         if name in coordinates or name in (STATUS, MESSAGE, RECORD) or names[:lead] != dims:
             continue
         shape = tuple(array.shape[lead:])
-        kept[name] = KeptQuantity(
+        quantities[name] = KeptQuantity(
             name=name,
             dims=names[lead:],
             shape=shape,
@@ -209,7 +191,7 @@ def _find_kept(group: Any, coordinates: set[str], layout: CaseLayout) -> dict[st
             ),
             blocks=_Blocks(array, layout),
         )
-    return kept
+    return quantities
 
 
 class _Blocks:
@@ -220,30 +202,20 @@ class _Blocks:
 
     def __call__(self) -> Iterator[tuple[int, FloatArray]]:
         for task in range(self._layout.n_tasks):
-            first, last = self._layout.cases_of(task)
+            start, stop = self._layout.cases_of(task)
             values = np.asarray(self._array[self._layout.box_of(task)], dtype=np.float64)
-            yield first, values.reshape(last - first, *values.shape[len(self._layout.shape) :])
+            yield start, values.reshape(stop - start, *values.shape[len(self._layout.shape) :])
 
 
 def check_case(results: SweepResults, case: int) -> None:
     """Raise InvalidValueError unless the sweep has a case with this number."""
     if not 0 <= case < results.count:
-        raise InvalidValueError(
-            "no such case",
-            where=str(results.path),
-            given=case,
-            allowed=f"whole numbers from 0 to {results.count - 1}",
-        )
+        allowed = f"whole numbers from 0 to {results.count - 1}"
+        raise InvalidValueError("no such case", where=str(results.path), given=case, allowed=allowed)
 
 
 def build_case_scene(path: str | Path, keys: Mapping[str, float]) -> Mapping[str, Any]:
-    """Return the scene of a stored sweep as a plain dictionary, with these values of its keys.
-
-    Values of inputs are not in it, for a scene states none. Where keys name arrays of the structure, as
-    ``rest_length.s1``, the scene lists all its nodes and members with their own values.
-
-    Raises OutputError: the folder is not a sweep; TensegrityError: the values are no scene.
-    """
+    """Return the scene of a case; keys of arrays write out nodes and members, inputs are left out."""
     document = read_stored_sweep(path).identity["scene"]
     assembler = build_assembler(document, list(keys), source=str(path))
     values = list(keys.values())

@@ -1,19 +1,22 @@
 """The summary of a sweep as data: how cases ended, distributions, indices, worst cases."""
 
+import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.analyses.cases.statuses import GOOD, NOT_COMPUTED
-from tensegrity_codegen.sweeps.summary.chosen import ChosenResult, choose_results
-from tensegrity_codegen.sweeps.summary.indices import Indices, compute_indices
-from tensegrity_codegen.sweeps.summary.results import SweepResults
+from tensegrity_codegen.sweeps.summary.results import KeptQuantity, SweepResults
 from tensegrity_codegen.sweeps.summary.statistics import (
     Distribution,
     Ending,
+    Indices,
     KeyDifference,
+    compute_indices,
     compute_rank_correlation,
     count_endings,
     describe_count,
@@ -21,7 +24,171 @@ from tensegrity_codegen.sweeps.summary.statistics import (
     find_failing_keys,
 )
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.system.errors import UnknownNameError, suggest
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+
+
+def _compute_mean(values: FloatArray, axis: int) -> FloatArray:
+    """Return the mean along an axis of what is there; NaN where nothing is."""
+    is_known = ~np.isnan(values)
+    count = is_known.sum(axis=axis)
+    total = np.where(is_known, values, 0.0).sum(axis=axis)
+    mean: FloatArray = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    return mean
+
+
+# Over the entries that are there: rows of natural frequencies, for example, are filled up with NaN.
+REDUCTIONS: dict[str, Callable[..., FloatArray]] = {
+    "max": np.fmax.reduce,
+    "min": np.fmin.reduce,
+    "mean": _compute_mean,
+}
+DEFAULT_COUNT = 4
+# What states how a result was computed; described by default where nothing else was kept.
+DIAGNOSTICS = (
+    "residual", "residual_rate", "energy_drift", "error_estimate", "n_steps", "steps", "rejected",
+    "iterations", "neutral_motions", "saddles_left", "zero_eigenvalues",
+)  # fmt: skip
+_SPEC = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(?:\[(.*)\])?\s*")
+
+
+@dataclass(frozen=True)
+class ChosenResult:
+    """One number a case: its name as on the command line, unit, sentence, values (count,), NaN if none."""
+
+    name: str
+    unit: str
+    sentence: str
+    values: FloatArray
+
+    @property
+    def label(self) -> str:
+        """Name and unit, for axes and headings."""
+        return f"{self.name} [{self.unit}]" if self.unit not in ("", "1") else self.name
+
+
+def choose_results(results: SweepResults, names: Sequence[str] = ()) -> tuple[ChosenResult, ...]:
+    """Return the results that are named, else the first few of the sweep.
+
+    names: "NAME", or for a quantity with dimensions "NAME[PART,...]": a part for each dimension, which is a
+        label, a place from 0 on (-1: the last) or max, min, mean; one of these three alone is over all
+        dimensions. NAME without parts stands for NAME[max] and NAME[min].
+    Raises UnknownNameError for a quantity or label that the sweep does not have; InvalidValueError for a text
+    that is no such name, or another number of parts.
+    """
+    picks: dict[str, tuple[KeptQuantity, tuple[str, ...]]] = {}
+    for spec in names or _default_specs(results):
+        for name, quantity, reductions in _read_spec(results, spec):
+            picks[name] = (quantity, reductions)
+    if not names:
+        picks = dict(list(picks.items())[:DEFAULT_COUNT])
+    good = results.is_good
+    return tuple(_compute(name, quantity, reductions, good) for name, (quantity, reductions) in picks.items())
+
+
+def _default_specs(results: SweepResults) -> list[str]:
+    """Return tensions, numbers, quantities with dimensions, diagnostics; in the order of `keep`."""
+    order = sorted(
+        (quantity for quantity in results.kept.values() if quantity.shape == () or min(quantity.shape) > 0),
+        key=lambda quantity: (
+            quantity.name in DIAGNOSTICS,
+            quantity.name == "displacement" and "change" in results.kept,  # almost the same
+            _find_rank(quantity.name, results.keep),
+            not quantity.name.startswith("member_tension"),
+            len(quantity.dims),
+        ),
+    )
+    few = [quantity for quantity in order if len(quantity.dims) < 2]
+    return [spec for quantity in few or order for spec in _list_parts(quantity)]
+
+
+def _find_rank(name: str, keep: Sequence[str]) -> int:
+    """Return the place of a result among what was kept, written NAME or NAME = EXPRESSION."""
+    written = [entry.partition("=")[0].strip() for entry in keep]
+    return written.index(name) if name in written else len(written)
+
+
+def _list_parts(item: KeptQuantity) -> list[str]:
+    """Return the descriptions of a quantity by one number a case that are not the same."""
+    if not item.dims:
+        return [item.name]
+    if math.prod(item.shape) == 1:
+        return [f"{item.name}[{','.join(str(labels[0]) for labels in item.labels)}]"]
+    ending = item.name.rpartition("_")[2]
+    return [f"{item.name}[{name}]" for name in ([ending] if ending in ("max", "min") else ["max", "min"])]
+
+
+def _read_spec(results: SweepResults, text: str) -> list[tuple[str, KeptQuantity, tuple[str, ...]]]:
+    """Return name, quantity and parts of each result that a text stands for."""
+    match = _SPEC.fullmatch(text)
+    if match is None:
+        problem = "not the name of a result"
+        raise InvalidValueError(problem, where="result", given=text, allowed="NAME or NAME[PART,...]")
+    name, inside = match[1], match[2]
+    if name not in results.kept:
+        allowed, hint = "a quantity that the sweep kept", suggest(name, results.kept)
+        raise UnknownNameError("unknown result", where="result", given=name, allowed=allowed, hint=hint)
+    quantity = results.kept[name]
+    if not quantity.dims and inside is None:
+        return [(name, quantity, ())]
+    if inside is None:
+        return [(f"{name}[{reduction}]", quantity, (reduction,)) for reduction in ("max", "min")]
+    reductions = tuple(choice.strip() for choice in inside.split(","))
+    alone = len(reductions) == 1 and reductions[0] in REDUCTIONS and quantity.dims
+    if len(reductions) != len(quantity.dims) and not alone:
+        problem = f"{len(reductions)} parts for a quantity with {len(quantity.dims)} dimensions"
+        raise InvalidValueError(problem, where="result", given=text, allowed=_describe_parts(quantity))
+    for dimension, choice in enumerate(reductions):
+        if choice not in REDUCTIONS:
+            _find_place(quantity, dimension, choice)
+    return [(f"{name}[{','.join(reductions)}]", quantity, reductions)]
+
+
+def _describe_parts(quantity: KeptQuantity) -> str:
+    """Return how parts of this quantity are written."""
+    if not quantity.dims:
+        return f"{quantity.name} alone: it is one number a case"
+    return f"{quantity.name}[{','.join(dim.upper() for dim in quantity.dims)}], or max, min, mean"
+
+
+def _find_place(quantity: KeptQuantity, place: int, part: str) -> int:
+    """Return the index along a dimension that a label or number means."""
+    labels = [str(label) for label in quantity.labels[place]]
+    if part in labels:
+        return labels.index(part)
+    size = quantity.shape[place]
+    if re.fullmatch(r"-?\d{1,9}", part) and -size <= int(part) < size:
+        return int(part)
+    problem = f"unknown {quantity.dims[place]} of {quantity.name}"
+    allowed = f"a label, a place from 0 to {size - 1}, or max, min, mean"
+    raise UnknownNameError(problem, where="result", given=part, allowed=allowed, hint=suggest(part, labels))
+
+
+def _compute(
+    name: str, quantity: KeptQuantity, parts: tuple[str, ...], good: NDArray[np.bool_]
+) -> ChosenResult:
+    """Return the result, read in pieces; cases that are not good have NaN."""
+    values = np.full(len(good), np.nan)
+    for start, block in quantity.blocks():
+        values[start : start + len(block)] = _reduce(quantity, parts, block)
+    values[~good] = np.nan
+    return ChosenResult(name, quantity.unit, quantity.sentence, values)
+
+
+def _reduce(quantity: KeptQuantity, parts: tuple[str, ...], block: FloatArray) -> FloatArray:
+    """Return one number for each row of a block (rows, *shape)."""
+    if not quantity.dims:
+        return block
+    if len(parts) == 1 and parts[0] in REDUCTIONS:
+        flat = block.reshape(len(block), -1)
+        return np.asarray(REDUCTIONS[parts[0]](flat, axis=1), dtype=np.float64)
+    for dimension in reversed(range(len(parts))):
+        axis = dimension + 1
+        if parts[dimension] in REDUCTIONS:
+            block = np.asarray(REDUCTIONS[parts[dimension]](block, axis=axis))
+        else:
+            block = np.take(block, _find_place(quantity, dimension, parts[dimension]), axis=axis)
+    return block
+
 
 MOST_OF_A_KIND = 3  # worst cases
 BuildCommands = Callable[[SweepResults, int], tuple[str, ...]]
@@ -45,23 +212,20 @@ def find_worst_cases(
     build_commands: BuildCommands,
     most: int = MOST_OF_A_KIND,
 ) -> tuple[WorstCase, ...]:
-    """Return the first cases of each bad status, and those with the largest and least value of each result.
-
-    A case is listed once, with all its reasons; build_commands returns what runs it alone.
-    """
+    """Return the first cases of each bad status, and those with extreme results, once with all reasons."""
     reasons: dict[int, list[str]] = {}
-    for place, word in enumerate(results.words):
-        if word in GOOD or word == NOT_COMPUTED:
+    for code, label in enumerate(results.words):
+        if label in GOOD or label == NOT_COMPUTED:
             continue
-        for case in np.flatnonzero(results.status == place)[:most].tolist():
-            reasons.setdefault(case, []).append(word.replace("_", " "))
+        for case in np.flatnonzero(results.status == code)[:most].tolist():
+            reasons.setdefault(case, []).append(label.replace("_", " "))
     for result in chosen:
         values = result.values
         if not np.isfinite(values).any() or np.nanmax(values) == np.nanmin(values):
             continue
         unit = "" if result.unit in ("", "1") else f" {result.unit}"
-        for word, case in (("largest", np.nanargmax(values)), ("least", np.nanargmin(values))):
-            reasons.setdefault(int(case), []).append(f"{word} {result.name}: {values[case]:.6g}{unit}")
+        for label, case in (("largest", np.nanargmax(values)), ("least", np.nanargmin(values))):
+            reasons.setdefault(int(case), []).append(f"{label} {result.name}: {values[case]:.6g}{unit}")
     return tuple(
         _describe(results, case, "; ".join(texts), build_commands(results, case))
         for case, texts in reasons.items()
@@ -121,22 +285,22 @@ class SweepSummary:
     def as_dict(self) -> dict[str, Any]:
         """Return the summary in plain types."""
         results = self.results
-        left = int((~results.is_computed).sum())
+        n_pending = int((~results.is_computed).sum())
         return {
             "scene": results.scene,
             "do": results.operation,
             "headline": self.headline,
             "n_cases": results.count,
             "n_good": int(results.is_good.sum()),
-            "n_not_computed": left,
-            "n_not_run": left,  # the same by its former name
+            "n_not_computed": n_pending,
+            "n_not_run": n_pending,  # the same by its former name
             "method": results.method,
             "seed": results.seed,
-            "keys": [_describe_key(results, place) for place in range(len(results.keys))],
-            "endings": [asdict(item) for item in self.endings],
-            "failing_keys": [asdict(item) for item in self.failing],
-            "results": [_describe_result(item, results.keys) for item in self.chosen],
-            "worst": [asdict(item) for item in self.worst],
+            "keys": [_describe_key(results, index) for index in range(len(results.keys))],
+            "endings": [asdict(entry) for entry in self.endings],
+            "failing_keys": [asdict(entry) for entry in self.failing],
+            "results": [_describe_result(entry, results.keys) for entry in self.chosen],
+            "worst": [asdict(entry) for entry in self.worst],
         }
 
 
@@ -146,23 +310,17 @@ def summarize(
     over: Sequence[str] = (),
     build_commands: BuildCommands = lambda results, case: (),
 ) -> SweepSummary:
-    """Return the summary of a sweep.
-
-    names: results, as in `choose_results`; by default the first few.
-    over: keys that results are drawn over; by default those that matter most.
-    build_commands: returns the commands that run a case alone, for each of the worst cases.
-    Raises UnknownNameError, InvalidValueError for a result or key that the sweep does not have.
-    """
-    places = tuple(dict.fromkeys(_find_key(results, key) for key in over))
+    """Return the summary of a sweep; names: results; over: keys of figures, else the strongest."""
+    key_indices = tuple(dict.fromkeys(_find_key(results, key) for key in over))
     chosen = choose_results(results, names)
     summaries = tuple(
         ResultSummary(
-            item,
-            describe_distribution(item.values),
-            compute_rank_correlation(results.key_values, item.values),
-            compute_indices(results, item.values),
+            result,
+            describe_distribution(result.values),
+            compute_rank_correlation(results.key_values, result.values),
+            compute_indices(results, result.values),
         )
-        for item in chosen
+        for result in chosen
     )
     return SweepSummary(
         results,
@@ -170,19 +328,14 @@ def summarize(
         find_failing_keys(results),
         summaries,
         find_worst_cases(results, chosen, build_commands),
-        places,
+        key_indices,
     )
 
 
 def _find_key(results: SweepResults, key: str) -> int:
     if key not in results.keys:
-        raise UnknownNameError(
-            "this key does not vary",
-            where="over",
-            given=key,
-            allowed=", ".join(results.keys) or "the sweep varies no key",
-            hint=suggest(key, results.keys),
-        )
+        allowed, hint = ", ".join(results.keys) or "the sweep varies no key", suggest(key, results.keys)
+        raise UnknownNameError("this key does not vary", where="over", given=key, allowed=allowed, hint=hint)
     return results.keys.index(key)
 
 
@@ -200,7 +353,7 @@ def _describe_key(results: SweepResults, place: int) -> dict[str, Any]:
 
 def _describe_result(item: ResultSummary, keys: tuple[str, ...]) -> dict[str, Any]:
     indices = item.indices
-    found: dict[str, Any] = {"indices": None, "no_indices": indices} if isinstance(indices, str) else {
+    indices_data: dict[str, Any] = {"indices": None, "no_indices": indices} if isinstance(indices, str) else {
         "indices": asdict(indices), "no_indices": ""
     }  # fmt: skip
     return {
@@ -209,5 +362,5 @@ def _describe_result(item: ResultSummary, keys: tuple[str, ...]) -> dict[str, An
         "sentence": item.result.sentence,
         "distribution": item.distribution.as_dict(),
         "rank_correlation": dict(zip(keys, item.correlation.tolist(), strict=True)),
-        **found,
+        **indices_data,
     }

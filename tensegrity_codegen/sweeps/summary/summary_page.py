@@ -26,8 +26,7 @@ from tensegrity_codegen.sweeps.summary.figures import (
     draw_scatter,
 )
 from tensegrity_codegen.sweeps.summary.finding import describe_finding, describe_lead, describe_range
-from tensegrity_codegen.sweeps.summary.indices import Indices
-from tensegrity_codegen.sweeps.summary.statistics import describe_distribution, is_difference_clear
+from tensegrity_codegen.sweeps.summary.statistics import Indices, describe_distribution, is_difference_clear
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
@@ -76,20 +75,20 @@ def _outcome(summary: SweepSummary) -> Section:
     total = max(summary.results.count, 1)
     rows = tuple(
         (
-            text_cell(item.status.replace("_", " ")), number_cell(item.count, ",.0f"),
-            number_cell(100 * item.count / total, ".2f"), number_cell(item.first, ".0f"),
-            text_cell(join_lines(item.message)),
+            text_cell(ending.status.replace("_", " ")), number_cell(ending.count, ",.0f"),
+            number_cell(100 * ending.count / total, ".2f"), number_cell(ending.first, ".0f"),
+            text_cell(join_lines(ending.message)),
         )
-        for item in summary.endings
+        for ending in summary.endings
     )  # fmt: skip
     note = "Cases are numbered from 0; the message is that of the first case with this status."
     blocks: list[Block] = [Table("How cases ended", columns, rows, note)]
-    left = int((~summary.results.is_computed).sum())
-    if left:
+    n_pending = int((~summary.results.is_computed).sum())
+    if n_pending:
         blocks.append(
             Remark(
                 "differs",
-                f"{left:,} cases are not computed yet: the same command of sweep goes on with them.",
+                f"{n_pending:,} cases are not computed yet: the same command of sweep goes on with them.",
             )
         )
     return Section("outcome", "all", "Outcome", "plain", summary.headline, tuple(blocks))
@@ -117,12 +116,12 @@ def _failures(summary: SweepSummary) -> Iterator[Section]:
     )
     table = Table("Keys of failed and good cases", columns, cells, note)
     blocks: list[Block] = [table]
-    text = "no key alone tells failed cases from good ones, by more than chance"
+    finding = "no key alone tells failed cases from good ones, by more than chance"
     if clear:
-        places = [keys.index(row.key) for row in clear[:2]]
-        blocks.insert(0, draw_failures(summary.results, places, "failures"))
-        text = f"failed and good cases differ most in {clear[0].key}"
-    yield Section("failures", "failed cases", "Where cases fail", "plain", text, tuple(blocks))
+        key_indices = [keys.index(row.key) for row in clear[:2]]
+        blocks.insert(0, draw_failures(summary.results, key_indices, "failures"))
+        finding = f"failed and good cases differ most in {clear[0].key}"
+    yield Section("failures", "failed cases", "Where cases fail", "plain", finding, tuple(blocks))
 
 
 def _varied(summary: SweepSummary) -> Section:
@@ -132,8 +131,8 @@ def _varied(summary: SweepSummary) -> Section:
         Column("different values"), Column("least"), Column("median"), Column("largest"),
     )  # fmt: skip
     rows = []
-    for place, key in enumerate(results.keys):
-        values = results.key_values[:, place]
+    for index, key in enumerate(results.keys):
+        values = results.key_values[:, index]
         spread = describe_distribution(values)
         how = results.ranges.get(key, "")
         rows.append(
@@ -145,14 +144,15 @@ def _varied(summary: SweepSummary) -> Section:
             )
         )  # fmt: skip
     seed = "" if results.seed is None else f", seed {results.seed}"
-    text = f"{describe_count(len(results.keys), 'key')}: {METHODS.get(results.method, results.method)}{seed}"
+    method = METHODS.get(results.method, results.method)
+    finding = f"{describe_count(len(results.keys), 'key')}: {method}{seed}"
     blocks: list[Block] = [Table("Keys", columns, tuple(rows))] if rows else []
     options = ", ".join(
         f"{name} {value}" for name, value in results.options.items() if value not in (None, "")
     )
     if options:
         blocks.append(Paragraph(f"Options of {results.operation}: {options}."))
-    return Section("varied", "cases", "What varied", "plain", text, tuple(blocks))
+    return Section("varied", "cases", "What varied", "plain", finding, tuple(blocks))
 
 
 def _distributions(summary: SweepSummary) -> Iterator[Section]:
@@ -164,54 +164,54 @@ def _distributions(summary: SweepSummary) -> Iterator[Section]:
         Column("deviation"),
     )  # fmt: skip
     rows, figures, sentences = [], [], []
-    for number, item in enumerate(summary.chosen):
-        spread = item.distribution
+    for number, entry in enumerate(summary.chosen):
+        spread = entry.distribution
         numbers = (
             spread.least, spread.percent_5, spread.median, spread.mean, spread.percent_95, spread.largest,
             spread.deviation,
         )  # fmt: skip
         rows.append(
-            (text_cell(item.result.name), text_cell(item.result.unit), number_cell(spread.count, ",.0f"),
+            (text_cell(entry.result.name), text_cell(entry.result.unit), number_cell(spread.count, ",.0f"),
              *(number_cell(value, ".4g") for value in numbers))
         )  # fmt: skip
-        if spread.count and not item.is_constant and not _is_curve(summary):
-            figures.append(draw_histogram(item.result, f"histogram{number}"))
-        sentences.append(f"{item.result.name}: {item.result.sentence.rstrip('.')}.")
+        if spread.count and not entry.is_constant and not _is_curve(summary):
+            figures.append(draw_histogram(entry.result, f"histogram{number}"))
+        sentences.append(f"{entry.result.name}: {entry.result.sentence.rstrip('.')}.")
     table = Table("Results", columns, tuple(rows), "Over cases that have the result. " + " ".join(sentences))
-    text = "; ".join(describe_range(item.result, item.distribution) for item in summary.chosen[:2])
-    yield Section("results", "results", "Distributions", "plain", text, (*figures, table))
+    finding = "; ".join(describe_range(entry.result, entry.distribution) for entry in summary.chosen[:2])
+    yield Section("results", "results", "Distributions", "plain", finding, (*figures, table))
 
 
 def _over_keys(summary: SweepSummary) -> Iterator[Section]:
     """Return results over keys: heat maps of grids, curves, scatter plots."""
     figures = [
         figure
-        for number, item in enumerate(summary.chosen)
-        if item.distribution.count and not item.is_constant
-        for figure in _draw_over(summary, item, number)
+        for number, entry in enumerate(summary.chosen)
+        if entry.distribution.count and not entry.is_constant
+        for figure in _draw_over(summary, entry, number)
     ]
     if figures:
-        text = "over the chosen keys" if summary.over else "over the keys that matter most"
-        yield Section("keys", "results", "Results over keys", "plain", text, tuple(figures))
+        finding = "over the chosen keys" if summary.over else "over the keys that matter most"
+        yield Section("keys", "results", "Results over keys", "plain", finding, tuple(figures))
 
 
 def _draw_over(summary: SweepSummary, item: ResultSummary, number: int) -> Iterator[Figure]:
     results = summary.results
     order = summary.over or _order_keys(summary, item)
-    axes = [place for place in order if results.keys[place] in dict(results.axes)]
+    axes = [index for index in order if results.keys[index] in dict(results.axes)]
     name = f"over{number}-"
     if _is_curve(summary) and axes:
         yield draw_curve(results, axes[0], item.result, f"{name}0")
         return
     if len(axes) >= 2:
-        first, second = axes[:2]
-        yield draw_heat_map(results, (first, second), item.result, f"{name}map")
-        mapped = (first, second) if summary.over else axes
-        rest = [place for place in order if place not in mapped]
+        x_key, y_key = axes[:2]
+        yield draw_heat_map(results, (x_key, y_key), item.result, f"{name}map")
+        mapped = (x_key, y_key) if summary.over else axes
+        remaining = [index for index in order if index not in mapped]
     else:
-        rest = list(order)
-    for place in rest if summary.over else rest[:MOST_KEYS]:
-        yield draw_scatter(results, place, item.result, f"{name}{place}")
+        remaining = list(order)
+    for index in remaining if summary.over else remaining[:MOST_KEYS]:
+        yield draw_scatter(results, index, item.result, f"{name}{index}")
 
 
 def _is_curve(summary: SweepSummary) -> bool:
@@ -222,8 +222,8 @@ def _is_curve(summary: SweepSummary) -> bool:
 def _order_keys(summary: SweepSummary, item: ResultSummary) -> tuple[int, ...]:
     """Return the places of the keys that vary, the strongest first."""
     results = summary.results
-    varying = [place for place in range(len(results.keys)) if np.ptp(results.key_values[:, place]) > 0.0]
-    return tuple(sorted(varying, key=lambda place: -float(item.strength[place])))
+    varying = [index for index in range(len(results.keys)) if np.ptp(results.key_values[:, index]) > 0.0]
+    return tuple(sorted(varying, key=lambda index: -float(item.strength[index])))
 
 
 def _worst(summary: SweepSummary) -> Iterator[Section]:
@@ -234,18 +234,18 @@ def _worst(summary: SweepSummary) -> Iterator[Section]:
     )  # fmt: skip
     rows = tuple(
         (
-            number_cell(item.case, ".0f"), text_cell(item.reason),
-            text_cell(", ".join(f"{key} = {value:.9g}" for key, value in item.keys.items())),
+            number_cell(case.case, ".0f"), text_cell(case.reason),
+            text_cell(", ".join(f"{key} = {value:.9g}" for key, value in case.keys.items())),
         )
-        for item in summary.worst
+        for case in summary.worst
     )  # fmt: skip
     blocks: list[Block] = [
         Table("Failed cases, and cases with extreme results", columns, rows),
         Paragraph("These commands write the scene of each case and run it alone:"),
-        *(Command("\n".join(item.commands)) for item in summary.worst),
+        *(Command("\n".join(case.commands)) for case in summary.worst),
     ]
-    text = f"{describe_count(len(rows), 'case')}, each with the commands that run it alone"
-    yield Section("worst", "cases", "Worst cases", "plain", text, tuple(blocks))
+    finding = f"{describe_count(len(rows), 'case')}, each with the commands that run it alone"
+    yield Section("worst", "cases", "Worst cases", "plain", finding, tuple(blocks))
 
 
 def join_lines(message: str) -> str:
@@ -255,21 +255,21 @@ def join_lines(message: str) -> str:
 
 def build_causes(summary: SweepSummary) -> Iterator[Section]:
     """Return Sobol' indices where the cases allow them, and rank correlations."""
-    shown = [item for item in summary.chosen if item.distribution.count and not item.is_constant]
+    shown = [entry for entry in summary.chosen if entry.distribution.count and not entry.is_constant]
     if not shown or not summary.results.keys:
         return
     figures: list[Block] = []
     reasons: dict[str, list[str]] = {}
-    for number, item in enumerate(shown):
-        if isinstance(item.indices, str):
-            reasons.setdefault(item.indices, []).append(item.result.name)
-        elif len(item.indices.keys) > 1:
-            figures.append(draw_indices(item.result, item.indices, f"indices{number}"))
+    for number, entry in enumerate(shown):
+        if isinstance(entry.indices, str):
+            reasons.setdefault(entry.indices, []).append(entry.result.name)
+        elif len(entry.indices.keys) > 1:
+            figures.append(draw_indices(entry.result, entry.indices, f"indices{number}"))
     missing = [Paragraph(f"No Sobol' indices of {', '.join(of)}: {why}.") for why, of in reasons.items()]
-    found = len(figures)
-    text = f"Sobol' indices of {found} result{'s' * (found > 1)}" if found else "rank correlations"
-    blocks: list[Block] = [*figures, *missing, _strength_table(summary, shown, with_indices=bool(found))]
-    yield Section("causes", "results", "What results depend on", "plain", text, tuple(blocks))
+    count = len(figures)
+    finding = f"Sobol' indices of {count} result{'s' * (count > 1)}" if count else "rank correlations"
+    blocks: list[Block] = [*figures, *missing, _strength_table(summary, shown, with_indices=bool(count))]
+    yield Section("causes", "results", "What results depend on", "plain", finding, tuple(blocks))
 
 
 def _strength_table(summary: SweepSummary, shown: Sequence[ResultSummary], *, with_indices: bool) -> Table:
@@ -278,29 +278,29 @@ def _strength_table(summary: SweepSummary, shown: Sequence[ResultSummary], *, wi
     columns += [Column("first order"), Column("total")] if with_indices else []
     rows: list[tuple[Cell, ...]] = []
     sources: dict[str, None] = {}
-    for item in shown:
-        for place in np.argsort(-item.strength, kind="stable").tolist():
+    for entry in shown:
+        for index in np.argsort(-entry.strength, kind="stable").tolist():
             cells = [
-                text_cell(item.result.name), text_cell(summary.results.keys[place]),
-                number_cell(float(item.correlation[place]), ".2f"),
+                text_cell(entry.result.name), text_cell(summary.results.keys[index]),
+                number_cell(float(entry.correlation[index]), ".2f"),
             ]  # fmt: skip
             if with_indices:
-                cells += _index_cells(item.indices, place)
+                cells += _index_cells(entry.indices, index)
             rows.append(tuple(cells))
-        if with_indices and isinstance(item.indices, Indices):
-            sources[item.indices.source] = None
+        if with_indices and isinstance(entry.indices, Indices):
+            sources[entry.indices.source] = None
     note = "Spearman's rank correlation: 1 rises, −1 falls with the key, near 0 does neither."
     if sources:
         note = f"Indices with 95 % intervals, from: {'; '.join(sources)}. {note}"
     return Table("Each result and key, the strongest first", tuple(columns), tuple(rows), note)
 
 
-def _index_cells(indices: Indices | str, place: int) -> list[Cell]:
+def _index_cells(indices: Indices | str, key_index: int) -> list[Cell]:
     """Return first-order and total index with their intervals; dashes where there are none."""
     if isinstance(indices, str):
         return [number_cell(None, ".3f")] * 2
     pairs = ((indices.first, indices.first_error), (indices.total, indices.total_error))
-    return [_index_cell(float(value[place]), float(error[place])) for value, error in pairs]
+    return [_index_cell(float(value[key_index]), float(error[key_index])) for value, error in pairs]
 
 
 def _index_cell(value: float, error: float) -> Cell:

@@ -6,10 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler, build_assembler
+from tensegrity_codegen.sweeps.apply.assembler import (
+    WITHOUT_ROWS,
+    AssembledCase,
+    CaseAssembler,
+    build_assembler,
+    hash_constants,
+    list_slots,
+)
 from tensegrity_codegen.sweeps.apply.group_cases import ROUNDED, find_groups
 from tensegrity_codegen.sweeps.apply.mapper import CaseGroup
-from tensegrity_codegen.sweeps.apply.slots import WITHOUT_ROWS, hash_constants, list_slots
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.system.errors import TensegrityError
 

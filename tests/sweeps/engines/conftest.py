@@ -17,8 +17,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.apply.mapper import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
-from tensegrity_codegen.sweeps.engines.work import SweepWork
-from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
+from tensegrity_codegen.sweeps.engines.work import SweepPlan, SweepWork, divide_cases
 from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.engines.cluster import check_versions, describe_versions
-from tensegrity_codegen.sweeps.engines.dask_engine import DaskEngine
+from tensegrity_codegen.sweeps.engines.dask_engine import DaskEngine, check_versions, describe_versions
 from tensegrity_codegen.sweeps.engines.engine import FinishedTask
 from tensegrity_codegen.sweeps.engines.work import SweepWork
 from tensegrity_codegen.system.errors import ClusterError

@@ -10,9 +10,8 @@ from scipy.spatial.transform import Rotation
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.sweeps.gaits.facets import Facets
 from tensegrity_codegen.sweeps.gaits.gait import Gait, Walk, design_gait
-from tensegrity_codegen.sweeps.gaits.rolls import FREE, KNOTS, RollLoss
+from tensegrity_codegen.sweeps.gaits.rolls import FREE, KNOTS, Facets, RollLoss
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 
 SCENE = Path(__file__).parents[3] / "docs" / "gallery" / "icosahedron_gait.toml"

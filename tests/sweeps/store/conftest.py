@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.analyses.cases.record import Output, TaskResult
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
-from tensegrity_codegen.sweeps.store.contents import StoreContents
+from tensegrity_codegen.sweeps.store.store import StoreContents
 from tests.cases import thorough
 
 OUTPUTS = (

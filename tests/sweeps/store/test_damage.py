@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.engines.local import LocalEngine
+from tensegrity_codegen.sweeps.engines.engine import LocalEngine
 from tensegrity_codegen.sweeps.run import SweepOutcome, run_sweep
 from tensegrity_codegen.sweeps.store.folder import ATTRIBUTE, compute_checksum, open_sweep
 from tensegrity_codegen.sweeps.store.table import write_sweep_table

@@ -5,8 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.sweeps.store.folder import check_store_folder, locked_store
-from tensegrity_codegen.sweeps.store.identity import check_same_sweep, find_differences
+from tensegrity_codegen.sweeps.store.folder import (
+    check_same_sweep,
+    check_store_folder,
+    find_differences,
+    locked_store,
+)
 from tensegrity_codegen.system.errors import OutputError
 from tests.sweeps.store.conftest import KINDS, make_contents
 

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.store.contents import StoreContents
 from tensegrity_codegen.sweeps.store.folder import open_sweep
-from tensegrity_codegen.sweeps.store.store import SweepStore, create_store
+from tensegrity_codegen.sweeps.store.store import StoreContents, SweepStore, create_store
 from tensegrity_codegen.system.errors import OutputError
 from tests.sweeps.store.conftest import KINDS, make_contents, make_result
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.store.contents import StoreContents
-from tensegrity_codegen.sweeps.store.store import SweepStore, create_store
+from tensegrity_codegen.sweeps.store.store import StoreContents, SweepStore, create_store
 from tensegrity_codegen.sweeps.store.table import write_sweep_table
 from tensegrity_codegen.system.errors import OutputError, UnknownNameError
 from tests.sweeps.store.conftest import make_result

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.summary.chosen import choose_results
+from tensegrity_codegen.sweeps.summary.summary import choose_results
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 from tests.sweeps.summary.sweeps import keep, make_sweep
 

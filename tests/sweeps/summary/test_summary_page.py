@@ -11,7 +11,7 @@ import pytest
 from tensegrity_codegen.cli.verbs.sweep import build_commands
 from tensegrity_codegen.report.pages.page import Command, Figure, Page, Paragraph, render_page
 from tensegrity_codegen.report.pages.page_table import Table
-from tensegrity_codegen.sweeps.summary.indices import Indices
+from tensegrity_codegen.sweeps.summary.statistics import Indices
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tensegrity_codegen.sweeps.summary.summary_page import build_summary_page
 from tests.report.page_checks import check_in_browser, in_browser

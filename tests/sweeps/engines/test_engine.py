@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.engines.engine import FinishedTask
-from tensegrity_codegen.sweeps.engines.local import LocalEngine
+from tensegrity_codegen.sweeps.engines.engine import FinishedTask, LocalEngine
 from tensegrity_codegen.sweeps.engines.work import SweepWork
 from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.system.forked import can_fork

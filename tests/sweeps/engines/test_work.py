@@ -10,9 +10,9 @@ from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.sweeps.apply.mapper import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
-from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
+from tensegrity_codegen.sweeps.engines.work import SweepPlan, divide_cases
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "tensegrity_codegen/scene/examples"
+EXAMPLES = Path(__file__).resolve().parents[3] / "tensegrity_codegen/scene/examples"
 
 
 def apply_nothing(values: np.ndarray) -> AppliedCases:

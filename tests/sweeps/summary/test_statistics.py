@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.summary.indices import (
+from tensegrity_codegen.sweeps.summary.statistics import (
     Indices,
     compute_grid_indices,
     compute_indices,
